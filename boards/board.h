@@ -5,7 +5,7 @@
  * bus speaks one of four protocols: boards/icub/protocol.h, boards/foc/protocol.h,
  * boards/compact/protocol.h or boards/cia402/protocol.h; every message with its lengths and fields,
  * or object of a dictionary, is a row of the table.h beside it, and boards/messages.h lists all
- * messages.
+ * messages. Or it speaks one that a file describes (boards/described/protocol.h).
  *
  * Once a tick the loop calls, in this order: boards_receive for every frame that arrived,
  * boards_control (state machines, time-outs, control modes -> voltages), and, after the plant has
@@ -49,12 +49,16 @@ enum board_personality {
     BOARD_FOC,     /* one axis an address, 1 kHz, at most four axes a bus: boards/foc/protocol.h */
     BOARD_COMPACT, /* ours, classic or FD, 1 kHz: boards/compact/protocol.h */
     BOARD_CIA402,  /* CANopen drives, 1 to 4 axes a node: boards/cia402/protocol.h */
+    BOARD_DESCRIBED, /* by a file, 1 to 4 axes a board: boards/described/protocol.h */
 };
+
+struct described_protocol;
 
 struct boards_bus_config {
     enum board_personality personality;
     bool fd;     /* BOARD_COMPACT: CAN FD frames */
     bool padded; /* icub, foc: a command may be padded to 8 bytes, whatever its length is */
+    const struct described_protocol *described; /* BOARD_DESCRIBED; outlives the boards */
 };
 
 enum { BOARD_AXES_MAX = 4, BOARD_CHANNELS = 6, BOARD_REPLIES_MAX = 64 };
@@ -73,8 +77,8 @@ static inline size_t board_axes_max(enum board_personality personality)
 
 /* One axis of a motor board. */
 struct board_axis_config {
-    int joint;                   /* index in the plant's arrays; -1 = spare axis, on compact
-                                  * and cia402 boards the end of their axes */
+    int joint;                   /* index in the plant's arrays; -1 = spare axis, on compact,
+                                  * cia402 and described boards the end of their axes */
     double joint_ticks_per_rad;  /* POSITION frames, link encoder */
     double motor_ticks_per_rad;  /* MOTOR_POSITION frames, rotor encoder, per link-side rad */
     double lower_rad, upper_rad; /* limits until the host sets its own */
@@ -84,17 +88,18 @@ struct board_axis_config {
      * names a STRAIN board; 0 = no such sensor */
     double torque_full_scale_nm;
     double gear; /* rotor revolutions a link revolution; BOARD_FOC tells rotor angles */
-    /* BOARD_COMPACT, BOARD_CIA402: the motor that the factory has tuned the loops for, its
-     * back-EMF per link-side rad/s; winding_ohm 0 = not tuned, the gains are 0 until the host sets
-     * them */
+    /* BOARD_COMPACT, BOARD_CIA402, BOARD_DESCRIBED: the motor that the factory has tuned the loops
+     * for, its back-EMF per link-side rad/s; winding_ohm 0 = not tuned, the gains are 0 until the
+     * host sets them */
     double winding_ohm, winding_h, bemf_v_s_rad;
+    double torque_nm_a; /* BOARD_DESCRIBED: link-side torque of an ampere */
 };
 
 struct board_config {
     const char *name; /* also the additional information that the board gives at first */
     enum board_kind kind;
     int bus; /* index of the bus */
-    /* icub 1-14; foc motors 1-4, others 1-14; compact, cia402 1-31 */
+    /* icub 1-14; foc motors 1-4, others 1-14; compact, cia402, described 1-31 */
     uint8_t address;
     bool strict;                /* icub: exactly as the firmware, see motor_board.c */
     bool require_calibration;   /* strict: an axis that was not calibrated cannot be switched on */

@@ -6,6 +6,7 @@
 #include "boards/board_private.h"
 #include "boards/cia402/board.h"
 #include "boards/compact/board.h"
+#include "boards/described/board.h"
 #include "boards/foc/board.h"
 #include "boards/icub/board.h"
 
@@ -24,7 +25,8 @@ enum board_personality boards_personality(const struct boards_config *config, in
 
 static struct board_bus *boards_create_bus(enum board_personality personality, struct arena *arena)
 {
-    return personality == BOARD_CIA402    ? cia402_bus_create(arena)
+    return personality == BOARD_DESCRIBED ? described_bus_create(arena)
+           : personality == BOARD_CIA402  ? cia402_bus_create(arena)
            : personality == BOARD_COMPACT ? compact_bus_create(arena)
                                           : icub_bus_create(arena);
 }
@@ -32,6 +34,11 @@ static struct board_bus *boards_create_bus(enum board_personality personality, s
 static struct board *boards_create_board(enum board_personality personality, enum board_kind kind,
                                          struct arena *arena)
 {
+    if (personality == BOARD_DESCRIBED) {
+        return kind == BOARD_MOTOR      ? described_motor_create(arena)
+               : kind == BOARD_INERTIAL ? described_inertial_create(arena)
+                                        : described_ft_create(arena);
+    }
     if (personality == BOARD_CIA402) {
         return kind == BOARD_MOTOR      ? cia402_motor_create(arena)
                : kind == BOARD_INERTIAL ? cia402_inertial_create(arena)

@@ -3,6 +3,7 @@
 #include "boards/board_private.h"
 #include "boards/cia402/protocol.h"
 #include "boards/compact/protocol.h"
+#include "boards/described/protocol.h"
 #include "boards/foc/protocol.h"
 
 #include <math.h>
@@ -125,6 +126,15 @@ static enum error_code check_board_config(const struct boards_config *config,
         if (board->address < 1 || board->address > CIA402_NODE_MAX) {
             return check_refuse(error, board, "the Node-ID must be 1 to 31 on a cia402 bus");
         }
+    } else if (personality == BOARD_DESCRIBED) {
+        const struct described_protocol *protocol = config->bus[board->bus].described;
+
+        if (board->address < 1 || board->address > protocol->address_max) {
+            return check_refuse(error, board, "the address is beyond those of its protocol");
+        }
+        if (board_config_axes(board) > protocol->axes) {
+            return check_refuse(error, board, "it has more axes than boards of its protocol");
+        }
     } else if (personality == BOARD_FOC && board->kind == BOARD_MOTOR) {
         if (board->address < 1 || board->address > FOC_AXES_MAX) {
             return check_refuse(error, board,
@@ -156,6 +166,9 @@ static enum error_code check_board_config(const struct boards_config *config,
         if (personality == BOARD_CIA402) {
             return check_refuse(error, board,
                                 "a cia402 bus needs no torque board: the drives measure it");
+        }
+        if (personality == BOARD_DESCRIBED) {
+            return check_refuse(error, board, "a described protocol has no torque boards");
         }
         return check_channel_configs(config, board, error);
     case BOARD_FT:
@@ -194,8 +207,8 @@ static enum error_code check_board_pair(const struct boards_config *config,
     return ERROR_NONE;
 }
 
-/* A compact bus has COMPACT_SLOTS slots, one an axis. */
-static enum error_code check_compact_slots(const struct boards_config *config, struct error *error)
+/* A bus whose axes are numbered through has so many slots. */
+static enum error_code check_slots(const struct boards_config *config, struct error *error)
 {
     for (size_t bus = 0; bus < config->nbus; bus++) {
         size_t slots = 0;
@@ -206,6 +219,10 @@ static enum error_code check_compact_slots(const struct boards_config *config, s
             slots += board->bus == (int)bus ? board_config_axes(board) : 0;
             if (slots > COMPACT_SLOTS && boards_personality(config, (int)bus) == BOARD_COMPACT) {
                 return check_refuse(error, board, "a compact bus has at most 32 axes");
+            }
+            if (slots > DESCRIBED_SLOTS &&
+                boards_personality(config, (int)bus) == BOARD_DESCRIBED) {
+                return check_refuse(error, board, "a described bus has at most 32 axes");
             }
         }
     }
@@ -225,10 +242,13 @@ enum error_code boards_check(const struct boards_config *config, struct error *e
         if (config->bus[i].fd && config->bus[i].personality != BOARD_COMPACT) {
             return error_set(error, ERROR_INPUT, "boards: only compact boards speak CAN FD");
         }
+        if (config->bus[i].personality == BOARD_DESCRIBED && !config->bus[i].described) {
+            return error_set(error, ERROR_INPUT, "boards: a described bus without its protocol");
+        }
         if (config->bus[i].padded && config->bus[i].personality != BOARD_ICUB &&
             config->bus[i].personality != BOARD_FOC) {
             return error_set(error, ERROR_INPUT,
-                             "boards: frames of compact and cia402 boards have no padding");
+                             "boards: only frames of icub and foc boards may be padded");
         }
     }
 
@@ -244,5 +264,5 @@ enum error_code boards_check(const struct boards_config *config, struct error *e
             return code;
         }
     }
-    return check_compact_slots(config, error);
+    return check_slots(config, error);
 }

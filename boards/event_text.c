@@ -3,6 +3,7 @@
 #include "boards/board_private.h"
 #include "boards/cia402/protocol.h"
 #include "boards/compact/protocol.h"
+#include "boards/described/protocol.h"
 #include "boards/icub/protocol.h"
 
 #include <inttypes.h>
@@ -33,6 +34,23 @@ static const char *event_cia402_state_name(uint32_t state)
     return state < CIA402_STATES ? names[state] : "unknown";
 }
 
+/* The law in force: the states themselves have the names of a file. */
+static const char *event_described_law_name(uint32_t law)
+{
+    static const char *const names[] = {
+        [DESCRIBED_OFF] = "off",
+        [DESCRIBED_VOLTAGE] = "voltage",
+        [DESCRIBED_CURRENT] = "current",
+        [DESCRIBED_TORQUE] = "torque",
+        [DESCRIBED_VELOCITY] = "velocity",
+        [DESCRIBED_POSITION] = "position",
+        [DESCRIBED_IMPEDANCE] = "impedance",
+        [DESCRIBED_FAULT] = "fault",
+    };
+
+    return law <= DESCRIBED_FAULT ? names[law] : "unknown";
+}
+
 /* A mode as people call it, with blanks; the DBC has names without. */
 const char *board_mode_name(enum board_personality personality, uint32_t mode)
 {
@@ -41,6 +59,9 @@ const char *board_mode_name(enum board_personality personality, uint32_t mode)
     }
     if (personality == BOARD_CIA402) {
         return event_cia402_state_name(mode);
+    }
+    if (personality == BOARD_DESCRIBED) {
+        return event_described_law_name(mode);
     }
     switch (mode) {
     case ICUB_MODE_IDLE:
@@ -81,7 +102,9 @@ const char *board_mode_name(enum board_personality personality, uint32_t mode)
 /* What a command that timed out leads to. */
 static const char *event_timeout_consequence(enum board_personality personality)
 {
-    return personality == BOARD_FOC ? "a fault" : "reference set to 0";
+    return personality == BOARD_FOC         ? "a fault"
+           : personality == BOARD_DESCRIBED ? "as its protocol has it"
+                                            : "reference set to 0";
 }
 
 static const char *const icub_faults[] = {
@@ -140,10 +163,11 @@ static const char *const cia402_faults[] = {"under-voltage", "over-voltage",
 
 const char *const *board_fault_names(enum board_personality personality)
 {
-    return personality == BOARD_FOC       ? foc_faults
-           : personality == BOARD_COMPACT ? compact_faults
-           : personality == BOARD_CIA402  ? cia402_faults
-                                          : icub_faults;
+    return personality == BOARD_FOC         ? foc_faults
+           : personality == BOARD_COMPACT   ? compact_faults
+           : personality == BOARD_CIA402    ? cia402_faults
+           : personality == BOARD_DESCRIBED ? described_fault_names
+                                            : icub_faults;
 }
 
 static void event_list_faults(enum board_personality personality, uint32_t bits, char *text,

@@ -5,6 +5,7 @@
 #include "boards/board_private.h"
 #include "boards/cia402/frames.h"
 #include "boards/compact/table.h"
+#include "boards/described/protocol.h"
 #include "boards/foc/table.h"
 
 enum { ICUB_SLOT_NS = ICUB_SLOTS * MS };
@@ -337,6 +338,105 @@ static void walk_cia402_board(struct walk *walk, int index, unsigned first_slot)
     }
 }
 
+/* ---- described buses ---- */
+
+/* How often a frame comes: its own period, the telemetry's, or with the host's set-points, which
+ * come once a tick, and their answers. */
+static uint32_t described_cycle_ns(const struct walk *walk,
+                                   const struct described_protocol *protocol, size_t index,
+                                   const struct board_config *board)
+{
+    const struct described_frame *frame = &protocol->frame[index];
+    int64_t tick_ns = walk->config->tick_ns > MS ? walk->config->tick_ns : MS;
+
+    if (frame->period_ns > 0) {
+        return (uint32_t)frame->period_ns;
+    }
+    if (frame->telemetry) {
+        return (uint32_t)(board && board->period_ns > 0 ? board->period_ns : tick_ns);
+    }
+    for (size_t i = 0; i < protocol->host.command.count; i++) {
+        size_t command = protocol->host.command.frame[i];
+
+        if (command == index || protocol->frame[command].reply[0] == (int)index) {
+            return (uint32_t)tick_ns;
+        }
+    }
+    return 0;
+}
+
+/* Visits a frame with its number; of a group with the slots that there are. */
+static void walk_described_frame(struct walk *walk, size_t index, int board, unsigned number,
+                                 unsigned repeats, int slot)
+{
+    const struct described_protocol *protocol = walk->config->bus[walk->bus].described;
+    const struct described_frame *frame = &protocol->frame[index];
+    const struct message message = {
+        .name = frame->name,
+        .id = described_id(frame, number),
+        .sender = frame->from_host ? MESSAGE_NO_BOARD : board,
+        .receiver = frame->from_host ? board : MESSAGE_NO_BOARD,
+        .from_host = frame->from_host,
+        .length = (uint8_t)(frame->length * repeats),
+        .code = MESSAGE_NO_CODE,
+        .cycle_ns = described_cycle_ns(walk, protocol, index,
+                                       board < 0 ? NULL : &walk->config->board[board]),
+        .fields = frame->layout,
+        .repeats = (uint8_t)repeats,
+        .slot = slot,
+    };
+
+    walk_visit(walk, &message);
+}
+
+static void walk_described_board(struct walk *walk, int index, unsigned first_slot)
+{
+    const struct described_protocol *protocol = walk->config->bus[walk->bus].described;
+    const struct board_config *board = &walk->config->board[index];
+    unsigned axes = board_config_axes(board);
+    unsigned kind = board->kind == BOARD_MOTOR ? DESCRIBED_MOTOR
+                    : board->kind == BOARD_FT  ? DESCRIBED_FT
+                                               : DESCRIBED_INERTIAL;
+
+    for (size_t i = 0; i < protocol->nframe; i++) {
+        const struct described_frame *frame = &protocol->frame[i];
+        bool motor = kind == DESCRIBED_MOTOR;
+
+        if (!(frame->of & kind) || (frame->from_host && frame->by != DESCRIBED_BY_ADDRESS &&
+                                    frame->by != DESCRIBED_BY_SLOT)) {
+            continue;
+        }
+        for (unsigned k = 0; frame->by == DESCRIBED_BY_SLOT && k < axes; k++) {
+            walk_described_frame(walk, i, index, first_slot + k, 1, (int)(first_slot + k));
+        }
+        if (frame->by != DESCRIBED_BY_SLOT) {
+            walk_described_frame(
+                walk, i, index, frame->by == DESCRIBED_BY_ADDRESS ? board->address : 0, 1,
+                motor && protocol->axes == 1 && frame->by == DESCRIBED_BY_ADDRESS ? (int)first_slot
+                                                                                  : -1);
+        }
+    }
+}
+
+static void walk_described_broadcasts(struct walk *walk, unsigned slots)
+{
+    const struct described_protocol *protocol = walk->config->bus[walk->bus].described;
+
+    for (size_t i = 0; i < protocol->nframe; i++) {
+        const struct described_frame *frame = &protocol->frame[i];
+
+        if (frame->from_host && frame->by == DESCRIBED_BY_NONE) {
+            walk_described_frame(walk, i, MESSAGE_NO_BOARD, 0, 1, -1);
+        }
+        for (unsigned slot = 0; frame->by == DESCRIBED_BY_GROUP && slot < slots;
+             slot += frame->repeats) {
+            walk_described_frame(walk, i, MESSAGE_NO_BOARD, slot / frame->repeats,
+                                 slots - slot < frame->repeats ? slots - slot : frame->repeats,
+                                 (int)slot);
+        }
+    }
+}
+
 void boards_messages(const struct boards_config *config, int bus,
                      bool (*visit)(void *context, const struct message *message), void *context)
 {
@@ -349,6 +449,8 @@ void boards_messages(const struct boards_config *config, int bus,
     }
     if (personality == BOARD_COMPACT) {
         walk_compact_broadcasts(&walk, slots);
+    } else if (personality == BOARD_DESCRIBED) {
+        walk_described_broadcasts(&walk, slots);
     } else if (personality == BOARD_CIA402) {
         walk_cia402_board(&walk, MESSAGE_NO_BOARD, 0);
     } else {
@@ -360,6 +462,9 @@ void boards_messages(const struct boards_config *config, int bus,
         }
         if (personality == BOARD_COMPACT) {
             walk_compact_board(&walk, (int)i, slot);
+            slot += board_config_axes(&config->board[i]);
+        } else if (personality == BOARD_DESCRIBED) {
+            walk_described_board(&walk, (int)i, slot);
             slot += board_config_axes(&config->board[i]);
         } else if (personality == BOARD_CIA402) {
             walk_cia402_board(&walk, (int)i, slot);

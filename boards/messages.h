@@ -30,7 +30,8 @@ struct message {
     const struct field *fields;
     uint8_t first_byte; /* where the fields begin */
     uint8_t repeats;    /* how often the fields follow each other, 1 or more */
-    int slot;           /* compact, cia402: of the axis that it is about, else -1 */
+    int slot;           /* compact, cia402, described: of the axis that it is about, or of the
+                         * first of those whose fields follow each other; else -1 */
 };
 
 /* Calls visit for each message of a bus, in the order of board, class and code; those of the host

@@ -8,16 +8,22 @@ set(HIL_CONFIG
     meshes/ramp-5deg.obj
     meshes/walkman-foot-left.obj
     meshes/walkman-foot-right.obj
+    protocols/compact.yaml
+    protocols/mini-cheetah.yaml
+    protocols/odrive.yaml
     rigs/coman-bench.yaml
     rigs/coman-cia402.yaml
     rigs/coman-compact-imu.yaml
     rigs/coman-compact.yaml
+    rigs/coman-described.yaml
     rigs/coman-drives.yaml
     rigs/coman-fd-imu.yaml
     rigs/coman-fd.yaml
     rigs/coman-foc-leg.yaml
     rigs/coman-foc.yaml
     rigs/coman-imu.yaml
+    rigs/coman-mini-cheetah.yaml
+    rigs/coman-odrive.yaml
     rigs/coman-sensors.yaml
     rigs/coman-standing.yaml
     rigs/coman.yaml

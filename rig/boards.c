@@ -4,6 +4,7 @@
 #include "base/text.h"
 #include "boards/cia402/protocol.h"
 #include "boards/compact/protocol.h"
+#include "boards/described/protocol.h"
 #include "boards/foc/protocol.h"
 #include "rig/builder_private.h"
 
@@ -183,6 +184,7 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     axis->winding_ohm = joint->sea.R;
     axis->winding_h = joint->sea.L;
     axis->bemf_v_s_rad = joint->sea.Kw;
+    axis->torque_nm_a = joint->sea.Kt;
     return ERROR_NONE;
 }
 
@@ -238,6 +240,8 @@ static const struct personality_limits {
     [BOARD_FOC] = {"foc", FOC_AXES_MAX, ICUB_ADDRESS_MAX, 1, true},
     [BOARD_COMPACT] = {"compact", COMPACT_NODE_MAX, COMPACT_NODE_MAX, COMPACT_BOARD_AXES, false},
     [BOARD_CIA402] = {"cia402", CIA402_NODE_MAX, CIA402_NODE_MAX, CIA402_BOARD_AXES, false},
+    [BOARD_DESCRIBED] = {"described", DESCRIBED_ADDRESS_MAX, DESCRIBED_ADDRESS_MAX, DESCRIBED_AXES,
+                         false},
 };
 
 static enum error_code board_check_address(struct rig_builder *b, const struct raw_board *raw,
@@ -259,6 +263,37 @@ static enum error_code board_check_address(struct rig_builder *b, const struct r
     return ERROR_NONE;
 }
 
+/* What a described protocol has of a board: its address, its axes, frames of its kind. */
+static enum error_code board_check_described(struct rig_builder *b, const struct raw_board *raw,
+                                             const struct described_protocol *protocol)
+{
+    static const unsigned kinds[] = {[BOARD_MOTOR] = DESCRIBED_MOTOR,
+                                     [BOARD_FT] = DESCRIBED_FT,
+                                     [BOARD_TORQUE] = 0,
+                                     [BOARD_INERTIAL] = DESCRIBED_INERTIAL};
+    bool known = false;
+
+    if (raw->address > (int64_t)protocol->address_max) {
+        return yaml_error(b->error, &raw->address_mark,
+                          "found address %d, expected 1 to %u with protocol %s", (int)raw->address,
+                          protocol->address_max, protocol->name);
+    }
+    if (raw->naxis > protocol->axes) {
+        return yaml_error(b->error, &raw->axis_mark,
+                          "found %zu axes, expected 1 to %u with protocol %s", raw->naxis,
+                          protocol->axes, protocol->name);
+    }
+    for (size_t i = 0; i < protocol->nframe; i++) {
+        known =
+            known || (!protocol->frame[i].from_host && protocol->frame[i].of & kinds[raw->kind]);
+    }
+    return known ? ERROR_NONE
+                 : yaml_error(b->error, &raw->mark,
+                              "found a board of a kind that sends no frame in protocol %s, "
+                              "expected another kind or such a frame",
+                              protocol->name);
+}
+
 static enum error_code rig_build_board(struct rig_builder *b, int bus, const struct raw_board *raw,
                                        struct board_config *board)
 {
@@ -268,6 +303,9 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
     enum error_code code = board_check_keys(b, raw);
 
     code = code ? code : board_check_address(b, raw, limits);
+    if (!code && b->bus[bus].described) {
+        code = board_check_described(b, raw, b->bus[bus].described);
+    }
     if (code) {
         return code;
     }
@@ -375,6 +413,46 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
     return code ? code : rig_check_name(b, &bus->interface_mark, "interface", bus->interface);
 }
 
+/* The protocol of a described bus: its own, or the rig's. */
+static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw_bus *raw,
+                                         const struct described_protocol **protocol)
+{
+    const char *file = raw->protocol ? raw->protocol : b->raw->protocol, *path;
+    const struct yaml_mark *mark = raw->protocol ? &raw->protocol_mark : &b->raw->protocol_mark;
+    enum error_code code;
+
+    if (bus_personality(b, raw) != BOARD_DESCRIBED) {
+        return !raw->protocol
+                   ? ERROR_NONE
+                   : yaml_error(b->error, &raw->protocol_mark,
+                                "found a protocol on bus \"%s\", expected it with personality "
+                                "described",
+                                raw->name);
+    }
+    if (!file) {
+        return yaml_error(b->error, &raw->mark,
+                          "found personality described on bus \"%s\" without a protocol, expected "
+                          "the file that describes it",
+                          raw->name);
+    }
+    if (raw->fd) {
+        return yaml_error(b->error, &raw->fd_mark,
+                          "found fd on bus \"%s\", expected classic CAN: described frames have up "
+                          "to 8 bytes",
+                          raw->name);
+    }
+
+    /* Buses that have the rig's share one table */
+    for (const struct raw_bus *other = b->raw->bus; other < raw && !raw->protocol; other++) {
+        if (!other->protocol && bus_personality(b, other) == BOARD_DESCRIBED) {
+            *protocol = b->bus[other - b->raw->bus].described;
+            return ERROR_NONE;
+        }
+    }
+    code = yaml_resolve_path(mark, file, b->arena, &path, b->error);
+    return code ? code : described_load(path, b->arena, protocol, b->error);
+}
+
 static struct rig_bus rig_make_bus(const struct rig_builder *b, const struct raw_bus *raw)
 {
     return (struct rig_bus){.name = raw->name,
@@ -394,7 +472,8 @@ enum error_code rig_build_boards(struct rig_builder *b)
     static const enum host_personality host_personality[] = {[BOARD_ICUB] = HOST_ICUB,
                                                              [BOARD_FOC] = HOST_FOC,
                                                              [BOARD_COMPACT] = HOST_COMPACT,
-                                                             [BOARD_CIA402] = HOST_CIA402};
+                                                             [BOARD_CIA402] = HOST_CIA402,
+                                                             [BOARD_DESCRIBED] = HOST_DESCRIBED};
     const struct raw_rig *raw = b->raw;
     struct rig_bus *bus = b->bus = arena_alloc(b->arena, raw->nbus, sizeof *bus);
     struct boards_bus_config *bus_config = arena_alloc(b->arena, raw->nbus, sizeof *bus_config);
@@ -430,8 +509,11 @@ enum error_code rig_build_boards(struct rig_builder *b)
         code = rig_check_bus(b, from);
         bus[i] = rig_make_bus(b, from);
         bus[i].first_board = n;
-        bus_config[i] = (struct boards_bus_config){bus[i].personality, bus[i].fd, from->padded};
-        host_bus[i] = (struct host_bus){host_personality[bus[i].personality], bus[i].fd};
+        code = code ? code : rig_load_protocol(b, from, &bus[i].described);
+        bus_config[i] = (struct boards_bus_config){bus[i].personality, bus[i].fd, from->padded,
+                                                   bus[i].described};
+        host_bus[i] =
+            (struct host_bus){host_personality[bus[i].personality], bus[i].fd, bus[i].described};
         for (size_t k = 0; k < from->nboard && !code; k++) {
             code = rig_build_board(b, (int)i, &from->board[k], &board[n++]);
         }

@@ -3,7 +3,9 @@
  * make it. */
 #include "boards/cia402/protocol.h"
 #include "boards/compact/protocol.h"
+#include "boards/described/protocol.h"
 #include "boards/foc/protocol.h"
+#include "boards/messages.h"
 #include "canbus/wire/bits.h"
 #include "rig/rig.h"
 
@@ -172,6 +174,25 @@ static double cia402_command_load(const struct rig *rig, const struct rig_bus *b
     return bits / telemetry_period_s(rig, 0);
 }
 
+/* ---- described buses: every frame that has a period ---- */
+
+struct described_load_sum {
+    const struct rig_bus *bus;
+    double telemetry_bit_s, command_bit_s;
+};
+
+static bool described_add_message(void *context, const struct message *message)
+{
+    struct described_load_sum *sum = context;
+    double bits = worst_frame_bits(sum->bus, message->length);
+
+    if (message->cycle_ns > 0) {
+        *(message->from_host ? &sum->command_bit_s : &sum->telemetry_bit_s) +=
+            bits / ((double)message->cycle_ns * 1e-9);
+    }
+    return true;
+}
+
 double rig_bus_bits(const struct rig_bus *bus, const struct can_counters *counters)
 {
     double fast = (double)counters->fast_bits;
@@ -195,6 +216,14 @@ void rig_bus_load(const struct rig *rig, size_t bus, int64_t command_period_ns,
     };
     const struct rig_bus *of = &rig->bus[bus];
 
+    if (of->personality == BOARD_DESCRIBED) {
+        struct described_load_sum sum = {.bus = of};
+
+        boards_messages(&rig->boards, (int)bus, described_add_message, &sum);
+        *telemetry_bit_s = sum.telemetry_bit_s;
+        *command_bit_s = sum.command_bit_s;
+        return;
+    }
     *telemetry_bit_s = 0.0;
     for (size_t i = 0; i < rig->boards.nboard; i++) {
         const struct board_config *board = &rig->boards.board[i];

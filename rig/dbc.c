@@ -3,6 +3,7 @@
 #include "rig/dbc.h"
 
 #include "base/count.h"
+#include "boards/described/protocol.h"
 #include "boards/messages.h"
 #include "rig/dbc_private.h"
 
@@ -67,10 +68,40 @@ static void dbc_export_command(struct dbc_exporter *e, const struct message *mes
     }
 }
 
+/* Whether all that a described frame says is which it is: to switch on, to ask for another. */
+static bool dbc_is_constant(const struct described_protocol *protocol,
+                            const struct message *message)
+{
+    for (size_t i = 0; i < protocol->nframe; i++) {
+        const struct described_frame *frame = &protocol->frame[i];
+        bool constant = true;
+
+        for (size_t k = 0; k < frame->nfield; k++) {
+            constant = constant && frame->field[k].meaning == DESCRIBED_CONSTANT;
+        }
+        if (frame->layout == message->fields) {
+            return constant;
+        }
+    }
+    return false;
+}
+
+/* Of described frames with one identifier, which a DBC cannot tell apart, it has the first, and one
+ * that carries values rather than one that does not. */
+static bool dbc_leaves_out(const struct dbc_exporter *e, const struct message *message)
+{
+    return e->personality == BOARD_DESCRIBED &&
+           (dbc_is_constant(e->rig->bus[e->bus].described, message) != e->constants ||
+            dbc_find_message(e->dbc, message->id));
+}
+
 static bool dbc_visit_message(void *context, const struct message *message)
 {
     struct dbc_exporter *e = context;
 
+    if (dbc_leaves_out(e, message)) {
+        return true;
+    }
     if (message->code != MESSAGE_NO_CODE) {
         dbc_export_command(e, message);
     } else {
@@ -190,18 +221,22 @@ static void dbc_describe_bus(struct dbc_exporter *e)
     static const char *const speaks[] = {[BOARD_ICUB] = "icub",
                                          [BOARD_FOC] = "foc",
                                          [BOARD_COMPACT] = "compact",
-                                         [BOARD_CIA402] = "cia402"};
+                                         [BOARD_CIA402] = "cia402",
+                                         [BOARD_DESCRIBED] = "described"};
     const struct rig_bus *bus = &e->rig->bus[e->bus];
-    char text[DBC_TEXT_MAX + 1];
+    char text[DBC_TEXT_MAX + 1], name[40] = "";
 
+    if (bus->described) {
+        snprintf(name, sizeof name, " (%s)", bus->described->name);
+    }
     e->dbc->fd = bus->fd;
     e->dbc->bitrate = bus->bitrate;
     e->dbc->data_bitrate = bus->fd ? bus->data_bitrate : 0;
     snprintf(text, sizeof text,
-             "Rig %.40s, bus %.40s on %.15s: protocol %s. A number without a unit is bare or "
+             "Rig %.40s, bus %.40s on %.15s: protocol %s%s. A number without a unit is bare or "
              "depends on a "
              "setting of the board. A command's frame has its FrameLength, not more.",
-             e->rig->name, bus->name, bus->interface, speaks[e->personality]);
+             e->rig->name, bus->name, bus->interface, speaks[e->personality], name);
     e->code = dbc_set_comment(e->dbc, &e->dbc->comment, text, e->error);
 }
 
@@ -225,6 +260,10 @@ enum error_code rig_dbc(const struct rig *rig, size_t bus, struct arena *arena, 
     }
     if (!e.code) {
         boards_messages(&rig->boards, (int)bus, dbc_visit_length, &e);
+        boards_messages(&rig->boards, (int)bus, dbc_visit_message, &e);
+    }
+    if (!e.code && e.personality == BOARD_DESCRIBED) {
+        e.constants = true;
         boards_messages(&rig->boards, (int)bus, dbc_visit_message, &e);
     }
     if (!e.code) {

@@ -99,6 +99,9 @@ bool dbc_is_list(const struct dbc_exporter *e, const struct message *message)
         return board && board->kind == BOARD_MOTOR && fields_count(message->fields) == 1 &&
                message->slot < 0 && message->id < CIA402_SDO_REPLY;
     }
+    if (e->personality == BOARD_DESCRIBED) {
+        return message->from_host && message->receiver == MESSAGE_NO_BOARD && message->slot >= 0;
+    }
     return e->personality == BOARD_COMPACT &&
            (compact_message_function(message) == COMPACT_COMMAND ||
             compact_message_function(message) == COMPACT_TELEMETRY_FD);

@@ -20,6 +20,7 @@ struct dbc_exporter {
     struct error *error;
     enum error_code code;
     uint8_t longest[IDS]; /* frame of an identifier */
+    bool constants;       /* of described frames now those that are all constant */
 };
 
 /* A field that becomes a signal. */

@@ -73,7 +73,9 @@ static const struct board_axis_config *dbc_field_axis(const struct dbc_exporter 
                : board->kind == BOARD_MOTOR && message->id >> 8 != ICUB_MANAGEMENT ? &board->axis[0]
                                                                                    : NULL;
     default:
-        if (dbc_is_list(e, message)) {
+        if (e->personality == BOARD_DESCRIBED) {
+            slot += slot < 0 ? 0 : p->repeat;
+        } else if (dbc_is_list(e, message)) {
             slot = p->repeat +
                    (board ? dbc_first_slot(e, board) : (int)(message->id & 0x1f) * COMPACT_GROUP);
         }
@@ -136,7 +138,7 @@ static struct measure dbc_field_measure(const struct dbc_exporter *e, const stru
     }
 
     /* All others as their table says */
-    return (struct measure){p->field->scale != 0.0 ? p->field->scale : 1.0, 0.0, unit};
+    return (struct measure){p->field->scale != 0.0 ? p->field->scale : 1.0, p->field->offset, unit};
 }
 
 /* ---- signals ---- */
@@ -200,7 +202,7 @@ static void dbc_export_signal(struct dbc_exporter *e, struct dbc_message *to,
             .name = name,
             .role = p->command == MESSAGE_NO_CODE ? DBC_PLAIN : DBC_MULTIPLEXED,
             .selector = p->command == MESSAGE_NO_CODE ? 0 : (uint32_t)p->command,
-            .start = (uint16_t)(p->bit + (big ? 7 : 0)),
+            .start = (uint16_t)(big ? p->bit - p->bit % 8 + 7 - p->bit % 8 : p->bit),
             .bits = (uint8_t)(field->type & FIELD_BITS_MASK),
             .big_endian = big,
             .type = field->type & FIELD_FLOAT    ? DBC_FLOAT

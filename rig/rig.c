@@ -10,6 +10,7 @@
 #include "base/text.h"
 #include "boards/cia402/protocol.h"
 #include "boards/compact/protocol.h"
+#include "boards/described/protocol.h"
 #include "boards/icub/protocol.h"
 #include "rig/builder_private.h"
 #include "rig/find.h"
@@ -182,6 +183,8 @@ static enum error_code rig_build_host_axis(struct rig_builder *b, const struct b
                 .winding_h = joint->sea.L,
                 .current_limit_a = from->current_limit_a,
                 .poles = (int)b->raw->motors.rotor_poles,
+                .torque_nm_a = joint->sea.Kt,
+                .bemf_v_s_rad = joint->sea.Kw,
             },
         .lower_rad = from->lower_rad,
         .upper_rad = from->upper_rad,
@@ -390,11 +393,28 @@ static enum error_code rig_build_tasks(struct rig_builder *b)
 
 /* ---- how it runs ---- */
 
+static enum error_code rig_check_described_id(struct rig_builder *b, const struct yaml_mark *mark,
+                                              int64_t id, const struct described_protocol *protocol)
+{
+    unsigned number;
+
+    for (size_t i = 0; protocol && i < protocol->nframe; i++) {
+        if (described_number(&protocol->frame[i], (uint32_t)id, &number)) {
+            return yaml_error(b->error, mark,
+                              "found id 0x%03x, which belongs to frame %s of protocol %s, expected "
+                              "another",
+                              (unsigned)id, protocol->frame[i].name, protocol->name);
+        }
+    }
+    return ERROR_NONE;
+}
+
 /* The lockstep frames must not have an identifier that a board sends or receives. */
 static enum error_code rig_check_lockstep_id(struct rig_builder *b, const struct yaml_mark *mark,
                                              int64_t id)
 {
     int64_t cls = id >> 8, function = id >> 5;
+    enum error_code code = ERROR_NONE;
 
     if (function == COMPACT_REQUEST || function == COMPACT_REPLY) {
         return yaml_error(b->error, mark,
@@ -420,8 +440,9 @@ static enum error_code rig_check_lockstep_id(struct rig_builder *b, const struct
                               "0x5a0 to 0x5ff, 0x620 to 0x67f or 0x6c0 to 0x6ff",
                               (unsigned)id);
         }
+        code = code ? code : rig_check_described_id(b, mark, id, b->rig->bus[i].described);
     }
-    return ERROR_NONE;
+    return code;
 }
 
 static enum error_code rig_build_lockstep(struct rig_builder *b)

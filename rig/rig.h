@@ -50,8 +50,9 @@ struct rig_bus {
     double sample_point;   /* of a bit, for configure; 0 = the driver's choice */
     int64_t restart_ms;    /* by the kernel after bus-off, for configure; 0 = by the simulator */
     enum board_personality personality;
-    size_t first_board, nboard; /* of struct boards_config */
-    size_t naxis;               /* joints driven from this bus */
+    const struct described_protocol *described; /* BOARD_DESCRIBED */
+    size_t first_board, nboard;                 /* of struct boards_config */
+    size_t naxis;                               /* joints driven from this bus */
 };
 
 /* What check and run do about a bus whose periodic traffic cannot fit. */
@@ -176,9 +177,9 @@ double rig_bus_bits(const struct rig_bus *bus, const struct can_counters *counte
 /* Worst-case load of a bus in bit times of its nominal rate a second (so that load / bitrate is
  * the share of its time, also with CAN FD), stuff bits and interframe spaces included. Telemetry:
  * icub motors at the host's default broadcast policy (0x7f), foc, compact and cia402 motors once a
- * tick, STRAIN and F/T boards at their periods. Commands: icub a voltage to every axis each
- * command_period_ns, the others all set-points of the bus once a tick, cia402 with a SYNC; these
- * know no period below a millisecond. */
+ * tick, described boards as their protocol has it, STRAIN and F/T boards at their periods.
+ * Commands: icub a voltage to every axis each command_period_ns, the others all set-points of the
+ * bus once a tick, cia402 with a SYNC; these know no period below a millisecond. */
 void rig_bus_load(const struct rig *rig, size_t bus, int64_t command_period_ns,
                   double *telemetry_bit_s, double *command_bit_s);
 

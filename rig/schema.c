@@ -29,8 +29,9 @@ static const struct yaml_enum integrator_names[] = {
 static const struct yaml_enum dynamics_names[] = {
     {"fastest", RIG_DYNAMICS_FASTEST}, {"generic", RIG_DYNAMICS_GENERIC}, {NULL, 0}};
 static const struct yaml_enum personality_names[] = {
-    {"icub", BOARD_ICUB},     {"foc", BOARD_FOC}, {"compact", BOARD_COMPACT},
-    {"cia402", BOARD_CIA402}, {NULL, 0},
+    {"icub", BOARD_ICUB},           {"foc", BOARD_FOC},
+    {"compact", BOARD_COMPACT},     {"cia402", BOARD_CIA402},
+    {"described", BOARD_DESCRIBED}, {NULL, 0},
 };
 static const struct yaml_enum engine_names[] = {
     {"none", RIG_CONTACT_NONE},
@@ -311,6 +312,8 @@ static const struct yaml_field bus_fields[] = {
      .mark_offset = AT(data_bitrate_mark), .given_offset = AT(data_bitrate_given)},
     {"personality", YAML_ENUM, false, AT(personality), .names = personality_names,
      .given_offset = AT(personality_given)},
+    {"protocol", YAML_STRING, false, AT(protocol), .min = 1, .max = 400,
+     .mark_offset = AT(protocol_mark)},
     {"padded_frames", YAML_BOOL, false, .offset = AT(padded), .mark_offset = AT(padded_mark)},
     {"configure", YAML_BOOL, false, .offset = AT(configure)},
     {"sample_point", YAML_REAL, false, AT(sample_point), .min = 0.5, .max = 0.95,
@@ -598,6 +601,8 @@ static const struct yaml_field rig_fields[] = {
     {"tolerance", YAML_REAL, false, AT(tolerance), .min = 1e-13, .max = 0.1},
     {"dynamics", YAML_ENUM, false, AT(dynamics), .names = dynamics_names},
     {"personality", YAML_ENUM, false, AT(personality), .names = personality_names},
+    {"protocol", YAML_STRING, false, AT(protocol), .min = 1, .max = 400,
+     .mark_offset = AT(protocol_mark)},
     {"supply_v", YAML_REAL, true, AT(supply_v), .min = DBL_MIN, .max = 1e4},
     {"initial", YAML_MAP, true, AT(initial), .schema = &initial_schema},
     {"scene", YAML_MAP, false, AT(scene), .schema = &scene_schema},

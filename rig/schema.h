@@ -146,6 +146,8 @@ struct raw_bus {
     struct yaml_mark fd_mark, data_bitrate_mark;
     int personality; /* the rig's unless given */
     bool data_bitrate_given, personality_given;
+    const char *protocol; /* of BOARD_DESCRIBED; the rig's unless given */
+    struct yaml_mark protocol_mark;
     bool padded;
     struct yaml_mark padded_mark;
     bool configure; /* of a real interface, with the two below */
@@ -281,6 +283,8 @@ struct raw_rig {
     double tick_s, substep_s;
     struct yaml_mark tick_mark, substep_mark;
     int integrator, dynamics, personality;
+    const char *protocol;
+    struct yaml_mark protocol_mark;
     double tolerance, supply_v;
     struct raw_initial initial;
     struct raw_scene scene;

@@ -23,7 +23,8 @@ static const struct host_ops *host_bus_ops(const struct host_config *config, siz
     static const struct host_ops *const known[] = {[HOST_ICUB] = &host_icub,
                                                    [HOST_FOC] = &host_foc,
                                                    [HOST_COMPACT] = &host_compact,
-                                                   [HOST_CIA402] = &host_cia402};
+                                                   [HOST_CIA402] = &host_cia402,
+                                                   [HOST_DESCRIBED] = &host_described};
 
     return config->bus ? known[config->bus[bus].personality] : &host_icub;
 }
@@ -143,8 +144,9 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
         host->joint = arena_alloc(arena, config->naxis, sizeof *host->joint);
         host->force = arena_alloc(arena, config->nft, sizeof *host->force);
         host->volts = arena_alloc(arena, config->naxis, sizeof *host->volts);
+        host->want = arena_alloc(arena, config->naxis, sizeof *host->want);
     }
-    if (!host || !host->line || !host->joint || !host->force || !host->volts) {
+    if (!host || !host->line || !host->joint || !host->force || !host->volts || !host->want) {
         return error_set(error, ERROR_MEMORY, "no memory for the host");
     }
     host->config = *config;
@@ -304,6 +306,7 @@ void host_set_motor(struct host *host, size_t axis, bool on)
     struct host_line *line = host_axis_line(host, axis);
 
     host->volts[axis] = 0;
+    host->want[axis].referred = false;
     line->driving = line->driving || on;
     line->ops->set_motor(host, axis, on);
 }
@@ -321,6 +324,13 @@ void host_set_voltage(struct host *host, size_t axis, double volts)
 double host_voltage(const struct host *host, size_t axis)
 {
     return host->volts[axis];
+}
+
+void host_set_reference(struct host *host, size_t axis, double rad, double rad_s)
+{
+    host->want[axis].rad = rad;
+    host->want[axis].rad_s = rad_s;
+    host->want[axis].referred = true;
 }
 
 double host_duty(const struct host *host, size_t axis)

@@ -79,6 +79,10 @@ void host_set_voltage(struct host *host, size_t axis, double volts);
 /* The last voltage of an axis, as limited by the supply. */
 double host_voltage(const struct host *host, size_t axis);
 
+/* Where the motor of an axis is to be, which the voltage is to bring about: for personalities whose
+ * boards close a position loop; the others ignore it. rad at the link side, rad/s. */
+void host_set_reference(struct host *host, size_t axis, double rad, double rad_s);
+
 /* Ends the period: sends what is queued, bus by bus, and in lockstep the STEP frame last. */
 void host_send(struct host *host);
 

@@ -47,6 +47,14 @@ struct host_node {
     int64_t control_due_ns; /* of controlwords that have not been obeyed */
 };
 
+/* HOST_DESCRIBED: what an axis is to be and how fast it is. */
+struct host_want {
+    double rad, rad_s;              /* of the reference; of the motor until there is one */
+    bool referred;                  /* there is one */
+    bool on, switch_on, switch_off; /* switched in this period */
+    double motor_rad_s;
+};
+
 struct host_line {
     const struct host_ops *ops;
     struct host_node node[HOST_ADDRESSES];
@@ -66,6 +74,7 @@ struct host {
     struct host_force *force;
     struct host_motion motion;
     double *volts; /* what each axis is to have, within the supply */
+    struct host_want *want;
     enum host_phase phase;
     int64_t phase_since_ns;
     bool asked;           /* who is there */
@@ -105,7 +114,7 @@ struct host_ops {
     const char *const *fault_name; /* by bit, NULL = no such bit; 32 entries */
 };
 
-extern const struct host_ops host_icub, host_foc, host_compact, host_cia402;
+extern const struct host_ops host_icub, host_foc, host_compact, host_cia402, host_described;
 
 /* ---- for the personalities ---- */
 

@@ -184,6 +184,7 @@ void servo_update(struct servo *servo)
     servo->last_ns = now;
     for (size_t i = 0; i < host_configuration(servo->host)->naxis; i++) {
         servo_estimate_rate(&servo->loop[i], host_joint(servo->host, i));
+        host_set_reference(servo->host, i, servo_reference(servo, i), servo->loop[i].rate);
         host_set_voltage(servo->host, i, servo_axis_voltage(servo, i, dt));
     }
 }

@@ -24,8 +24,9 @@ struct host_drive {
     double gear;          /* rotor turns a link turn */
     double spring_nm_rad; /* of the series spring */
     double winding_ohm, winding_h;
-    double current_limit_a; /* for ever; half as much again for some seconds */
-    int poles;              /* of the rotor */
+    double current_limit_a;           /* for ever; half as much again for some seconds */
+    int poles;                        /* of the rotor */
+    double torque_nm_a, bemf_v_s_rad; /* link-side; HOST_DESCRIBED: what a voltage is as torque */
 };
 
 /* Where a joint is found on the buses, and its scales. */
@@ -37,7 +38,7 @@ struct host_axis {
     int torque_address, torque_channel; /* pseudo-STRAIN, -1 = none */
     double torque_full_scale_nm;
     int64_t torque_period_ns; /* 0: the board's own */
-    struct host_drive drive;  /* HOST_FOC */
+    struct host_drive drive;  /* HOST_FOC, HOST_DESCRIBED */
     double lower_rad, upper_rad;
 };
 
@@ -57,11 +58,14 @@ struct host_imu {
 };
 
 /* What the boards of a bus speak. */
-enum host_personality { HOST_ICUB, HOST_FOC, HOST_COMPACT, HOST_CIA402 };
+enum host_personality { HOST_ICUB, HOST_FOC, HOST_COMPACT, HOST_CIA402, HOST_DESCRIBED };
+
+struct described_protocol;
 
 struct host_bus {
     enum host_personality personality;
-    bool fd; /* HOST_COMPACT: CAN FD frames */
+    bool fd;                                    /* HOST_COMPACT: CAN FD frames */
+    const struct described_protocol *described; /* HOST_DESCRIBED */
 };
 
 struct host_config {

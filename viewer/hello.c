@@ -69,7 +69,8 @@ static const char *personality_name(enum board_personality personality)
     static const char *const names[] = {[BOARD_ICUB] = "icub",
                                         [BOARD_FOC] = "foc",
                                         [BOARD_COMPACT] = "compact",
-                                        [BOARD_CIA402] = "cia402"};
+                                        [BOARD_CIA402] = "cia402",
+                                        [BOARD_DESCRIBED] = "described"};
 
     return (size_t)personality < ARRAY_COUNT(names) && names[personality] ? names[personality]
                                                                           : "other";

@@ -3,12 +3,31 @@
 #include "app/cli/commands.h"
 
 #include "app/cli/protocol_page.h"
+#include "base/arena.h"
 #include "base/count.h"
 #include "base/options.h"
 #include "base/text.h"
+#include "boards/described/protocol.h"
 #include "manual/protocol.h"
 
 #include <string.h>
+
+enum { MEMORY = 8 << 20 };
+
+/* A file that describes a protocol. */
+static enum error_code print_described(const char *path, struct error *error)
+{
+    const struct described_protocol *protocol;
+    struct arena arena = {.memory = NULL};
+    enum error_code code = arena_init(&arena, MEMORY, error);
+
+    code = code ? code : described_load(path, &arena, &protocol, error);
+    if (!code) {
+        protocol_page_print_described(protocol, stdout);
+    }
+    arena_fini(&arena);
+    return code;
+}
 
 int cmd_protocol(int argc, char **argv)
 {
@@ -19,7 +38,8 @@ int cmd_protocol(int argc, char **argv)
                                         NULL};
     static const char *name;
     static const struct operand_spec operands[] = {
-        {"PERSONALITY", "icub, foc, compact or cia402", true, .value = &name, .words = names},
+        {"PERSONALITY", "icub, foc, compact, cia402, or a file that describes a protocol", true,
+         .value = &name, .words = names},
     };
     static const struct command_spec spec = {
         .name = "protocol",
@@ -41,6 +61,9 @@ int cmd_protocol(int argc, char **argv)
             protocol_page_print((enum board_personality)i, stdout);
             return STATUS_OK;
         }
+    }
+    if (strpbrk(name, "./")) {
+        return print_described(name, &error) ? command_fail("protocol", &error) : STATUS_OK;
     }
     nearest = text_nearest(name, names, ARRAY_COUNT(names) - 1);
     error_set(&error, ERROR_INPUT, "found unknown personality \"%.60s\", expected %s", name,

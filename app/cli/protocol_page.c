@@ -6,6 +6,7 @@
 #include "base/count.h"
 #include "base/options.h"
 #include "boards/compact/table.h"
+#include "boards/described/protocol.h"
 #include "boards/messages.h"
 #include "manual/protocol_cia402.h"
 #include "manual/protocol_compact.h"
@@ -29,6 +30,7 @@ struct protocol_frame {
 };
 
 struct protocol_frames {
+    const struct described_protocol *described; /* NULL: of a personality in C */
     size_t count;
     struct protocol_frame frame[FRAMES_MAX];
 };
@@ -50,19 +52,20 @@ static bool protocol_keep_message(void *context, const struct message *message)
 }
 
 /* shift is added to all addresses: what moves with it in an identifier is the address. */
-static void protocol_walk_bus(enum board_personality personality, bool fd, int shift,
+static void protocol_walk_bus(const struct boards_bus_config *bus, int shift,
                               struct protocol_frames *frames)
 {
-    const int axes =
-        personality == BOARD_COMPACT || personality == BOARD_CIA402 ? BOARD_AXES_MAX : 1;
-    struct boards_bus_config bus = {.personality = personality, .fd = fd};
+    const int axes = bus->personality == BOARD_COMPACT || bus->personality == BOARD_CIA402
+                         ? BOARD_AXES_MAX
+                     : bus->described ? (int)bus->described->axes
+                                      : 1;
     struct board_config board[] = {
         {.kind = BOARD_MOTOR, .address = (uint8_t)(bench_address[BENCH_MOTOR] + shift)},
         {.kind = BOARD_FT, .address = (uint8_t)(bench_address[BENCH_FT] + shift)},
         {.kind = BOARD_INERTIAL, .address = (uint8_t)(bench_address[BENCH_INERTIAL] + shift)},
     };
     const struct boards_config config = {
-        .nboard = ARRAY_COUNT(board), .board = board, .nbus = 1, .bus = &bus};
+        .nboard = ARRAY_COUNT(board), .board = board, .nbus = 1, .bus = bus, .tick_ns = 1000000};
 
     for (int k = 0; k < BOARD_AXES_MAX; k++) {
         board[0].axis[k].joint = k < axes ? k : -1;
@@ -84,6 +87,26 @@ static bool protocol_is_known(const struct protocol_frames *frames, size_t count
         }
     }
     return false;
+}
+
+/* A described frame says itself what its identifier counts. */
+static void protocol_split_described(struct protocol_frame *frame,
+                                     const struct described_protocol *protocol)
+{
+    static const char *const counts[] = {[DESCRIBED_BY_NONE] = "a",
+                                         [DESCRIBED_BY_ADDRESS] = "a",
+                                         [DESCRIBED_BY_SLOT] = "s",
+                                         [DESCRIBED_BY_GROUP] = "g"};
+
+    for (size_t i = 0; i < protocol->nframe; i++) {
+        const struct described_frame *row = &protocol->frame[i];
+
+        if (row->layout == frame->message.fields) {
+            frame->base = row->base;
+            frame->step = row->by == DESCRIBED_BY_NONE ? 0 : row->step;
+            frame->counts = counts[row->by];
+        }
+    }
 }
 
 static void protocol_split_id(struct protocol_frame *frame, const struct message *shifted,
@@ -112,18 +135,20 @@ static void protocol_split_id(struct protocol_frame *frame, const struct message
 }
 
 /* Every frame once, whichever board or slot it is of. */
-static void protocol_collect(enum board_personality personality, bool fd,
-                             struct protocol_frames *frames)
+static void protocol_collect(const struct boards_bus_config *bus, struct protocol_frames *frames)
 {
     static struct protocol_frames shifted;
     size_t kept = 0;
 
-    protocol_walk_bus(personality, fd, 0, frames);
-    protocol_walk_bus(personality, fd, 1, &shifted);
+    protocol_walk_bus(bus, 0, frames);
+    protocol_walk_bus(bus, 1, &shifted);
     for (size_t i = 0; i < frames->count; i++) {
         struct protocol_frame frame = {.message = frames->frame[i].message};
 
-        protocol_split_id(&frame, &shifted.frame[i].message, personality);
+        protocol_split_id(&frame, &shifted.frame[i].message, bus->personality);
+        if (bus->described) {
+            protocol_split_described(&frame, bus->described);
+        }
         if (!protocol_is_known(frames, kept, &frame)) {
             frames->frame[kept++] = frame;
         }
@@ -181,8 +206,8 @@ static void protocol_add_measure(struct protocol_line *line, const struct field 
         int64_t low = limited ? field->min : field_lowest(field);
         int64_t high = limited ? field->max : field_highest(field);
 
-        protocol_add_text(line, ", %.10g to %.10g%s%s", scale * (double)low, scale * (double)high,
-                          *unit ? " " : "", unit);
+        protocol_add_text(line, ", %.10g to %.10g%s%s", scale * (double)low + field->offset,
+                          scale * (double)high + field->offset, *unit ? " " : "", unit);
     }
 }
 
@@ -210,7 +235,7 @@ static void protocol_put_fields(const struct message *message, FILE *out)
     unsigned bit = 8u * message->first_byte;
     size_t bytes = fields_bytes(message->fields);
 
-    if (!message->fields) {
+    if (!message->fields || message->fields->type == FIELD_END) {
         return;
     }
     if (message->repeats > 1) {
@@ -254,6 +279,34 @@ static void protocol_put_id(const struct protocol_frame *frame, FILE *out)
     }
 }
 
+/* The row of a described frame. */
+static const struct described_frame *protocol_find_row(const struct described_protocol *protocol,
+                                                       const struct protocol_frame *frame)
+{
+    for (size_t i = 0; i < protocol->nframe; i++) {
+        if (protocol->frame[i].layout == frame->message.fields) {
+            return &protocol->frame[i];
+        }
+    }
+    return NULL;
+}
+
+static struct protocol_frame *protocol_find_described_answer(struct protocol_frames *frames,
+                                                             const struct protocol_frame *frame)
+{
+    const struct described_frame *row = protocol_find_row(frames->described, frame);
+
+    for (size_t i = 0; row && i < frames->count; i++) {
+        for (int kind = 0; kind < 3; kind++) {
+            if (row->reply[kind] >= 0 && protocol_find_row(frames->described, &frames->frame[i]) ==
+                                             &frames->described->frame[row->reply[kind]]) {
+                return &frames->frame[i];
+            }
+        }
+    }
+    return NULL;
+}
+
 /* The frame by which a board answers a command; NULL = none. */
 static struct protocol_frame *protocol_find_answer(struct protocol_frames *frames,
                                                    const struct protocol_frame *frame)
@@ -261,6 +314,9 @@ static struct protocol_frame *protocol_find_answer(struct protocol_frames *frame
     static const char *const pairs[][2] = {
         {"REQUEST", "REPLY"}, {"DISCOVER", "IDENTITY"}, {"SDO_REQUEST", "SDO_REPLY"}};
 
+    if (frames->described) {
+        return protocol_find_described_answer(frames, frame);
+    }
     for (size_t i = 0; i < frames->count && frame->message.from_host; i++) {
         struct protocol_frame *other = &frames->frame[i];
 
@@ -302,7 +358,9 @@ static void protocol_put_frame(struct protocol_frames *frames, struct protocol_f
         }
         protocol_put_id(answer, out);
         fputs(".\n", out);
-        protocol_put_fields(&answer->message, out);
+        if (!frames->described || !answer->printed) {
+            protocol_put_fields(&answer->message, out);
+        }
         answer->printed = true;
     }
 }
@@ -362,7 +420,8 @@ static void protocol_put_fd(const struct protocol_frames *classic, FILE *out)
 {
     static struct protocol_frames frames;
 
-    protocol_collect(BOARD_COMPACT, true, &frames);
+    protocol_collect(&(struct boards_bus_config){.personality = BOARD_COMPACT, .fd = true},
+                     &frames);
     fputs("\n## On CAN FD buses\n\nThe frames above but telemetry and forces, which are these:\n",
           out);
     for (size_t i = 0; i < frames.count; i++) {
@@ -398,7 +457,7 @@ void protocol_page_print(enum board_personality personality, FILE *out)
 
     fprintf(out, "# What `%s` boards speak\n\n", name[personality]);
     options_wrap(intro[personality], 0, 0, out);
-    protocol_collect(personality, false, &frames);
+    protocol_collect(&(struct boards_bus_config){.personality = personality}, &frames);
     protocol_put_sections(&frames, personality != BOARD_ICUB && personality != BOARD_FOC, out);
     if (personality == BOARD_COMPACT) {
         protocol_put_fd(&frames, out);
@@ -406,5 +465,26 @@ void protocol_page_print(enum board_personality personality, FILE *out)
     protocol_put_faults(personality, out);
     if (personality == BOARD_CIA402) {
         object_list_print(out);
+    }
+}
+
+void protocol_page_print_described(const struct described_protocol *protocol, FILE *out)
+{
+    static struct protocol_frames frames;
+
+    fprintf(out, "# What `%s` boards speak\n\n", protocol->name);
+    options_wrap(protocol->description, 0, 0, out);
+    protocol_collect(
+        &(struct boards_bus_config){.personality = BOARD_DESCRIBED, .described = protocol},
+        &frames);
+    frames.described = protocol;
+    protocol_put_sections(&frames, true, out);
+    if (protocol->tells[DESCRIBED_FAULTS]) {
+        fputs("\n## Faults\n\nThe bits of its fields of faults:\n\n", out);
+    }
+    for (int i = 0; i < DESCRIBED_FAULT_KINDS; i++) {
+        if (protocol->fault_bit[i] >= 0 && protocol->tells[DESCRIBED_FAULTS]) {
+            fprintf(out, "- bit %d: %s\n", protocol->fault_bit[i], described_fault_names[i]);
+        }
     }
 }

@@ -13,4 +13,7 @@
 
 void protocol_page_print(enum board_personality personality, FILE *out);
 
+/* The same of a protocol that a file describes. */
+void protocol_page_print_described(const struct described_protocol *protocol, FILE *out);
+
 #endif

@@ -7,6 +7,7 @@
  * bus 1 iCub. PDOs of cia402 boards can be mapped to anything: there a frame is only legal.
  */
 #include "base/hash.h"
+#include "boards/described/protocol.h"
 #include "boards/faults.h"
 #include "boards/messages.h"
 #include "tests/fuzz/fuzz.h"
@@ -120,6 +121,22 @@ static struct faults *make_faults(const struct board_bench *base, struct arena *
     return faults;
 }
 
+/* The protocol of BOARD_DESCRIBED: compact's again, of four axes a board. */
+static const struct described_protocol *load_described(void)
+{
+    static const struct described_protocol *protocol;
+    static struct arena arena;
+    struct error error;
+
+    if (!protocol) {
+        fuzz_require(arena_init(&arena, 8u << 20, &error) == ERROR_NONE &&
+                         described_load(HIL_SOURCE_DIR "/config/protocols/compact.yaml", &arena,
+                                        &protocol, &error) == ERROR_NONE,
+                     "%s", error.text);
+    }
+    return protocol;
+}
+
 /* What the first bytes say of the base. */
 static void configure(struct fuzz_bench *bench, struct fuzz_bytes *bytes)
 {
@@ -132,6 +149,7 @@ static void configure(struct fuzz_bench *bench, struct fuzz_bytes *bytes)
     bench->bus[0].personality = FUZZ_PERSONALITY;
     bench->bus[0].padded = OF_ICUB_FAMILY && how & 64;
     bench->bus[0].fd = FUZZ_PERSONALITY == BOARD_COMPACT && how & 4;
+    bench->bus[0].described = FUZZ_PERSONALITY == BOARD_DESCRIBED ? load_described() : NULL;
     base->config.bus = bench->bus;
     if (!OF_ICUB_FAMILY) {
         base->config.nboard = BENCH_BOARDS - 1; /* torques need no board */
@@ -157,6 +175,7 @@ static void configure(struct fuzz_bench *bench, struct fuzz_bytes *bytes)
             board->axis[k].temperature_limit_c = what & 16 ? 80.0 : 0.0;
             board->axis[k].winding_ohm = what & 32 ? 0.7 : 0.0;
             board->axis[k].bemf_v_s_rad = what & 32 ? 4.0 : 0.0;
+            board->axis[k].torque_nm_a = what & 32 ? 4.0 : 0.0;
             board->axis[k].joint = k < 2 ? board->axis[k].joint : -1;
         }
     }

@@ -5,6 +5,7 @@
  * joints stays finite, and a start-up that fails says why. By the first byte in lockstep, where the
  * simulator's side is canbus/lockstep.h.
  */
+#include "boards/described/protocol.h"
 #include "boards/icub/protocol.h"
 #include "boards/messages.h"
 #include "canbus/lockstep.h"
@@ -25,14 +26,16 @@ enum {
 };
 enum { STEP_ID = 0x6f0, DONE_ID = 0x6f1, IMU_ADDRESS = 9 };
 
-/* Bus by bus: iCub with torque and F/T boards, FOC, compact, compact over CAN FD. */
-static const struct boards_bus_config board_buses[BUSES] = {
-    {.personality = BOARD_ICUB},
-    {.personality = BOARD_FOC},
-    {.personality = BOARD_COMPACT},
-    {.personality = BOARD_COMPACT, .fd = true}};
-static const struct host_bus host_buses[BUSES] = {
-    {HOST_ICUB, false}, {HOST_FOC, false}, {HOST_COMPACT, false}, {HOST_COMPACT, true}};
+/* Bus by bus: iCub with torque and F/T boards, FOC, compact or by the first byte one that a file
+ * describes, compact over CAN FD. */
+static struct boards_bus_config board_buses[BUSES] = {{.personality = BOARD_ICUB},
+                                                      {.personality = BOARD_FOC},
+                                                      {.personality = BOARD_COMPACT},
+                                                      {.personality = BOARD_COMPACT, .fd = true}};
+static struct host_bus host_buses[BUSES] = {{.personality = HOST_ICUB},
+                                            {.personality = HOST_FOC},
+                                            {.personality = HOST_COMPACT},
+                                            {.personality = HOST_COMPACT, .fd = true}};
 
 /* A port whose other end is the input. */
 struct wire_end {
@@ -116,7 +119,8 @@ static struct board_axis_config board_axis(int joint)
                                       .gear = 100.0,
                                       .winding_ohm = 0.7,
                                       .winding_h = 0.0003,
-                                      .bemf_v_s_rad = 4.0};
+                                      .bemf_v_s_rad = 4.0,
+                                      .torque_nm_a = 4.0};
 }
 
 static struct host_axis host_axis(const char *name, int bus, uint8_t axis)
@@ -137,7 +141,9 @@ static struct host_axis host_axis(const char *name, int bus, uint8_t axis)
                                         .winding_ohm = 0.7,
                                         .winding_h = 0.0003,
                                         .current_limit_a = 12.0,
-                                        .poles = 8}};
+                                        .poles = 8,
+                                        .torque_nm_a = 4.0,
+                                        .bemf_v_s_rad = 4.0}};
 }
 
 static bool list_message(void *context, const struct message *message)
@@ -150,6 +156,26 @@ static bool list_message(void *context, const struct message *message)
         bench->message[bench->bus_in_hand][(*count)++] = *message;
     }
     return true;
+}
+
+/* What bus 2 speaks: 0 compact, 1 to 3 one of config/protocols. */
+static void choose_protocol(unsigned which)
+{
+    static const char *const names[] = {NULL, "compact", "mini-cheetah", "odrive"};
+    static const struct described_protocol *protocol[4];
+    static struct arena arena;
+    char path[256];
+    struct error error;
+
+    if (which > 0 && !protocol[which]) {
+        snprintf(path, sizeof path, "%s/config/protocols/%s.yaml", HIL_SOURCE_DIR, names[which]);
+        fuzz_require((arena.memory || arena_init(&arena, 8u << 20, &error) == ERROR_NONE) &&
+                         described_load(path, &arena, &protocol[which], &error) == ERROR_NONE,
+                     "%s", error.text);
+    }
+    board_buses[2].personality = which ? BOARD_DESCRIBED : BOARD_COMPACT;
+    host_buses[2].personality = which ? HOST_DESCRIBED : HOST_COMPACT;
+    board_buses[2].described = host_buses[2].described = protocol[which];
 }
 
 static void make_boards(struct bench *bench, struct arena *arena)
@@ -237,6 +263,7 @@ static void start(struct bench *bench, uint8_t how)
     memset(bench, 0, sizeof *bench);
     bench->in_lockstep = how & 1;
     bench->imu_bus = how >> 1 & 3;
+    choose_protocol(how >> 3 & 3);
     bench->sensors = (struct plant_sensors){
         .supply_v = 48.0, .njoint = AXES, .nft = FTS, .motor = bench->sense, .ft = bench->ft};
     bench->command = (struct plant_command){.njoint = AXES, .motor = bench->motor};

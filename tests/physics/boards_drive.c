@@ -14,6 +14,7 @@
 #include "boards/board.h"
 #include "boards/cia402/protocol.h"
 #include "boards/compact/protocol.h"
+#include "boards/described/protocol.h"
 #include "boards/foc/protocol.h"
 #include "tests/physics/plant_rig.h"
 
@@ -64,7 +65,7 @@ static const struct motor_sense *hip(const struct bench *bench)
 
 static void start(struct bench *bench, enum board_personality personality)
 {
-    const struct boards_bus_config bus = {.personality = personality};
+    struct boards_bus_config bus = {.personality = personality};
     struct board_config board = {.name = "hip", .kind = BOARD_MOTOR, .address = 1};
     struct boards_config config = {
         .nboard = 1, .board = &board, .nbus = 1, .bus = &bus, .njoint = 8, .tick_ns = TICK_NS};
@@ -92,7 +93,12 @@ static void start(struct bench *bench, enum board_personality personality)
         .winding_h = bench->sea.L,
         .bemf_v_s_rad = bench->sea.Kw,
     };
-    assert_int_equal(arena_init(&bench->arena, 1 << 22, &error), ERROR_NONE);
+    assert_int_equal(arena_init(&bench->arena, 1 << 23, &error), ERROR_NONE);
+    if (personality == BOARD_DESCRIBED &&
+        described_load(HIL_SOURCE_DIR "/config/protocols/compact.yaml", &bench->arena,
+                       &bus.described, &error)) {
+        fail_msg("%s", error.text);
+    }
     if (boards_create(&config, &bench->arena, &bench->boards, &error)) {
         fail_msg("%s", error.text);
     }
@@ -149,7 +155,7 @@ static void enable(struct bench *bench, bool current)
 {
     uint8_t mode = (uint8_t)(current ? ICUB_MODE_CURRENT : ICUB_MODE_OPEN_LOOP);
 
-    if (bench->personality == BOARD_COMPACT) {
+    if (bench->personality == BOARD_COMPACT || bench->personality == BOARD_DESCRIBED) {
         mode = (uint8_t)(current ? COMPACT_CURRENT : COMPACT_VOLTAGE);
         send(bench, compact_id(COMPACT_MODE, 0), 5, (const uint8_t[]){mode, 1, 0, 0, 0});
         return;
@@ -186,6 +192,7 @@ static void command(struct bench *bench, bool current, double value)
         send(bench, FOC_DESIRED_TARGETS_ID, 2, data);
         break;
     case BOARD_COMPACT:
+    case BOARD_DESCRIBED: /* the same by a file */
         put_u16_le(data, counts);
         send(bench, compact_id(COMPACT_COMMAND, 0), 2, data);
         break;
@@ -199,7 +206,7 @@ static void command(struct bench *bench, bool current, double value)
 static void a_voltage_gives_the_motor_s_speed(void **state)
 {
     (void)state;
-    for (int p = BOARD_ICUB; p <= BOARD_CIA402; p++) {
+    for (int p = BOARD_ICUB; p <= BOARD_DESCRIBED; p++) {
         struct bench bench;
         double speed;
 
@@ -222,7 +229,7 @@ static void a_voltage_gives_the_motor_s_speed(void **state)
 static void a_current_gives_the_torque(void **state)
 {
     (void)state;
-    for (int p = BOARD_FOC; p <= BOARD_CIA402; p++) {
+    for (int p = BOARD_FOC; p <= BOARD_DESCRIBED; p++) {
         struct bench bench;
         double torque = 0.0, current = 0.0;
 

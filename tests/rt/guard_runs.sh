@@ -10,7 +10,7 @@ program=$2
 # shellcheck source=/dev/null
 . "$(dirname "$0")/guard_lib.sh"
 
-echo 1..23
+echo 1..24
 
 guarded "$rigs/coman.yaml" --transport local --clock lockstep --task squat --ticks 3000 --wire ideal
 verdict "lockstep on ideal buses makes no system call" only
@@ -18,7 +18,8 @@ verdict "lockstep on ideal buses makes no system call" only
 guarded "$rigs/coman.yaml" --transport local --clock lockstep --task squat --ticks 3000 --wire wire
 verdict "nor on buses in wire mode" only
 
-for rig in grasp walkman coman-fd coman-foc coman-compact coman-cia402; do
+for rig in grasp walkman coman-fd coman-foc coman-compact coman-cia402 \
+    coman-mini-cheetah; do
     task=squat
     [ $rig = grasp ] && task=grasp
     guarded "$rigs/$rig.yaml" --transport local --clock lockstep --task $task --ticks 3000 \

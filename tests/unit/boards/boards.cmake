@@ -15,3 +15,7 @@ endforeach()
 foreach(name modes nmt pdo sdo state table)
     hil_test(boards_cia402_${name} SOURCES unit/boards/cia402/${name}.c LIBS boards LABELS unit)
 endforeach()
+foreach(name board load)
+    hil_test(boards_described_${name} SOURCES unit/boards/described/${name}.c LIBS boards
+             LABELS unit)
+endforeach()

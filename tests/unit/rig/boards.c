@@ -136,7 +136,8 @@ static void a_personality_has_its_own_addresses_axes_and_boards(void **state)
             "29:15: found a torque board on a bus with personality compact, expected none: its "
             "motor boards report the torques");
     refused("  - {name: left, interface: can0, personality: pdo, boards: []}\n",
-            "28:48: found \"pdo\", expected icub, foc, compact or cia402");
+            "28:48: found \"pdo\", expected icub, foc, compact, cia402 or "
+            "described");
 }
 
 /* TPDO 4, SDO, and what is free */
@@ -281,6 +282,82 @@ static void cia402_loads_are_those_of_counted_bits(void **state)
     CHECK_LOADS("coman-cia402.yaml", loads);
 }
 
+/* Frames as compact's above, and 135 bits of each command, 115 of each answer a millisecond; of
+ * ODrive's 135 bits of each command, and every 2, 10, 100 and 100 ms from each drive. */
+static void described_loads_are_those_of_counted_bits(void **state)
+{
+    const double cheetah = 13.5 + 11.5, odrive = 13.5 + 13.5 / 2 + 1.35 + 0.27;
+    const struct expected_load of_cheetah[] = {
+        {"torso", 3 * cheetah},         {"left_hip", 3 * cheetah},
+        {"left_shank", 3 * cheetah},    {"right_hip", 3 * cheetah},
+        {"right_shank", 3 * cheetah},   {"left_shoulder", 2 * cheetah},
+        {"left_forearm", 2 * cheetah},  {"right_shoulder", 2 * cheetah},
+        {"right_forearm", 2 * cheetah}, {"sensors", 4 * (11.5 + 0.27)},
+    };
+    const struct expected_load of_odrive[] = {
+        {"torso", 3 * odrive},         {"left_hip", 3 * odrive},
+        {"left_shank", 3 * odrive},    {"right_hip", 3 * odrive},
+        {"right_shank", 3 * odrive},   {"left_shoulder", 2 * odrive},
+        {"left_forearm", 2 * odrive},  {"right_shoulder", 2 * odrive},
+        {"right_forearm", 2 * odrive}, {"sensors", 4 * (11.5 + 0.27)},
+    };
+
+    (void)state;
+    CHECK_LOADS("coman-mini-cheetah.yaml", of_cheetah);
+    CHECK_LOADS("coman-odrive.yaml", of_odrive);
+}
+
+/* A file that describes a protocol is needed, is looked for beside the rig, and says which boards
+ * there may be. */
+static void a_described_bus_has_its_protocol(void **state)
+{
+    static const char protocol[] =
+        "name: own\naddress_max: 4\nstates: [{name: idle, law: \"off\"}]\n"
+        "frames: [{name: A, from: board, id: 0x6f8, by: address, period_s: 0.01}]\n";
+    const struct rig *rig;
+    char path[128];
+
+    (void)state;
+    assert_int_equal(write_file("config/rigs/own.yaml", protocol, sizeof protocol - 1), 0);
+    rig =
+        load_buses("  - {name: left, interface: can0, personality: described, protocol: own.yaml,\n"
+                   "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n"
+                   "  - {name: right, interface: can1,\n"
+                   "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n");
+    assert_int_equal(rig->bus[0].personality, BOARD_DESCRIBED);
+    assert_ptr_equal(rig->boards.bus[0].described, rig->bus[0].described);
+    assert_ptr_equal(rig->host_bus[0].described, rig->bus[0].described);
+    assert_null(rig->bus[1].described);
+
+    refused(
+        "  - {name: left, interface: can0, personality: described, boards: []}\n",
+        "28:5: found personality described on bus \"left\" without a protocol, expected the file "
+        "that describes it");
+    refused("  - {name: left, interface: can0, protocol: own.yaml, boards: []}\n",
+            "28:45: found a protocol on bus \"left\", expected it with personality described");
+    refused("  - {name: left, interface: can0, personality: described, protocol: own.yaml,\n"
+            "     boards: [{kind: motor, address: 5, axes: [hip]}]}\n",
+            "29:38: found address 5, expected 1 to 4 with protocol own");
+    refused("  - {name: left, interface: can0, personality: described, protocol: own.yaml,\n"
+            "     boards: [{kind: motor, address: 1, axes: [hip, knee]}]}\n",
+            "29:47: found 2 axes, expected 1 to 1 with protocol own");
+    refused("  - {name: left, interface: can0, personality: described, protocol: own.yaml,\n"
+            "     boards: [{kind: inertial, address: 1}]}\n",
+            "29:15: found a board of a kind that sends no frame in protocol own, expected another "
+            "kind or such a frame");
+    write_buses_and_lockstep(
+        "  - {name: left, interface: can0, personality: described, protocol: own.yaml,\n"
+        "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n"
+        "  - {name: right, interface: can1,\n"
+        "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n",
+        "step_id: 0x6fc");
+    assert_rig_refused("step_id",
+                       "32:21: found id 0x6fc, which belongs to frame A of protocol own, "
+                       "expected another");
+    snprintf(path, sizeof path, "%s/config/rigs/own.yaml", tree);
+    assert_int_equal(unlink(path), 0);
+}
+
 /* The study's worst-case times at 1/8 Mbit/s: 48 bytes 98.9 us, 64 bytes 118.9, 12 bytes 53.2, 8
  * bytes 48.2; from 24 bytes (68.9 us) on a byte is 1.25 us, so that the set-points of 13 axes in 32
  * bytes take 78.9 and those of 10 axes in 20 bytes 63.9. */
@@ -379,6 +456,8 @@ int main(void)
         TEST(foc_loads_are_those_of_the_protocol_study),
         TEST(compact_loads_are_those_of_the_protocol_study),
         TEST(cia402_loads_are_those_of_counted_bits),
+        TEST(described_loads_are_those_of_counted_bits),
+        TEST(a_described_bus_has_its_protocol),
         TEST(fd_loads_are_those_of_the_protocol_study),
         TEST(inertial_boards_load_their_buses),
         TEST(one_inertial_board_where_the_robot_has_the_sensor),

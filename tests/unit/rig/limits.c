@@ -53,6 +53,8 @@ static const struct limit rig_limits[] = {
     {"motors.boot_s", 0, 60},
     {"buses[].name", 1, 63},
     {"buses[].interface", 1, 15},
+    {"protocol", 1, 400},
+    {"buses[].protocol", 1, 400},
     {"buses[].bitrate", 10e3, 1e6},
     {"buses[].data_bitrate", 10e3, 8e6},
     {"buses[].sample_point", 0.5, 0.95},

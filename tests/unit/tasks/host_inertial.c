@@ -36,7 +36,7 @@ static struct bench *open_host(enum host_personality personality, bool fd)
                                        .period_ns = 1000000};
 
     memset(&bench, 0, sizeof bench);
-    bus[0] = (struct host_bus){personality, fd};
+    bus[0] = (struct host_bus){.personality = personality, .fd = fd};
     bench.play[0] = personality == HOST_COMPACT ? play_compact : play_icub;
     bench_open(&bench, &config);
     return &bench;

@@ -40,6 +40,13 @@ void host_set_voltage(struct host *host, size_t axis, double volts)
     host->volts[axis] = volts;
 }
 
+void host_set_reference(struct host *host, size_t axis, double rad, double rad_s)
+{
+    assert_true(isfinite(rad) && isfinite(rad_s));
+    assert_non_null(host);
+    assert_true(axis < AXES);
+}
+
 static const struct host_axis axes[AXES] = {{.joint_ticks_per_rad = 1e6},
                                             {.joint_ticks_per_rad = 1e6}};
 static struct arena arena;

@@ -1,0 +1,258 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Buses with a described protocol: which boards and axes a frame is for. */
+#include "boards/described/private.h"
+
+#include "canbus/frame.h"
+
+_Static_assert(DESCRIBED_ADDRESS_MAX + 1 == BOARD_ADDRESSES, "an address of its bus");
+
+/* A frame that has arrived, with what it is. */
+struct described_arrival {
+    const struct described_frame *row;
+    const struct bus_frame *frame;
+    unsigned number;
+    enum board_verdict verdict;
+    struct board *listener;
+    int64_t values[FIELDS_MAX];
+};
+
+static const struct described_protocol *bus_protocol(const struct described_bus *bus)
+{
+    return bus->bus.config.described;
+}
+
+/* Whether what the frame asks for exists: states, laws, a period. */
+static bool described_values_exist(const struct described_protocol *protocol,
+                                   const struct described_arrival *a)
+{
+    for (size_t i = 0; i < a->row->nfield; i++) {
+        const struct described_field *field = &a->row->field[i];
+        double value;
+
+        switch (field->meaning) {
+        case DESCRIBED_STATE:
+            if (described_find_state(protocol->state, protocol->nstate, a->values[i], true) < 0) {
+                return false;
+            }
+            break;
+        case DESCRIBED_LAW:
+            if (described_find_state(protocol->law, protocol->nlaw, a->values[i], true) < 0) {
+                return false;
+            }
+            break;
+        case DESCRIBED_TELEMETRY_PERIOD:
+            value = described_value(described_layout(a->row, i), field, a->values[i]);
+            if (!(value >= 0.0 && value <= DESCRIBED_PERIOD_MAX_MS * 1e-3)) {
+                return false;
+            }
+            break;
+        default:
+            break;
+        }
+    }
+    return true;
+}
+
+/* The row that a frame is; NULL: no identifier of this protocol. */
+static bool described_identify(const struct described_protocol *protocol,
+                               struct described_arrival *a)
+{
+    bool remote = a->frame->flags & FRAME_REMOTE;
+
+    a->row = NULL;
+    for (size_t i = 0; i < protocol->nframe; i++) {
+        const struct described_frame *row = &protocol->frame[i];
+        enum described_match match;
+        unsigned number;
+
+        if (!row->from_host || row->remote != remote ||
+            !described_number(row, a->frame->id, &number)) {
+            continue;
+        }
+        match = described_match_data(row, a->frame->data, a->frame->len, a->values);
+        a->row = row;
+        a->number = number;
+        a->verdict = match == DESCRIBED_IS             ? BOARD_OBEYED
+                     : match == DESCRIBED_BAD_CONSTANT ? BOARD_UNKNOWN
+                                                       : BOARD_MALFORMED;
+        if (match == DESCRIBED_IS) {
+            if (!described_values_exist(protocol, a)) {
+                a->verdict = BOARD_MALFORMED;
+            }
+            return true;
+        }
+    }
+    return a->row;
+}
+
+/* Whether a field of the frame leaves an axis out. */
+static bool described_is_selected(const struct described_arrival *a, const struct board *board,
+                                  unsigned axis)
+{
+    unsigned slot = described_node_of(board)->first_slot + axis;
+
+    for (size_t i = 0; i < a->row->nfield && a->verdict != BOARD_MALFORMED; i++) {
+        switch (a->row->field[i].meaning) {
+        case DESCRIBED_SLOTS_MASK:
+            if (described_node_of(board)->axes == 0 || slot >= DESCRIBED_SLOTS ||
+                !(a->values[i] >> slot & 1)) {
+                return false;
+            }
+            break;
+        case DESCRIBED_ADDRESS:
+            if (a->values[i] != board->address) {
+                return false;
+            }
+            break;
+        case DESCRIBED_AXIS:
+            if (a->values[i] != axis) {
+                return false;
+            }
+            break;
+        default:
+            break;
+        }
+    }
+    return true;
+}
+
+static void described_obey_period(struct board *board, const struct described_arrival *a)
+{
+    int field = described_find_field(a->row, DESCRIBED_TELEMETRY_PERIOD);
+    int32_t period_ms = 0;
+
+    if (field >= 0) {
+        control_quantize(described_value(described_layout(a->row, (size_t)field),
+                                         &a->row->field[field], a->values[field]) *
+                             1e3,
+                         &period_ms);
+        described_node_set_period(described_node_of(board), period_ms);
+    }
+}
+
+/* A frame for axes of a board from first on; sensors have none and listen as one. */
+static void described_board_receive(struct board *board, unsigned first, unsigned count,
+                                    struct described_arrival *a)
+{
+    struct described_node *node = described_node_of(board);
+    bool replied = false, obeyed = false;
+
+    if (!(a->row->of & node->ops->kind)) {
+        return;
+    }
+    for (unsigned axis = first; axis < first + count; axis++) {
+        bool each;
+
+        if (!described_is_selected(a, board, axis)) {
+            continue;
+        }
+        a->listener = board;
+        board_hear(board);
+        if (a->verdict != BOARD_OBEYED) {
+            continue;
+        }
+        if (!obeyed) {
+            described_obey_period(board, a);
+            obeyed = true;
+        }
+        if (axis < node->axes) {
+            described_axis_obey(board, axis, a->row, a->values);
+        }
+
+        /* An answer by slot comes of each axis, others once a board */
+        each = a->row->reply[node->ops->kind >> 1] >= 0 &&
+               node->protocol->frame[a->row->reply[node->ops->kind >> 1]].by == DESCRIBED_BY_SLOT;
+        if (!replied || each) {
+            described_node_reply(node, axis, a->row, a->values);
+            replied = true;
+        }
+    }
+}
+
+/* One repetition after the other, each of the next slot. */
+static void described_bus_receive_group(struct described_bus *bus, struct described_arrival *a)
+{
+    const struct described_frame *row = a->row;
+    unsigned first = a->number * row->repeats;
+    unsigned count = (a->frame->len + row->length - 1u) / row->length;
+
+    for (unsigned k = 0; k < count && first + k < bus->slots; k++) {
+        struct board *board = &bus->slot[first + k].motor->node.board;
+
+        if (board_is_deaf(board)) {
+            continue;
+        }
+        if (a->verdict == BOARD_OBEYED) {
+            fields_decode(row->layout, a->frame->data + k * row->length, row->length, a->values);
+        }
+        described_board_receive(board, bus->slot[first + k].axis, 1, a);
+    }
+    if (count == 0 && first < bus->slots) {
+        a->listener = &bus->slot[first].motor->node.board;
+    }
+}
+
+static void described_bus_receive_all(struct described_bus *bus, struct described_arrival *a)
+{
+    for (unsigned address = 1; address < BOARD_ADDRESSES; address++) {
+        struct board *board = bus->bus.by_address[address];
+        bool meant = a->row->by == DESCRIBED_BY_NONE || a->number == address;
+
+        if (board && meant && !board_is_deaf(board)) {
+            unsigned axes = described_node_of(board)->axes;
+
+            described_board_receive(board, 0, axes ? axes : 1, a);
+        }
+    }
+}
+
+static void described_bus_receive(struct boards *boards, struct board_bus *of,
+                                  const struct bus_frame *frame)
+{
+    struct described_bus *bus = described_bus_of(of);
+    struct described_arrival a = {.frame = frame};
+
+    if (!described_identify(bus_protocol(bus), &a)) {
+        boards->counters.foreign++;
+        return;
+    }
+    if (a.row->by == DESCRIBED_BY_GROUP) {
+        described_bus_receive_group(bus, &a);
+    } else if (a.row->by == DESCRIBED_BY_SLOT) {
+        if (a.number < bus->slots && !board_is_deaf(&bus->slot[a.number].motor->node.board)) {
+            described_board_receive(&bus->slot[a.number].motor->node.board,
+                                    bus->slot[a.number].axis, 1, &a);
+        }
+    } else {
+        described_bus_receive_all(bus, &a);
+    }
+    boards_count_frame(boards, a.listener, a.verdict, frame);
+}
+
+/* The axes of a new motor board take the next slots. */
+static void described_bus_add_board(struct board_bus *bus, struct board *board)
+{
+    struct described_bus *described = described_bus_of(bus);
+
+    for (unsigned i = 0; i < board_config_axes(&board->config); i++) {
+        described->slot[described->slots++] =
+            (struct described_slot){.motor = described_motor_of(board), .axis = i};
+    }
+}
+
+static const struct board_bus_ops described_bus_ops = {
+    .add_board = described_bus_add_board,
+    .remote = true,
+    .receive = described_bus_receive,
+};
+
+struct board_bus *described_bus_create(struct arena *arena)
+{
+    struct described_bus *described = arena_alloc(arena, 1, sizeof *described);
+
+    if (!described) {
+        return NULL;
+    }
+    described->bus.ops = &described_bus_ops;
+    return &described->bus;
+}

@@ -1,0 +1,465 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Makes the table of a described protocol of its file: looks names up, lays fields out, checks. */
+#include "boards/described/load.h"
+
+#include "base/text.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum error_code described_no_memory(struct described_loader *l)
+{
+    return error_set(l->error, ERROR_MEMORY, "no memory left for the protocol \"%s\"",
+                     l->raw->name);
+}
+
+enum error_code described_check_word(struct described_loader *l, const struct yaml_mark *mark,
+                                     const char *word)
+{
+    static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ";
+    static const char all[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_";
+
+    if (strspn(word, letters) > 0 && strspn(word, all) == strlen(word)) {
+        return ERROR_NONE;
+    }
+    return yaml_error(l->error, mark,
+                      "found the name \"%.60s\", expected letters, digits and _ after a letter: it "
+                      "is one in DBC files too",
+                      word);
+}
+
+/* ---- states ---- */
+
+static enum error_code described_find_name(struct described_loader *l, const struct yaml_mark *mark,
+                                           const char *name, int *index)
+{
+    const char *names[DESCRIBED_STATES_MAX], *nearest;
+
+    for (size_t i = 0; i < l->made->nstate; i++) {
+        names[i] = l->made->state[i].name;
+        if (!strcmp(names[i], name)) {
+            *index = (int)i;
+            return ERROR_NONE;
+        }
+    }
+    nearest = text_nearest(name, names, l->made->nstate);
+    return yaml_error(l->error, mark, "found unknown state \"%s\", expected %s%s", name,
+                      nearest ? nearest : "one of the list", nearest ? "" : " \"states\"");
+}
+
+static enum error_code described_build_state(struct described_loader *l,
+                                             const struct raw_described_state *raw, bool of_laws,
+                                             struct described_state *made, size_t *count)
+{
+    bool open = raw->law == DESCRIBED_OFF || raw->law == DESCRIBED_FAULT;
+
+    for (size_t i = 0; i < *count; i++) {
+        if (!strcmp(made[i].name, raw->name)) {
+            return yaml_error(l->error, &raw->mark, "found the name \"%s\" again, expected another",
+                              raw->name);
+        }
+    }
+    if (of_laws && (open || raw->law == DESCRIBED_SELECTED)) {
+        return yaml_error(l->error, &raw->mark,
+                          "found a law that is off, fault or selected, expected one that drives");
+    }
+    if (raw->law == DESCRIBED_SELECTED && l->raw->nlaw == 0) {
+        return yaml_error(l->error, &raw->mark,
+                          "found law: selected without a list \"laws\", expected both or none");
+    }
+    if (raw->set_point_scale == 0.0) {
+        return yaml_error(l->error, &raw->mark, "found set_point_scale 0, expected another");
+    }
+    made[(*count)++] = (struct described_state){.name = raw->name,
+                                                .value = raw->value,
+                                                .law = (enum described_law)raw->law,
+                                                .set_point_scale = raw->set_point_scale,
+                                                .commanded = raw->law != DESCRIBED_FAULT};
+    return ERROR_NONE;
+}
+
+static enum error_code described_build_states(struct described_loader *l)
+{
+    struct described_protocol *made = l->made;
+    enum error_code code = ERROR_NONE;
+
+    if (l->raw->nstate > DESCRIBED_STATES_MAX || l->raw->nlaw > DESCRIBED_LAWS_MAX) {
+        return yaml_error(l->error, &l->raw->mark,
+                          "found %zu states and %zu laws, expected at most %d and %d",
+                          l->raw->nstate, l->raw->nlaw, DESCRIBED_STATES_MAX, DESCRIBED_LAWS_MAX);
+    }
+    for (size_t i = 0; i < l->raw->nstate && !code; i++) {
+        code = described_build_state(l, &l->raw->state[i], false, made->state, &made->nstate);
+    }
+    for (size_t i = 0; i < l->raw->nlaw && !code; i++) {
+        code = described_build_state(l, &l->raw->law[i], true, made->law, &made->nlaw);
+    }
+
+    /* Where an axis starts, and where it goes when it breaks */
+    made->off_state = made->fault_state = made->timeout_state = -1;
+    for (int i = (int)made->nstate - 1; i >= 0; i--) {
+        made->off_state = made->state[i].law == DESCRIBED_OFF ? i : made->off_state;
+        made->fault_state = made->state[i].law == DESCRIBED_FAULT ? i : made->fault_state;
+    }
+    if (!code && made->off_state < 0) {
+        return yaml_error(l->error, &l->raw->mark,
+                          "found no state with law: off, expected one: axes start in it");
+    }
+    if (made->fault_state < 0) {
+        made->fault_state = made->off_state;
+    }
+    if (!code && l->raw->timeout_state) {
+        code = described_find_name(l, &l->raw->timeout_state_mark, l->raw->timeout_state,
+                                   &made->timeout_state);
+    }
+    return code;
+}
+
+static enum error_code described_build_faults(struct described_loader *l)
+{
+    static const char *const words[DESCRIBED_FAULT_KINDS] = {
+        "under_voltage",  "over_voltage",  "over_current", "motor_encoder",
+        "link_encoder",   "torque_sensor", "temperature",  "stale",
+        "position_limit", "frames_lost",   "saturated",    "inertial_sensor",
+    };
+
+    for (int k = 0; k < DESCRIBED_FAULT_KINDS; k++) {
+        l->made->fault_bit[k] = -1;
+    }
+    for (size_t i = 0; i < l->raw->nfault; i++) {
+        const struct raw_described_fault *raw = &l->raw->fault[i];
+        const char *nearest;
+        int k = 0;
+
+        while (k < DESCRIBED_FAULT_KINDS && strcmp(words[k], raw->name) != 0) {
+            k++;
+        }
+        if (k == DESCRIBED_FAULT_KINDS) {
+            nearest = text_nearest(raw->name, words, DESCRIBED_FAULT_KINDS);
+            return yaml_error(l->error, &raw->mark, "found unknown fault \"%s\", expected %s",
+                              raw->name, nearest ? nearest : "one of docs/own_boards.md");
+        }
+        l->made->fault_bit[k] = (int)raw->bit;
+    }
+    return ERROR_NONE;
+}
+
+/* ---- frames ---- */
+
+static bool described_is_set_point(enum described_meaning meaning)
+{
+    return meaning >= DESCRIBED_SET_POINT && meaning <= DESCRIBED_TO_KD;
+}
+
+static unsigned described_most_numbers(const struct described_loader *l,
+                                       const struct described_frame *made)
+{
+    return made->by == DESCRIBED_BY_ADDRESS ? l->made->address_max
+           : made->by == DESCRIBED_BY_SLOT  ? DESCRIBED_SLOTS - 1u
+           : made->by == DESCRIBED_BY_GROUP && made->repeats > 0
+               ? (DESCRIBED_SLOTS - 1u) / made->repeats
+               : 0;
+}
+
+static enum error_code described_check_frame(struct described_loader *l,
+                                             const struct raw_described_frame *raw,
+                                             const struct described_frame *made)
+{
+    if (raw->step_given && raw->by != DESCRIBED_BY_ADDRESS) {
+        return yaml_error(l->error, &raw->step_mark,
+                          "found step, expected it with by: address only");
+    }
+    if (raw->by == DESCRIBED_BY_SLOT && raw->of_given && made->of != DESCRIBED_MOTOR) {
+        return yaml_error(l->error, &raw->of_mark,
+                          "found of beside by: slot, expected motor: only axes have slots");
+    }
+    if (described_id(made, made->most) > 0x7ff) {
+        return yaml_error(l->error, &raw->id_mark,
+                          "found ids up to 0x%x, expected them within 0x7ff: lower id, step or "
+                          "address_max",
+                          (unsigned)described_id(made, made->most));
+    }
+    if (made->from_host ? raw->telemetry || raw->period_given || raw->on_change || raw->on_restart
+                        : raw->reply || raw->enter || raw->zero || raw->remote) {
+        return yaml_error(l->error, &raw->mark,
+                          "found a key of frames from the %s in one from the %s: period_s, "
+                          "telemetry, on_change and on_restart are of boards, reply, enter, zero "
+                          "and remote of the host",
+                          made->from_host ? "board" : "host", made->from_host ? "host" : "board");
+    }
+    if (raw->telemetry && raw->period_given) {
+        return yaml_error(l->error, &raw->period_mark,
+                          "found period_s beside telemetry, expected one of them");
+    }
+    if (raw->period_given && fabs(raw->period_s * 1e3 - rint(raw->period_s * 1e3)) > 1e-9) {
+        return yaml_error(l->error, &raw->period_mark,
+                          "found a period of %.15g s, expected whole milliseconds", raw->period_s);
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code described_build_frame(struct described_loader *l,
+                                             const struct raw_described_frame *raw,
+                                             struct described_frame *made)
+{
+    enum error_code code;
+
+    *made = (struct described_frame){
+        .name = raw->name,
+        .from_host = raw->from == 1,
+        .remote = raw->remote,
+        .of = raw->of_given    ? (unsigned)raw->of
+              : raw->from == 1 ? DESCRIBED_ANY
+                               : DESCRIBED_MOTOR,
+        .by = (enum described_by)raw->by,
+        .base = (uint16_t)raw->id,
+        .step = (uint16_t)raw->step,
+        .period_ns = llround(raw->period_s * 1e3) * 1000000,
+        .spread_ms = (unsigned)llround(raw->spread_s * 1e3),
+        .telemetry = raw->telemetry,
+        .on_change = raw->on_change,
+        .on_restart = raw->on_restart,
+        .reply = {-1, -1, -1},
+        .enter = -1,
+        .zero = raw->zero,
+    };
+    code = described_check_word(l, &raw->mark, raw->name);
+    code = code ? code : described_lay_out(l, raw, made);
+    made->most = (uint8_t)described_most_numbers(l, made);
+    code = code ? code : described_check_frame(l, raw, made);
+    if (!code && raw->enter) {
+        code = described_find_name(l, &raw->enter_mark, raw->enter, &made->enter);
+    }
+
+    /* What it means for the boards as a whole */
+    for (size_t i = 0; i < made->nfield && !code; i++) {
+        enum described_meaning meaning = made->field[i].meaning;
+
+        made->commands = made->commands || described_is_set_point(meaning);
+        made->of_one = made->of_one || meaning == DESCRIBED_AXIS ||
+                       meaning == DESCRIBED_SLOTS_MASK || made->by >= DESCRIBED_BY_SLOT;
+        if (made->from_host) {
+            l->made->period_settable =
+                l->made->period_settable || meaning == DESCRIBED_TELEMETRY_PERIOD;
+        } else {
+            l->made->tells[meaning] = true;
+        }
+    }
+    return code;
+}
+
+static int described_frame_index(const struct described_protocol *made, const char *name,
+                                 bool from_host, unsigned kind)
+{
+    for (size_t i = 0; i < made->nframe; i++) {
+        if (made->frame[i].from_host == from_host && made->frame[i].of & kind &&
+            !strcmp(made->frame[i].name, name)) {
+            return (int)i;
+        }
+    }
+    return -1;
+}
+
+/* The fields that a reply echoes, of the frame that it answers. */
+static enum error_code described_link_echo(struct described_loader *l,
+                                           const struct raw_described_frame *raw,
+                                           const struct described_frame *request,
+                                           const struct described_frame *reply)
+{
+    for (size_t i = 0; i < reply->nfield; i++) {
+        struct described_field *echo = &reply->field[i];
+        const char *name = described_layout(reply, i)->name;
+        int64_t found = -1;
+
+        if (echo->meaning != DESCRIBED_ECHO) {
+            continue;
+        }
+        for (size_t j = 0; j < request->nfield; j++) {
+            if (!strcmp(described_layout(request, j)->name, name)) {
+                found = (int64_t)j;
+            }
+        }
+        if (found < 0 || (echo->constant >= 0 && echo->constant != found)) {
+            return yaml_error(l->error, &raw->reply_mark,
+                              "found reply \"%s\", whose field \"%s\" echoes one that this frame "
+                              "does not have, or has in another place than others so answered",
+                              raw->reply, name);
+        }
+        echo->constant = found;
+    }
+    return ERROR_NONE;
+}
+
+/* The answers, once all frames are known. */
+static enum error_code described_link_reply(struct described_loader *l, size_t index)
+{
+    const struct raw_described_frame *raw = &l->raw->frame[index];
+    struct described_frame *made = &l->made->frame[index];
+    enum error_code code = ERROR_NONE;
+    bool found = false;
+
+    for (unsigned k = 0; raw->reply && k < 3 && !code; k++) {
+        if (made->of >> k & 1) {
+            made->reply[k] = described_frame_index(l->made, raw->reply, false, 1u << k);
+        }
+        if (made->reply[k] >= 0) {
+            found = true;
+            code = described_link_echo(l, raw, made, &l->made->frame[made->reply[k]]);
+        }
+    }
+    if (!code && raw->reply && !found) {
+        return yaml_error(l->error, &raw->reply_mark,
+                          "found reply \"%s\", expected the name of a frame from the same boards",
+                          raw->reply);
+    }
+    return code;
+}
+
+/* A name is that of one frame, for each kind of board. */
+static enum error_code described_check_twins(struct described_loader *l, size_t a, size_t b)
+{
+    const struct described_frame *x = &l->made->frame[a], *y = &l->made->frame[b];
+
+    if (!strcmp(x->name, y->name) && x->from_host == y->from_host && x->of & y->of) {
+        return yaml_error(l->error, &l->raw->frame[b].mark,
+                          "found frame \"%s\" again, expected one of the name (line %d) for a kind "
+                          "of board",
+                          y->name, l->raw->frame[a].mark.line);
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code described_build_frames(struct described_loader *l)
+{
+    enum error_code code = ERROR_NONE;
+
+    if (l->raw->nframe == 0 || l->raw->nframe > DESCRIBED_FRAMES_MAX) {
+        return yaml_error(l->error, &l->raw->mark, "found %zu frames, expected 1 to %d",
+                          l->raw->nframe, DESCRIBED_FRAMES_MAX);
+    }
+    for (size_t i = 0; i < l->raw->nframe && !code; i++) {
+        code = described_build_frame(l, &l->raw->frame[i], &l->made->frame[i]);
+        l->made->nframe = i + 1;
+        for (size_t k = 0; k < i && !code; k++) {
+            code = described_check_twins(l, k, i);
+        }
+    }
+    for (size_t i = 0; i < l->raw->nframe && !code; i++) {
+        code = described_link_reply(l, i);
+    }
+    return code;
+}
+
+/* ---- the host ---- */
+
+static enum error_code described_build_list(struct described_loader *l,
+                                            const struct yaml_name *name, size_t count,
+                                            struct described_list *list)
+{
+    for (size_t i = 0; i < count; i++) {
+        int frame = described_frame_index(l->made, name[i].name, true, DESCRIBED_ANY);
+
+        if (frame < 0 || list->count == DESCRIBED_LIST_MAX) {
+            return yaml_error(l->error, &name[i].mark,
+                              "found \"%s\", expected the name of a frame from the host, at most "
+                              "%d of them",
+                              name[i].name, DESCRIBED_LIST_MAX);
+        }
+        list->frame[list->count++] = (uint8_t)frame;
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code described_build_host(struct described_loader *l)
+{
+    const struct raw_described_host *raw = &l->raw->host;
+    struct described_protocol *made = l->made;
+    enum error_code code =
+        described_build_list(l, raw->discover, raw->ndiscover, &made->host.discover);
+
+    code = code ? code
+                : described_build_list(l, raw->configure, raw->nconfigure, &made->host.configure);
+    code = code ? code : described_build_list(l, raw->on, raw->non, &made->host.on);
+    code = code ? code : described_build_list(l, raw->off, raw->noff, &made->host.off);
+    code = code ? code : described_build_list(l, raw->command, raw->ncommand, &made->host.command);
+
+    /* States to be commanded: the first that drives, the first that does not */
+    made->host.off_state = made->host.on_state = made->off_state;
+    for (int i = (int)made->nstate - 1; i >= 0; i--) {
+        if (made->state[i].law != DESCRIBED_OFF && made->state[i].law != DESCRIBED_FAULT) {
+            made->host.on_state = i;
+        }
+    }
+    if (!code && raw->on_state) {
+        code = described_find_name(l, &raw->on_state_mark, raw->on_state, &made->host.on_state);
+    }
+    if (!code && raw->off_state) {
+        code = described_find_name(l, &raw->off_state_mark, raw->off_state, &made->host.off_state);
+    }
+    return code;
+}
+
+/* ---- all ---- */
+
+static enum error_code described_build(struct described_loader *l)
+{
+    const struct raw_described *raw = l->raw;
+    enum error_code code;
+
+    *l->made = (struct described_protocol){
+        .name = raw->name,
+        .description = raw->description,
+        .axes = (unsigned)raw->axes,
+        .address_max = (unsigned)raw->address_max,
+        .command_timeout_ns = llround(raw->command_timeout_s * 1e9),
+        .position_per_s = raw->gains.position_per_s,
+        .velocity_nm_s_rad = raw->gains.velocity_nm_s_rad,
+        .velocity_nm_rad = raw->gains.velocity_nm_rad,
+    };
+    if (strspn(raw->name, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") !=
+        strlen(raw->name)) {
+        return yaml_error(l->error, &raw->mark,
+                          "found the name \"%.60s\", expected letters, digits, _ and -", raw->name);
+    }
+    code = described_build_states(l);
+    code = code ? code : described_build_faults(l);
+    code = code ? code : described_build_frames(l);
+    return code ? code : described_build_host(l);
+}
+
+static enum error_code described_compile(const struct raw_described *raw, struct arena *arena,
+                                         const struct described_protocol **protocol,
+                                         struct error *error)
+{
+    struct described_loader l = {
+        .raw = raw,
+        .made = arena_alloc(arena, 1, sizeof *l.made),
+        .arena = arena,
+        .error = error,
+    };
+
+    *protocol = l.made;
+    return l.made ? described_build(&l) : described_no_memory(&l);
+}
+
+enum error_code described_load(const char *path, struct arena *arena,
+                               const struct described_protocol **protocol, struct error *error)
+{
+    struct raw_described raw;
+    enum error_code code = yaml_read_file(path, &described_file_schema, arena, &raw, error);
+
+    return code ? code : described_compile(&raw, arena, protocol, error);
+}
+
+enum error_code described_read_text(const char *name, const char *text, size_t size,
+                                    struct arena *arena, const struct described_protocol **protocol,
+                                    struct error *error)
+{
+    struct raw_described raw;
+    enum error_code code =
+        yaml_read_text(name, text, size, &described_file_schema, arena, &raw, error);
+
+    return code ? code : described_compile(&raw, arena, protocol, error);
+}

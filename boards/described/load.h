@@ -1,0 +1,27 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the parts of the loader of protocol files share: load.c looks names up and checks frames,
+ * load_fields.c lays their fields out. Not RT-safe. */
+#ifndef BOARDS_DESCRIBED_LOAD_H
+#define BOARDS_DESCRIBED_LOAD_H
+
+#include "boards/described/protocol.h"
+#include "boards/described/schema.h"
+
+struct described_loader {
+    const struct raw_described *raw;
+    struct described_protocol *made;
+    struct arena *arena;
+    struct error *error;
+};
+
+enum error_code described_no_memory(struct described_loader *l);
+
+/* A name that tools can take: letters, digits and _, after a letter. */
+enum error_code described_check_word(struct described_loader *l, const struct yaml_mark *mark,
+                                     const char *word);
+
+/* The fields of a frame: its layout, length and repetition. */
+enum error_code described_lay_out(struct described_loader *l, const struct raw_described_frame *raw,
+                                  struct described_frame *made);
+
+#endif

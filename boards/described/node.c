@@ -1,0 +1,284 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What every board of a described protocol has: its telemetry period, its frames, its answers. */
+#include "boards/described/private.h"
+
+#include <string.h>
+
+/* ---- power-up ---- */
+
+static void described_node_find_slot(struct described_node *node)
+{
+    const struct described_bus *bus = described_bus_of(node->board.bus);
+    unsigned slot = 0;
+
+    while (slot < bus->slots && &bus->slot[slot].motor->node != node) {
+        slot++;
+    }
+    node->first_slot = slot < bus->slots ? slot : 0;
+}
+
+bool described_node_power_up(struct described_node *node)
+{
+    const struct board_config *config = &node->board.config;
+    int64_t period_ms = config->period_ns > 0 ? config->period_ns / MS : 1;
+    bool first = !node->powered;
+
+    /* A period that the host sets is 0 until it has, unless the rig has it otherwise */
+    node->protocol = node->board.bus->config.described;
+    node->axes = board_config_axes(config);
+    node->powered = true;
+    node->started_ns = node->board.boards->now_ns;
+    node->sequence = 0;
+    for (unsigned axis = 0; axis < DESCRIBED_AXES; axis++) {
+        for (size_t i = 0; i < DESCRIBED_FRAMES_MAX; i++) {
+            node->report[axis][i] = (struct described_report){.state = node->protocol->off_state};
+        }
+    }
+    described_node_find_slot(node);
+    described_node_set_period(
+        node, node->protocol->period_settable && !config->transmit_at_start ? 0 : period_ms);
+    return first;
+}
+
+void described_node_set_period(struct described_node *node, int64_t period_ms)
+{
+    node->telemetry_ms = period_ms;
+    node->next_ns = node->board.boards->now_ns + period_ms * MS;
+}
+
+static bool described_node_due(struct described_node *node)
+{
+    int64_t period_ns = node->telemetry_ms * MS;
+    int64_t late = node->board.boards->now_ns - node->next_ns;
+
+    if (period_ns == 0 || late < 0) {
+        return false;
+    }
+    node->next_ns += (late / period_ns + 1) * period_ns;
+    return true;
+}
+
+/* ---- frames ---- */
+
+static uint32_t described_node_faults(const struct described_node *node, unsigned axis)
+{
+    return node->ops->faults(node, axis);
+}
+
+/* Counts that wrap where others saturate. */
+static int64_t described_wrap(const struct field *layout, uint32_t count)
+{
+    unsigned bits = layout->type & FIELD_BITS_MASK;
+
+    return bits < 32 ? count & ((UINT32_C(1) << bits) - 1) : count;
+}
+
+static int64_t described_echo(const struct described_frame *request, const int64_t *values,
+                              int64_t field)
+{
+    return request && field >= 0 && (size_t)field < request->nfield ? values[field] : 0;
+}
+
+/* The count of a field of a frame about an axis, as an answer when request is one. */
+static int64_t described_node_count(const struct described_node *node, unsigned axis,
+                                    const struct field *layout, const struct described_field *field,
+                                    const struct described_frame *request, const int64_t *values)
+{
+    const struct described_protocol *protocol = node->protocol;
+    double value = 0.0;
+    int64_t count = 0;
+
+    switch (field->meaning) {
+    case DESCRIBED_NOTHING:
+        return 0;
+    case DESCRIBED_CONSTANT:
+        return field->constant;
+    case DESCRIBED_ECHO:
+        return described_echo(request, values, field->constant);
+    case DESCRIBED_ADDRESS:
+        return node->board.address;
+    case DESCRIBED_AXIS:
+        return axis;
+    case DESCRIBED_SLOT:
+        return node->first_slot + axis;
+    case DESCRIBED_FIRST_SLOT:
+        return node->first_slot;
+    case DESCRIBED_AXES_COUNT:
+        return node->axes;
+    case DESCRIBED_STATE:
+        return protocol->state[node->ops->state(node, axis)].value;
+    case DESCRIBED_FAULTS:
+        return described_fault_bits(protocol, described_node_faults(node, axis));
+    case DESCRIBED_FAULTY:
+        return (described_node_faults(node, axis) & DESCRIBED_FATAL) != 0;
+    case DESCRIBED_SEQUENCE:
+        return described_wrap(layout, node->sequence);
+    case DESCRIBED_SUPPLY:
+        return described_count(layout, field, node->supply_v);
+    case DESCRIBED_UPTIME:
+        return described_count(layout, field,
+                               (double)(node->board.boards->now_ns - node->started_ns) * 1e-9);
+    case DESCRIBED_TELEMETRY_PERIOD:
+        return described_count(layout, field, (double)node->telemetry_ms * 1e-3);
+    default:
+        break;
+    }
+    if (!node->ops->source(node, axis, field, &value, &count)) {
+        return described_count(layout, field, value);
+    }
+    return field->meaning == DESCRIBED_COMMANDS ? described_wrap(layout, (uint32_t)count) : count;
+}
+
+static void described_node_fill(const struct described_node *node, unsigned axis,
+                                const struct described_frame *frame,
+                                const struct described_frame *request, const int64_t *values,
+                                uint8_t *data)
+{
+    int64_t counts[FIELDS_MAX] = {0};
+    const struct field *layout = frame->layout;
+
+    /* A frame that tells of several axes says with each field which */
+    for (size_t i = 0; i < frame->nfield; layout++) {
+        if (!(layout->type & FIELD_PADDING)) {
+            unsigned of = axis + frame->field[i].axis;
+
+            if (of < node->axes || of == 0) {
+                counts[i] =
+                    described_node_count(node, of, layout, &frame->field[i], request, values);
+            }
+            i++;
+        }
+    }
+    fields_encode(frame->layout, counts, data);
+}
+
+static uint32_t described_node_id(const struct described_node *node, unsigned axis,
+                                  const struct described_frame *frame)
+{
+    return described_id(frame, frame->by == DESCRIBED_BY_ADDRESS ? node->board.address
+                               : frame->by == DESCRIBED_BY_SLOT  ? node->first_slot + axis
+                                                                 : 0);
+}
+
+void described_node_reply(struct described_node *node, unsigned axis,
+                          const struct described_frame *request, const int64_t *values)
+{
+    unsigned kind = node->ops->kind >> 1; /* 0, 1, 2 */
+    const struct described_frame *frame;
+    uint8_t data[DESCRIBED_LENGTH_MAX] = {0};
+
+    if (request->reply[kind] >= 0) {
+        frame = &node->protocol->frame[request->reply[kind]];
+        described_node_fill(node, axis, frame, request, values, data);
+        board_queue(&node->board, described_node_id(node, axis, frame), frame->length, data);
+    }
+}
+
+void described_node_announce(struct described_node *node)
+{
+    for (size_t i = 0; i < node->protocol->nframe; i++) {
+        const struct described_frame *frame = &node->protocol->frame[i];
+        unsigned count = frame->by == DESCRIBED_BY_SLOT ? node->axes : 1;
+        uint8_t data[DESCRIBED_LENGTH_MAX] = {0};
+
+        for (unsigned axis = 0; frame->on_restart && frame->of & node->ops->kind && axis < count;
+             axis++) {
+            described_node_fill(node, axis, frame, NULL, NULL, data);
+            board_queue(&node->board, described_node_id(node, axis, frame), frame->length, data);
+        }
+    }
+}
+
+/* ---- periodic frames ---- */
+
+/* On the grid of a period, so many milliseconds after its beginning. */
+static bool described_grid_due(struct ms_span span, int64_t period_ms, int64_t after_ms)
+{
+    int64_t shift = 2 * period_ms - 1 - after_ms % period_ms;
+
+    return (span.to + shift) / period_ms > (span.from + shift) / period_ms;
+}
+
+static void described_node_send(struct described_node *node, unsigned axis, size_t index,
+                                struct frame_sink *sink)
+{
+    const struct described_frame *frame = &node->protocol->frame[index];
+    uint8_t data[DESCRIBED_LENGTH_MAX] = {0};
+
+    node->report[axis][index] =
+        (struct described_report){node->ops->state(node, axis), described_node_faults(node, axis)};
+    described_node_fill(node, axis, frame, NULL, NULL, data);
+    board_send(&node->board, sink, described_node_id(node, axis, frame), frame->length, data);
+}
+
+static bool described_node_has_changed(const struct described_node *node, unsigned axis,
+                                       size_t index)
+{
+    const struct described_report *report = &node->report[axis][index];
+
+    return report->state != node->ops->state(node, axis) ||
+           report->faults != described_node_faults(node, axis);
+}
+
+/* The telemetry, or all others that are due. */
+static void described_node_send_due(struct described_node *node, struct ms_span span,
+                                    bool telemetry, struct frame_sink *sink)
+{
+    for (size_t i = 0; i < node->protocol->nframe; i++) {
+        const struct described_frame *frame = &node->protocol->frame[i];
+        unsigned count = frame->by == DESCRIBED_BY_SLOT ? node->axes : 1;
+
+        if (frame->from_host || !(frame->of & node->ops->kind) || frame->telemetry != telemetry) {
+            continue;
+        }
+        for (unsigned axis = 0; axis < count; axis++) {
+            int64_t number =
+                frame->by == DESCRIBED_BY_SLOT ? node->first_slot + axis : node->board.address;
+            bool due = telemetry ||
+                       (frame->period_ns > 0 && described_grid_due(span, frame->period_ns / MS,
+                                                                   number * frame->spread_ms)) ||
+                       (frame->on_change && described_node_has_changed(node, axis, i));
+
+            if (due) {
+                described_node_send(node, axis, i, sink);
+            }
+        }
+    }
+}
+
+/* Whether frames that tell of changes have told of lost frames, for each axis. */
+static bool described_node_has_told_overflow(const struct described_node *node)
+{
+    bool told = false;
+
+    for (size_t i = 0; i < node->protocol->nframe; i++) {
+        const struct described_frame *frame = &node->protocol->frame[i];
+        unsigned count = frame->by == DESCRIBED_BY_SLOT ? node->axes : 1;
+
+        if (!frame->on_change || !(frame->of & node->ops->kind)) {
+            continue;
+        }
+        for (unsigned axis = 0; axis < count; axis++) {
+            told = node->report[axis][i].faults >> DESCRIBED_OVERFLOW & 1;
+            if (!told) {
+                return false;
+            }
+        }
+    }
+    return told;
+}
+
+void described_node_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
+{
+    struct described_node *node = described_node_of(board);
+    bool lost = board->lost_in_status;
+
+    if (described_node_due(node)) {
+        described_node_send_due(node, span, true, sink);
+        node->sequence++;
+    }
+    described_node_send_due(node, span, false, sink);
+    if (lost && described_node_has_told_overflow(node)) {
+        board->lost_in_status = board->lost_in_overflow = false;
+    }
+}

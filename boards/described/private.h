@@ -1,0 +1,144 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What the boards of a described protocol share: the table, telemetry and replies; and the state of
+ * motor boards. RT-safe but for what creates.
+ */
+#ifndef BOARDS_DESCRIBED_PRIVATE_H
+#define BOARDS_DESCRIBED_PRIVATE_H
+
+#include "boards/board_private.h"
+#include "boards/described/board.h"
+#include "boards/described/protocol.h"
+#include "boards/motor_control.h"
+
+struct described_motor;
+
+/* Which axis stands behind a slot. */
+struct described_slot {
+    struct described_motor *motor;
+    unsigned axis;
+};
+
+struct described_bus {
+    struct board_bus bus;
+    struct described_slot slot[DESCRIBED_SLOTS];
+    unsigned slots;
+};
+
+struct described_node;
+
+/* A kind of node beyond what every board has. */
+struct described_node_ops {
+    unsigned kind; /* enum described_kind */
+    /* What a field of an axis, 0 where there are none, is to carry: as a value in its unit, or as a
+     * count (return true). */
+    bool (*source)(const struct described_node *node, unsigned axis,
+                   const struct described_field *field, double *value, int64_t *count);
+    uint32_t (*faults)(const struct described_node *node, unsigned axis);
+    int (*state)(const struct described_node *node, unsigned axis);
+};
+
+/* What an axis, or a sensor, was when a frame last told of it. */
+struct described_report {
+    int state;
+    uint32_t faults;
+};
+
+struct described_node {
+    struct board board;
+    const struct described_node_ops *ops;
+    const struct described_protocol *protocol;
+    unsigned axes, first_slot; /* axes: 0 of sensors */
+    bool powered;
+    int64_t telemetry_ms, started_ns, next_ns;
+    double supply_v;
+    uint32_t sequence; /* telemetry periods so far */
+    struct described_report report[DESCRIBED_AXES][DESCRIBED_FRAMES_MAX];
+};
+
+static inline struct described_bus *described_bus_of(const struct board_bus *bus)
+{
+    return container_of(bus, struct described_bus, bus);
+}
+
+/* Any board of a described bus is one. */
+static inline struct described_node *described_node_of(const struct board *board)
+{
+    return container_of(board, struct described_node, board);
+}
+
+/* ---- node.c ---- */
+
+/* Settings of the first power-up, or none of before. Returns true at the first. */
+bool described_node_power_up(struct described_node *node);
+
+/* After a restart: frames that say so. */
+void described_node_announce(struct described_node *node);
+
+/* Periodic frames. */
+void described_node_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
+
+/* Queues the frame that answers request, whose counts are values. */
+void described_node_reply(struct described_node *node, unsigned axis,
+                          const struct described_frame *request, const int64_t *values);
+
+/* From now on telemetry comes so often; 0 = never. */
+void described_node_set_period(struct described_node *node, int64_t period_ms);
+
+/* ---- motor boards ---- */
+
+enum { DESCRIBED_TARGETS = DESCRIBED_TO_KD - DESCRIBED_SET_POINT + 1 };
+
+struct described_axis {
+    int state, law;                   /* law: that the host has selected */
+    uint32_t latched;                 /* faults that have opened the bridge */
+    uint32_t faults;                  /* these and the present ones */
+    double target[DESCRIBED_TARGETS]; /* by meaning from DESCRIBED_SET_POINT on; SI */
+    int64_t command_ns;
+    uint32_t commands;      /* taken */
+    double kp_v_a, ki_v_as; /* of the current loop; 0: the rig says nothing of the winding */
+    double integral_v, integral_nm, overload_ms, voltage_v;
+    double motor_rad, link_rad, before_rad, velocity_rad_s, zero_rad;
+    double current_a, torque_nm;
+    int32_t temperature_c;
+    bool bad_motor, bad_link, bad_torque;
+};
+
+struct described_motor {
+    struct described_node node;
+    struct described_axis axis[DESCRIBED_AXES];
+    int64_t sampled_ms;
+    bool started;
+};
+
+static inline struct described_motor *described_motor_of(const struct board *board)
+{
+    return container_of(board, struct described_motor, node.board);
+}
+
+static inline unsigned described_axis_index(const struct board *board,
+                                            const struct described_axis *axis)
+{
+    return (unsigned)(axis - described_motor_of(board)->axis);
+}
+
+/* The law in force. */
+enum described_law described_axis_law(const struct described_protocol *protocol,
+                                      const struct described_axis *axis);
+
+static inline bool described_law_drives(enum described_law law)
+{
+    return law != DESCRIBED_OFF && law != DESCRIBED_FAULT;
+}
+
+/* A host's frame, whose counts are values and which has been checked, for an axis. */
+void described_axis_obey(struct board *board, unsigned axis, const struct described_frame *frame,
+                         const int64_t *values);
+
+/* One millisecond of an axis: its bridge voltage (laws.c). */
+void described_axis_step(const struct board *board, struct described_axis *axis);
+
+/* Forgets set-points, integrals and overload. */
+void described_axis_forget(const struct board *board, struct described_axis *axis);
+
+#endif

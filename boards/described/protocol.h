@@ -1,0 +1,265 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A protocol that a file describes (docs/own_boards.md): its frames with their fields, the states
+ * of an axis and what our host has to send. The table is read once (described_load) and immutable
+ * from then on; boards, host, DBC and `coman-hil protocol` all work from it. Classic CAN, 11-bit
+ * identifiers.
+ *
+ * Units: SI, angles at the link side of the gear. What a field carries is value = count * scale +
+ * offset in the unit of its meaning. Memory is the arena's of described_load. RT-safe but for
+ * described_load and described_read_text.
+ */
+#ifndef BOARDS_DESCRIBED_PROTOCOL_H
+#define BOARDS_DESCRIBED_PROTOCOL_H
+
+#include "base/arena.h"
+#include "base/error.h"
+#include "boards/field.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum {
+    DESCRIBED_FRAMES_MAX = 32,
+    DESCRIBED_STATES_MAX = 16,
+    DESCRIBED_LAWS_MAX = 8,
+    DESCRIBED_LIST_MAX = 8, /* frames of one step of the host */
+    DESCRIBED_ADDRESS_MAX = 31,
+    DESCRIBED_SLOTS = 32, /* axes of a bus */
+    DESCRIBED_AXES = 4,   /* of a motor board at most */
+    DESCRIBED_LENGTH_MAX = 8,
+    DESCRIBED_PERIOD_MAX_MS = 255, /* of telemetry that a host may ask for */
+};
+
+/* What the number in an identifier counts: id = base + step * number. */
+enum described_by {
+    DESCRIBED_BY_NONE,
+    DESCRIBED_BY_ADDRESS,
+    DESCRIBED_BY_SLOT,  /* the axes of a bus, numbered through in the order of the rig */
+    DESCRIBED_BY_GROUP, /* of as many slots as the frame repeats its fields */
+};
+
+/* The boards that send a frame, or listen to it; bits. */
+enum described_kind {
+    DESCRIBED_MOTOR = 1 << 0,
+    DESCRIBED_FT = 1 << 1,
+    DESCRIBED_INERTIAL = 1 << 2,
+    DESCRIBED_ANY = DESCRIBED_MOTOR | DESCRIBED_FT | DESCRIBED_INERTIAL,
+};
+
+/* What an axis does in a state. */
+enum described_law {
+    DESCRIBED_OFF, /* bridge open; the way out of a fault */
+    DESCRIBED_VOLTAGE,
+    DESCRIBED_CURRENT,
+    DESCRIBED_TORQUE,
+    DESCRIBED_VELOCITY,
+    DESCRIBED_POSITION,
+    DESCRIBED_IMPEDANCE, /* torque = kp (p* - p) + kd (v* - v) + torque* */
+    DESCRIBED_FAULT,     /* bridge open until OFF is commanded */
+    DESCRIBED_SELECTED,  /* of a state: the law that the host has selected */
+};
+
+/* What a field means. Targets are what a host says, sources what a board tells. */
+enum described_meaning {
+    DESCRIBED_NOTHING,
+    DESCRIBED_CONSTANT, /* part of what makes the frame this one */
+    /* selection of axes */
+    DESCRIBED_SLOTS_MASK,
+    DESCRIBED_ADDRESS,
+    DESCRIBED_AXIS,
+    /* both ways */
+    DESCRIBED_STATE,
+    DESCRIBED_LAW,
+    DESCRIBED_TELEMETRY_PERIOD, /* s */
+    /* targets */
+    DESCRIBED_SET_POINT, /* in the unit of the state's law, by the state's set_point_scale */
+    DESCRIBED_TO_VOLTAGE,
+    DESCRIBED_TO_DUTY,
+    DESCRIBED_TO_CURRENT,
+    DESCRIBED_TO_TORQUE,
+    DESCRIBED_TO_VELOCITY,
+    DESCRIBED_TO_POSITION,
+    DESCRIBED_TO_KP,
+    DESCRIBED_TO_KD,
+    /* sources: of an axis */
+    DESCRIBED_MOTOR_POSITION,
+    DESCRIBED_LINK_POSITION,
+    DESCRIBED_DEFLECTION, /* counts of motor position less counts of link position */
+    DESCRIBED_MOTOR_VELOCITY,
+    DESCRIBED_AXIS_CURRENT,
+    DESCRIBED_AXIS_TORQUE,  /* of the spring, measured */
+    DESCRIBED_DRIVE_TORQUE, /* of the motor: current times torque constant */
+    DESCRIBED_AXIS_VOLTAGE,
+    DESCRIBED_AXIS_DUTY,
+    DESCRIBED_COMMANDS, /* set-points taken */
+    DESCRIBED_SLOT,
+    /* of a board */
+    DESCRIBED_FAULTS,
+    DESCRIBED_FAULTY, /* 1: a fault has opened the bridge or would */
+    DESCRIBED_SUPPLY,
+    DESCRIBED_TEMPERATURE,
+    DESCRIBED_SEQUENCE, /* telemetry periods so far */
+    DESCRIBED_UPTIME,
+    DESCRIBED_FIRST_SLOT,
+    DESCRIBED_AXES_COUNT,
+    DESCRIBED_ECHO, /* of the answered frame's field of that name */
+    /* of a sensor: channels from here on */
+    DESCRIBED_SATURATED,
+    DESCRIBED_CHANNEL,
+    DESCRIBED_FT_CHANNEL = DESCRIBED_CHANNEL, /* force x y z, moment x y z */
+    DESCRIBED_ACCELERATION = DESCRIBED_FT_CHANNEL + 6,
+    DESCRIBED_RATE = DESCRIBED_ACCELERATION + 3,
+    DESCRIBED_QUATERNION = DESCRIBED_RATE + 3,
+    DESCRIBED_MAGNETIC = DESCRIBED_QUATERNION + 4,
+    DESCRIBED_EULER = DESCRIBED_MAGNETIC + 3,
+    DESCRIBED_MEANINGS = DESCRIBED_EULER + 3,
+};
+
+/* Faults that boards notice, in the order of their own bits; a protocol gives each a bit or none.
+ */
+enum described_fault {
+    DESCRIBED_UNDER_VOLTAGE,
+    DESCRIBED_OVER_VOLTAGE,
+    DESCRIBED_OVER_CURRENT,
+    DESCRIBED_MOTOR_ENCODER,
+    DESCRIBED_LINK_ENCODER,
+    DESCRIBED_TORQUE_SENSOR,
+    DESCRIBED_OVER_TEMPERATURE,
+    DESCRIBED_STALE,    /* no command for the time-out */
+    DESCRIBED_LIMIT,    /* beyond a position limit */
+    DESCRIBED_OVERFLOW, /* frames were lost */
+    DESCRIBED_CHANNEL_SATURATED,
+    DESCRIBED_INERTIAL_SENSOR,
+    DESCRIBED_FAULT_KINDS,
+    DESCRIBED_FATAL = (1 << DESCRIBED_STALE) - 1, /* these open the bridge */
+};
+
+/* "under-voltage", ... by enum described_fault; NULL from there on */
+extern const char *const described_fault_names[32];
+
+struct described_field {
+    enum described_meaning meaning;
+    int64_t constant; /* count of DESCRIBED_CONSTANT; field of the request of DESCRIBED_ECHO */
+    double scale, offset;
+    double host;  /* what our host sends where it has nothing better */
+    uint8_t axis; /* of the board, where a frame tells of several */
+};
+
+struct described_frame {
+    const char *name;
+    bool from_host, remote;
+    unsigned of; /* enum described_kind */
+    enum described_by by;
+    uint16_t base, step;
+    uint8_t most;   /* number */
+    uint8_t length; /* without repetition */
+    uint8_t repeats;
+    size_t nfield;
+    const struct field *layout;    /* with gaps as padding, ends with FIELD_END */
+    struct described_field *field; /* those of layout without padding */
+
+    /* From boards */
+    int64_t period_ns;  /* 0: as below */
+    unsigned spread_ms; /* of the period's grid: that many times the number later */
+    bool telemetry;     /* every telemetry period, of the rig or the host */
+    bool on_change;     /* also when the state or the faults change */
+    bool on_restart;
+
+    /* From the host */
+    int reply[3];  /* by kind of board: the frame that answers; -1: none */
+    int enter;     /* state; -1: none */
+    bool zero;     /* the present position becomes 0 */
+    bool commands; /* carries a set-point, which the time-out waits for */
+    bool of_one;   /* by slot, or by a field that selects: all fields are about one axis */
+};
+
+struct described_state {
+    const char *name;
+    int64_t value;
+    enum described_law law;
+    double set_point_scale;
+    bool commanded; /* a host may command it by its value */
+};
+
+struct described_list {
+    size_t count;
+    uint8_t frame[DESCRIBED_LIST_MAX];
+};
+
+struct described_protocol {
+    const char *name, *description;
+    unsigned axes; /* of a motor board at most */
+    unsigned address_max;
+    size_t nframe, nstate, nlaw;
+    struct described_frame frame[DESCRIBED_FRAMES_MAX];
+    struct described_state state[DESCRIBED_STATES_MAX];
+    struct described_state law[DESCRIBED_LAWS_MAX]; /* that a host may select; the first at first */
+    int off_state, fault_state;                     /* after power-up; after a fault */
+    int fault_bit[DESCRIBED_FAULT_KINDS];           /* -1: not reported */
+    int64_t command_timeout_ns;                     /* 0: as the rig says */
+    int timeout_state;                              /* -1: set-points become 0, the state stays */
+    bool period_settable;           /* telemetry waits for a host that sets its period */
+    bool tells[DESCRIBED_MEANINGS]; /* some frame of the boards has it */
+    double position_per_s, velocity_nm_s_rad, velocity_nm_rad; /* gains of the inner laws */
+
+    struct {
+        struct described_list discover, configure, on, off, command;
+        int on_state, off_state;
+    } host;
+};
+
+/* Reads a file; errors begin with file:line:column. Not RT-safe. */
+enum error_code described_load(const char *path, struct arena *arena,
+                               const struct described_protocol **protocol, struct error *error);
+
+/* The same from memory; name stands for the file. Not RT-safe. */
+enum error_code described_read_text(const char *name, const char *text, size_t size,
+                                    struct arena *arena, const struct described_protocol **protocol,
+                                    struct error *error);
+
+/* Unit of a meaning; "" = a bare number. */
+const char *described_unit(enum described_meaning meaning);
+
+/* Bits that a host reads as faults, as bits of enum described_fault, and the other way. */
+uint32_t described_known_faults(const struct described_protocol *protocol, int64_t bits);
+int64_t described_fault_bits(const struct described_protocol *protocol, uint32_t faults);
+
+/* The count of a field for a value, within the field; a float's bits. What is no number is 0. */
+int64_t described_count(const struct field *layout, const struct described_field *field,
+                        double value);
+double described_value(const struct field *layout, const struct described_field *field,
+                       int64_t count);
+
+/* The entry of a layout of a field, padding aside. */
+const struct field *described_layout(const struct described_frame *frame, size_t field);
+
+static inline uint32_t described_id(const struct described_frame *frame, unsigned number)
+{
+    return frame->base + (uint32_t)frame->step * number;
+}
+
+/* Whether an identifier is one of a frame, and its number. */
+bool described_number(const struct described_frame *frame, uint32_t id, unsigned *number);
+
+/* How far a frame on the bus is this one. */
+enum described_match {
+    DESCRIBED_OTHER,
+    DESCRIBED_BAD_LENGTH,
+    DESCRIBED_BAD_CONSTANT,
+    DESCRIBED_IS
+};
+
+/* Compares all but the identifier; values receives FIELDS_MAX counts of the first repetition. */
+enum described_match described_match_data(const struct described_frame *frame, const uint8_t *data,
+                                          uint8_t len, int64_t *values);
+
+/* The state with a value, that a host may command when commanded; -1 = none. */
+int described_find_state(const struct described_state *state, size_t count, int64_t value,
+                         bool commanded);
+
+/* The index of a field with a meaning; -1 = none. */
+int described_find_field(const struct described_frame *frame, enum described_meaning meaning);
+
+#endif

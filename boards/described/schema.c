@@ -1,0 +1,272 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The keys of a protocol file: names, types, ranges and defaults, in tables for base/yaml.h. */
+#include "boards/described/schema.h"
+
+#include "base/count.h"
+#include "boards/described/protocol.h"
+
+#include <float.h>
+
+#define AT(member) offsetof(struct STRUCT, member)
+
+static const struct yaml_enum type_names[] = {{"unsigned", RAW_DESCRIBED_UNSIGNED},
+                                              {"signed", RAW_DESCRIBED_SIGNED},
+                                              {"float", RAW_DESCRIBED_FLOAT},
+                                              {NULL, 0}};
+static const struct yaml_enum order_names[] = {{"little", 0}, {"big", 1}, {NULL, 0}};
+static const struct yaml_enum from_names[] = {{"board", 0}, {"host", 1}, {NULL, 0}};
+static const struct yaml_enum by_names[] = {{"none", DESCRIBED_BY_NONE},
+                                            {"address", DESCRIBED_BY_ADDRESS},
+                                            {"slot", DESCRIBED_BY_SLOT},
+                                            {"group", DESCRIBED_BY_GROUP},
+                                            {NULL, 0}};
+static const struct yaml_enum of_names[] = {{"motor", DESCRIBED_MOTOR},
+                                            {"ft", DESCRIBED_FT},
+                                            {"inertial", DESCRIBED_INERTIAL},
+                                            {"any", DESCRIBED_ANY},
+                                            {NULL, 0}};
+static const struct yaml_enum law_names[] = {
+    {"off", DESCRIBED_OFF},
+    {"voltage", DESCRIBED_VOLTAGE},
+    {"current", DESCRIBED_CURRENT},
+    {"torque", DESCRIBED_TORQUE},
+    {"velocity", DESCRIBED_VELOCITY},
+    {"position", DESCRIBED_POSITION},
+    {"impedance", DESCRIBED_IMPEDANCE},
+    {"fault", DESCRIBED_FAULT},
+    {"selected", DESCRIBED_SELECTED},
+    {NULL, 0},
+};
+static const struct yaml_enum target_names[] = {
+    {"slots", DESCRIBED_SLOTS_MASK},
+    {"address", DESCRIBED_ADDRESS},
+    {"axis", DESCRIBED_AXIS},
+    {"state", DESCRIBED_STATE},
+    {"law", DESCRIBED_LAW},
+    {"telemetry_period", DESCRIBED_TELEMETRY_PERIOD},
+    {"set_point", DESCRIBED_SET_POINT},
+    {"voltage", DESCRIBED_TO_VOLTAGE},
+    {"duty", DESCRIBED_TO_DUTY},
+    {"current", DESCRIBED_TO_CURRENT},
+    {"torque", DESCRIBED_TO_TORQUE},
+    {"velocity", DESCRIBED_TO_VELOCITY},
+    {"position", DESCRIBED_TO_POSITION},
+    {"kp", DESCRIBED_TO_KP},
+    {"kd", DESCRIBED_TO_KD},
+    {NULL, 0},
+};
+static const struct yaml_enum source_names[] = {
+    {"address", DESCRIBED_ADDRESS},
+    {"axis", DESCRIBED_AXIS},
+    {"state", DESCRIBED_STATE},
+    {"law", DESCRIBED_LAW},
+    {"telemetry_period", DESCRIBED_TELEMETRY_PERIOD},
+    {"motor_position", DESCRIBED_MOTOR_POSITION},
+    {"link_position", DESCRIBED_LINK_POSITION},
+    {"deflection", DESCRIBED_DEFLECTION},
+    {"motor_velocity", DESCRIBED_MOTOR_VELOCITY},
+    {"current", DESCRIBED_AXIS_CURRENT},
+    {"torque", DESCRIBED_AXIS_TORQUE},
+    {"drive_torque", DESCRIBED_DRIVE_TORQUE},
+    {"voltage", DESCRIBED_AXIS_VOLTAGE},
+    {"duty", DESCRIBED_AXIS_DUTY},
+    {"commands", DESCRIBED_COMMANDS},
+    {"slot", DESCRIBED_SLOT},
+    {"faults", DESCRIBED_FAULTS},
+    {"faulty", DESCRIBED_FAULTY},
+    {"supply", DESCRIBED_SUPPLY},
+    {"temperature", DESCRIBED_TEMPERATURE},
+    {"sequence", DESCRIBED_SEQUENCE},
+    {"uptime", DESCRIBED_UPTIME},
+    {"first_slot", DESCRIBED_FIRST_SLOT},
+    {"axes", DESCRIBED_AXES_COUNT},
+    {"echo", DESCRIBED_ECHO},
+    {"saturated", DESCRIBED_SATURATED},
+    {"force_x", DESCRIBED_FT_CHANNEL},
+    {"force_y", DESCRIBED_FT_CHANNEL + 1},
+    {"force_z", DESCRIBED_FT_CHANNEL + 2},
+    {"moment_x", DESCRIBED_FT_CHANNEL + 3},
+    {"moment_y", DESCRIBED_FT_CHANNEL + 4},
+    {"moment_z", DESCRIBED_FT_CHANNEL + 5},
+    {"acceleration_x", DESCRIBED_ACCELERATION},
+    {"acceleration_y", DESCRIBED_ACCELERATION + 1},
+    {"acceleration_z", DESCRIBED_ACCELERATION + 2},
+    {"rate_x", DESCRIBED_RATE},
+    {"rate_y", DESCRIBED_RATE + 1},
+    {"rate_z", DESCRIBED_RATE + 2},
+    {"quaternion_w", DESCRIBED_QUATERNION},
+    {"quaternion_x", DESCRIBED_QUATERNION + 1},
+    {"quaternion_y", DESCRIBED_QUATERNION + 2},
+    {"quaternion_z", DESCRIBED_QUATERNION + 3},
+    {"magnetic_x", DESCRIBED_MAGNETIC},
+    {"magnetic_y", DESCRIBED_MAGNETIC + 1},
+    {"magnetic_z", DESCRIBED_MAGNETIC + 2},
+    {"roll", DESCRIBED_EULER},
+    {"pitch", DESCRIBED_EULER + 1},
+    {"yaw", DESCRIBED_EULER + 2},
+    {NULL, 0},
+};
+
+#define STRUCT raw_described_field
+static const struct yaml_field field_fields[] = {
+    {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
+    {"bits", YAML_INT, true, AT(bits), .min = 1, .max = 32, .mark_offset = AT(bits_mark)},
+    {"at_bit", YAML_INT, false, AT(at_bit), .min = 0, .max = 63, .mark_offset = AT(at_mark),
+     .given_offset = AT(at_given)},
+    {"type", YAML_ENUM, false, AT(type), .names = type_names},
+    {"order", YAML_ENUM, false, AT(order), .names = order_names},
+    {"scale", YAML_REAL, false, AT(scale), .min = -1e12, .max = 1e12, .mark_offset = AT(scale_mark),
+     .given_offset = AT(scale_given)},
+    {"offset", YAML_REAL, false, AT(offset), .min = -1e12, .max = 1e12,
+     .given_offset = AT(offset_given)},
+    {"range", YAML_REALS, false, AT(range), .count = 2, .min = -1e12, .max = 1e12,
+     .mark_offset = AT(range_mark), .given_offset = AT(range_given)},
+    {"source", YAML_ENUM, false, AT(source), .names = source_names, .mark_offset = AT(source_mark),
+     .given_offset = AT(source_given)},
+    {"target", YAML_ENUM, false, AT(target), .names = target_names, .mark_offset = AT(target_mark),
+     .given_offset = AT(target_given)},
+    {"value", YAML_INT, false, AT(value), .min = INT32_MIN, .max = UINT32_MAX,
+     .mark_offset = AT(value_mark), .given_offset = AT(value_given)},
+    {"host_value", YAML_REAL, false, AT(host), .min = -1e12, .max = 1e12},
+    {"axis", YAML_INT, false, AT(axis), .min = 0, .max = DESCRIBED_AXES - 1},
+    {"values", YAML_REAL_DICT, false, AT(entry), .count_offset = AT(nentry),
+     .mark_offset = AT(values_mark)},
+};
+#undef STRUCT
+static const struct raw_described_field field_defaults = {.scale = 1.0};
+static const struct yaml_schema field_schema = {
+    .what = "a field",
+    .size = sizeof(struct raw_described_field),
+    .fields = field_fields,
+    .field_count = ARRAY_COUNT(field_fields),
+    .defaults = &field_defaults,
+};
+
+#define STRUCT raw_described_frame
+static const struct yaml_field frame_fields[] = {
+    {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
+    {"from", YAML_ENUM, true, AT(from), .names = from_names},
+    {"id", YAML_INT, true, AT(id), .min = 0, .max = 0x7ff, .mark_offset = AT(id_mark)},
+    {"by", YAML_ENUM, false, AT(by), .names = by_names},
+    {"step", YAML_INT, false, AT(step), .min = 1, .max = 0x7ff, .mark_offset = AT(step_mark),
+     .given_offset = AT(step_given)},
+    {"of", YAML_ENUM, false, AT(of), .names = of_names, .mark_offset = AT(of_mark),
+     .given_offset = AT(of_given)},
+    {"remote", YAML_BOOL, false, .offset = AT(remote)},
+    {"length", YAML_INT, false, AT(length), .min = 0, .max = DESCRIBED_LENGTH_MAX,
+     .mark_offset = AT(length_mark), .given_offset = AT(length_given)},
+    {"repeat", YAML_INT, false, AT(repeat), .min = 1, .max = DESCRIBED_LENGTH_MAX,
+     .mark_offset = AT(repeat_mark)},
+    {"fields", YAML_LIST, false, AT(field), AT(nfield), .schema = &field_schema},
+    {"payload", YAML_STRING, false, AT(payload), .min = 2, .max = 23,
+     .mark_offset = AT(payload_mark), .given_offset = AT(payload_given)},
+    {"period_s", YAML_REAL, false, AT(period_s), .min = 0.001, .max = 60.0,
+     .mark_offset = AT(period_mark), .given_offset = AT(period_given)},
+    {"spread_s", YAML_REAL, false, AT(spread_s), .min = 0.0, .max = 1.0},
+    {"telemetry", YAML_BOOL, false, .offset = AT(telemetry)},
+    {"on_change", YAML_BOOL, false, .offset = AT(on_change)},
+    {"on_restart", YAML_BOOL, false, .offset = AT(on_restart)},
+    {"reply", YAML_STRING, false, AT(reply), .min = 1, .max = 31, .mark_offset = AT(reply_mark)},
+    {"enter", YAML_STRING, false, AT(enter), .min = 1, .max = 31, .mark_offset = AT(enter_mark)},
+    {"zero", YAML_BOOL, false, .offset = AT(zero)},
+};
+#undef STRUCT
+static const struct raw_described_frame frame_defaults = {.step = 1, .repeat = 1};
+static const struct yaml_schema frame_schema = {
+    .what = "a frame",
+    .size = sizeof(struct raw_described_frame),
+    .fields = frame_fields,
+    .field_count = ARRAY_COUNT(frame_fields),
+    .defaults = &frame_defaults,
+};
+
+#define STRUCT raw_described_state
+static const struct yaml_field state_fields[] = {
+    {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
+    {"value", YAML_INT, false, AT(value), .min = 0, .max = UINT32_MAX},
+    {"law", YAML_ENUM, true, AT(law), .names = law_names},
+    {"set_point_scale", YAML_REAL, false, AT(set_point_scale), .min = -1e12, .max = 1e12},
+};
+#undef STRUCT
+static const struct raw_described_state state_defaults = {.set_point_scale = 1.0};
+static const struct yaml_schema state_schema = {
+    .what = "a state",
+    .size = sizeof(struct raw_described_state),
+    .fields = state_fields,
+    .field_count = ARRAY_COUNT(state_fields),
+    .defaults = &state_defaults,
+};
+
+#define STRUCT raw_described_fault
+static const struct yaml_field fault_fields[] = {
+    {"bit", YAML_INT, true, AT(bit), .min = 0, .max = 31},
+};
+#undef STRUCT
+static const struct yaml_schema fault_schema = {
+    .what = "a fault",
+    .size = sizeof(struct raw_described_fault),
+    .fields = fault_fields,
+    .field_count = ARRAY_COUNT(fault_fields),
+    .name_offset = offsetof(struct raw_described_fault, name),
+};
+
+#define STRUCT raw_described_gains
+static const struct yaml_field gains_fields[] = {
+    {"position_per_s", YAML_REAL, false, AT(position_per_s), .min = 0.0, .max = 1e6},
+    {"velocity_nm_s_rad", YAML_REAL, false, AT(velocity_nm_s_rad), .min = 0.0, .max = 1e6},
+    {"velocity_nm_rad", YAML_REAL, false, AT(velocity_nm_rad), .min = 0.0, .max = 1e6},
+};
+#undef STRUCT
+static const struct yaml_schema gains_schema = {
+    .what = "the gains",
+    .size = sizeof(struct raw_described_gains),
+    .fields = gains_fields,
+    .field_count = ARRAY_COUNT(gains_fields),
+};
+
+#define STRUCT raw_described_host
+static const struct yaml_field host_fields[] = {
+    {"discover", YAML_NAME_LIST, false, .offset = AT(discover), .count_offset = AT(ndiscover)},
+    {"configure", YAML_NAME_LIST, false, .offset = AT(configure), .count_offset = AT(nconfigure)},
+    {"on", YAML_NAME_LIST, false, .offset = AT(on), .count_offset = AT(non)},
+    {"off", YAML_NAME_LIST, false, .offset = AT(off), .count_offset = AT(noff)},
+    {"command", YAML_NAME_LIST, false, .offset = AT(command), .count_offset = AT(ncommand)},
+    {"on_state", YAML_STRING, false, AT(on_state), .min = 1, .max = 31,
+     .mark_offset = AT(on_state_mark)},
+    {"off_state", YAML_STRING, false, AT(off_state), .min = 1, .max = 31,
+     .mark_offset = AT(off_state_mark)},
+};
+#undef STRUCT
+static const struct yaml_schema host_schema = {
+    .what = "the host",
+    .size = sizeof(struct raw_described_host),
+    .fields = host_fields,
+    .field_count = ARRAY_COUNT(host_fields),
+};
+
+#define STRUCT raw_described
+static const struct yaml_field described_fields[] = {
+    {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
+    {"description", YAML_STRING, false, AT(description), .min = 1, .max = 1000},
+    {"axes", YAML_INT, false, AT(axes), .min = 1, .max = DESCRIBED_AXES},
+    {"address_max", YAML_INT, false, AT(address_max), .min = 1, .max = DESCRIBED_ADDRESS_MAX},
+    {"command_timeout_s", YAML_REAL, false, AT(command_timeout_s), .min = 0.0, .max = 60.0},
+    {"on_timeout", YAML_STRING, false, AT(timeout_state), .min = 1, .max = 31,
+     .mark_offset = AT(timeout_state_mark)},
+    {"states", YAML_LIST, true, AT(state), AT(nstate), .schema = &state_schema},
+    {"laws", YAML_LIST, false, AT(law), AT(nlaw), .schema = &state_schema},
+    {"faults", YAML_DICT, false, AT(fault), AT(nfault), .schema = &fault_schema},
+    {"gains", YAML_MAP, false, AT(gains), .schema = &gains_schema},
+    {"frames", YAML_LIST, true, AT(frame), AT(nframe), .schema = &frame_schema},
+    {"host", YAML_MAP, false, AT(host), .schema = &host_schema},
+};
+#undef STRUCT
+static const struct raw_described described_defaults = {
+    .description = "", .axes = 1, .address_max = DESCRIBED_ADDRESS_MAX};
+const struct yaml_schema described_file_schema = {
+    .what = "the protocol",
+    .size = sizeof(struct raw_described),
+    .fields = described_fields,
+    .field_count = ARRAY_COUNT(described_fields),
+    .defaults = &described_defaults,
+};

@@ -1,0 +1,383 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The host's side of a protocol that a file describes: its section `host` says which frames ask who
+ * is there, configure, switch and command. Set-points are what the task wants as a voltage, in the
+ * quantities that the frame has: the current that the voltage drives through the winding against
+ * the back-EMF, its torque, and of an impedance what kp and kd, which the file gives, leave of that
+ * torque at the reference.
+ */
+#include "tasks/host_described.h"
+
+#include <math.h>
+#include <string.h>
+
+/* A frame to be filled. */
+struct described_letter {
+    const struct described_frame *row;
+    const struct host_node *node;
+    unsigned address;
+    int axis; /* of the host, -1: none in particular */
+    int state;
+    uint32_t slots;
+    int64_t period_ns;
+};
+
+static double host_value_of(const struct described_frame *row, enum described_meaning meaning)
+{
+    int field = described_find_field(row, meaning);
+
+    return field < 0 ? 0.0 : row->field[field].host;
+}
+
+static double described_wanted_rad(const struct host *host, size_t axis)
+{
+    return host->want[axis].referred ? host->want[axis].rad : host->joint[axis].motor_rad;
+}
+
+static double described_wanted_rad_s(const struct host *host, size_t axis)
+{
+    return host->want[axis].referred ? host->want[axis].rad_s : 0.0;
+}
+
+/* The current that the voltage drives through the winding in the steady state. */
+static double described_wanted_a(const struct host *host, size_t axis)
+{
+    const struct host_drive *drive = &host->config.axis[axis].drive;
+    double back_v = drive->bemf_v_s_rad * host->want[axis].motor_rad_s;
+
+    return drive->winding_ohm > 0.0 ? (host->volts[axis] - back_v) / drive->winding_ohm : 0.0;
+}
+
+/* The torque of that current, less what the board makes by itself of the other fields. */
+static double described_wanted_nm(const struct host *host, size_t axis,
+                                  const struct described_frame *row)
+{
+    double kp = host_value_of(row, DESCRIBED_TO_KP), kd = host_value_of(row, DESCRIBED_TO_KD);
+
+    return host->config.axis[axis].drive.torque_nm_a * described_wanted_a(host, axis) -
+           kp * (described_wanted_rad(host, axis) - host->joint[axis].motor_rad) -
+           kd * (described_wanted_rad_s(host, axis) - host->want[axis].motor_rad_s);
+}
+
+/* The law in which the host drives: of its state, or the one that it selects. */
+static enum described_law described_host_law(const struct described_protocol *protocol)
+{
+    enum described_law law = protocol->state[protocol->host.on_state].law;
+
+    for (size_t i = 0; i < protocol->host.on.count && law == DESCRIBED_SELECTED; i++) {
+        const struct described_frame *row = &protocol->frame[protocol->host.on.frame[i]];
+        int field = described_find_field(row, DESCRIBED_LAW);
+        int found = field < 0 ? -1
+                              : described_find_state(protocol->law, protocol->nlaw,
+                                                     llround(row->field[field].host), true);
+
+        law = found < 0 ? law : protocol->law[found].law;
+    }
+    return law;
+}
+
+/* A set-point in SI; the file's value where the task has none. Drives that close a loop of speed or
+ * position make the torque themselves. */
+static double described_target(const struct host *host, const struct described_protocol *protocol,
+                               size_t axis, const struct described_frame *row,
+                               enum described_meaning meaning, double otherwise)
+{
+    enum described_law law = described_host_law(protocol);
+
+    switch (meaning) {
+    case DESCRIBED_TO_VOLTAGE:
+        return host->volts[axis];
+    case DESCRIBED_TO_DUTY:
+        return host_duty(host, axis);
+    case DESCRIBED_TO_CURRENT:
+        return described_wanted_a(host, axis);
+    case DESCRIBED_TO_TORQUE:
+        return law == DESCRIBED_POSITION || law == DESCRIBED_VELOCITY
+                   ? otherwise
+                   : described_wanted_nm(host, axis, row);
+    case DESCRIBED_TO_VELOCITY:
+        return described_wanted_rad_s(host, axis);
+    case DESCRIBED_TO_POSITION:
+        return described_wanted_rad(host, axis);
+    default:
+        return otherwise;
+    }
+}
+
+/* A set-point of the state that the host commands. */
+static int64_t described_set_point(const struct host *host, size_t axis,
+                                   const struct described_protocol *protocol,
+                                   const struct described_frame *row, const struct field *layout,
+                                   const struct described_field *field)
+{
+    static const enum described_meaning of_law[] = {
+        [DESCRIBED_VOLTAGE] = DESCRIBED_TO_VOLTAGE,   [DESCRIBED_CURRENT] = DESCRIBED_TO_CURRENT,
+        [DESCRIBED_TORQUE] = DESCRIBED_TO_TORQUE,     [DESCRIBED_VELOCITY] = DESCRIBED_TO_VELOCITY,
+        [DESCRIBED_POSITION] = DESCRIBED_TO_POSITION, [DESCRIBED_IMPEDANCE] = DESCRIBED_TO_POSITION,
+        [DESCRIBED_FAULT] = DESCRIBED_NOTHING,        [DESCRIBED_SELECTED] = DESCRIBED_NOTHING,
+    };
+    const struct described_state *state = &protocol->state[protocol->host.on_state];
+    const struct described_field scaled = {.scale = state->set_point_scale};
+
+    return described_count(
+        layout, &scaled,
+        described_target(host, protocol, axis, row, of_law[state->law], field->host));
+}
+
+static int64_t described_letter_count(const struct host *host,
+                                      const struct described_protocol *protocol,
+                                      const struct described_letter *letter, size_t i)
+{
+    const struct described_field *field = &letter->row->field[i];
+    const struct field *layout = described_layout(letter->row, i);
+    int axis =
+        letter->row->of_one || !letter->node ? letter->axis : letter->node->axis[field->axis];
+
+    switch (field->meaning) {
+    case DESCRIBED_CONSTANT:
+        return field->constant;
+    case DESCRIBED_SLOTS_MASK:
+        return letter->slots;
+    case DESCRIBED_ADDRESS:
+        return letter->address;
+    case DESCRIBED_AXIS:
+        return letter->axis < 0 ? 0 : host->config.axis[letter->axis].axis;
+    case DESCRIBED_STATE:
+        return protocol->state[letter->state].value;
+    case DESCRIBED_TELEMETRY_PERIOD:
+        return described_count(layout, field, (double)letter->period_ns * 1e-9);
+    case DESCRIBED_SET_POINT:
+        return axis < 0
+                   ? 0
+                   : described_set_point(host, (size_t)axis, protocol, letter->row, layout, field);
+    case DESCRIBED_TO_VOLTAGE:
+    case DESCRIBED_TO_DUTY:
+    case DESCRIBED_TO_CURRENT:
+    case DESCRIBED_TO_TORQUE:
+    case DESCRIBED_TO_VELOCITY:
+    case DESCRIBED_TO_POSITION:
+        return described_count(layout, field,
+                               axis < 0
+                                   ? field->host
+                                   : described_target(host, protocol, (size_t)axis, letter->row,
+                                                      field->meaning, field->host));
+    default:
+        return described_count(layout, field, field->host);
+    }
+}
+
+static void described_fill(const struct host *host, const struct described_protocol *protocol,
+                           const struct described_letter *letter, uint8_t *data)
+{
+    int64_t values[FIELDS_MAX] = {0};
+
+    for (size_t i = 0; i < letter->row->nfield; i++) {
+        values[i] = described_letter_count(host, protocol, letter, i);
+    }
+    fields_encode(letter->row->layout, values, data);
+}
+
+static struct bus_frame described_write(const struct host *host, size_t bus,
+                                        const struct described_letter *letter, unsigned number)
+{
+    struct bus_frame frame = {.id = described_id(letter->row, number), .len = letter->row->length};
+
+    frame.flags = letter->row->remote ? FRAME_REMOTE : 0;
+    if (!letter->row->remote) {
+        described_fill(host, described_line_protocol(host, bus), letter, frame.data);
+    }
+    return frame;
+}
+
+/* A frame that is not of one axis: once a bus, or to every board. */
+static void described_send_to_boards(struct host *host, size_t bus,
+                                     const struct described_frame *row)
+{
+    struct described_letter letter = {
+        .row = row, .axis = -1, .state = described_line_protocol(host, bus)->host.off_state};
+
+    for (unsigned address = 1; address < HOST_ADDRESSES; address++) {
+        const struct host_node *node = &host->line[bus].node[address];
+        struct bus_frame frame;
+
+        if (!(described_node_kind(node) & row->of)) {
+            continue;
+        }
+        letter.address = address;
+        letter.node = node;
+        frame = described_write(host, bus, &letter, row->by == DESCRIBED_BY_ADDRESS ? address : 0);
+        host_queue(host, bus, &frame);
+        if (row->by == DESCRIBED_BY_NONE && described_find_field(row, DESCRIBED_ADDRESS) < 0) {
+            return;
+        }
+    }
+}
+
+/* Axes are numbered through in the order of the rig. */
+static void host_described_discover(struct host *host, size_t bus)
+{
+    const struct described_protocol *protocol = described_line_protocol(host, bus);
+    struct host_line *line = &host->line[bus];
+    unsigned slot = 0;
+
+    for (size_t i = 0; i < host->config.naxis && slot < HOST_SLOTS; i++) {
+        if (host->config.axis[i].bus == (int)bus) {
+            line->slot[slot++] = (int)i;
+        }
+    }
+    for (size_t i = 0; i < protocol->host.discover.count; i++) {
+        described_send_to_boards(host, bus, &protocol->frame[protocol->host.discover.frame[i]]);
+    }
+}
+
+static bool host_described_request(const struct host *host, size_t bus, unsigned address,
+                                   int number, struct host_request *request)
+{
+    const struct described_protocol *protocol = described_line_protocol(host, bus);
+    const struct host_node *node = &host->line[bus].node[address];
+    int64_t period_ns = node->period_ns > 0 ? node->period_ns : host->config.period_ns;
+
+    for (size_t i = 0; i < protocol->host.configure.count; i++) {
+        const struct described_letter letter = {
+            .row = &protocol->frame[protocol->host.configure.frame[i]],
+            .node = node,
+            .address = address,
+            .axis = -1,
+            .state = protocol->host.off_state,
+            .period_ns = period_ns > HOST_MS ? period_ns / HOST_MS * HOST_MS : HOST_MS,
+        };
+
+        if (described_node_kind(node) & letter.row->of && number-- == 0) {
+            request->frame = described_write(host, bus, &letter, address);
+            request->reply = letter.row->reply[described_node_kind(node) >> 1] >= 0;
+            return true;
+        }
+    }
+    return false;
+}
+
+static void host_described_set_motor(struct host *host, size_t axis, bool on)
+{
+    host->want[axis].on = on;
+    host->want[axis].switch_on = on;
+    host->want[axis].switch_off = !on;
+}
+
+static bool described_is_switched(const struct host *host, int axis, bool on)
+{
+    return axis >= 0 && (on ? host->want[axis].switch_on : host->want[axis].switch_off);
+}
+
+/* A frame about one axis or about its board. */
+static void described_send_to_axis(struct host *host, size_t bus, const struct described_frame *row,
+                                   unsigned slot, int state)
+{
+    int axis = host->line[bus].slot[slot];
+    const struct host_axis *of = &host->config.axis[axis];
+    const struct described_letter letter = {.row = row,
+                                            .node = &host->line[bus].node[of->address],
+                                            .address = of->address,
+                                            .axis = axis,
+                                            .state = state,
+                                            .slots = UINT32_C(1) << slot};
+    struct bus_frame frame;
+
+    if (!row->of_one && of->axis > 0) {
+        return; /* the first axis has had it */
+    }
+    frame = described_write(host, bus, &letter,
+                            row->by == DESCRIBED_BY_ADDRESS ? of->address
+                            : row->by == DESCRIBED_BY_SLOT  ? slot
+                                                            : 0);
+    host_queue(host, bus, &frame);
+}
+
+/* What is switched in this period: by one frame where a field selects axes, else each. */
+static void described_send_switches(struct host *host, size_t bus, bool on)
+{
+    const struct described_protocol *protocol = described_line_protocol(host, bus);
+    const struct described_list *list = on ? &protocol->host.on : &protocol->host.off;
+    const struct host_line *line = &host->line[bus];
+    int state = on ? protocol->host.on_state : protocol->host.off_state;
+    uint32_t slots = 0;
+
+    for (unsigned slot = 0; slot < HOST_SLOTS; slot++) {
+        slots |= (uint32_t)described_is_switched(host, line->slot[slot], on) << slot;
+    }
+    for (size_t i = 0; i < list->count && slots; i++) {
+        const struct described_letter letter = {
+            .row = &protocol->frame[list->frame[i]], .axis = -1, .state = state, .slots = slots};
+
+        if (described_find_field(letter.row, DESCRIBED_SLOTS_MASK) >= 0) {
+            struct bus_frame frame = described_write(host, bus, &letter, 0);
+
+            host_queue(host, bus, &frame);
+            continue;
+        }
+        for (unsigned slot = 0; slot < HOST_SLOTS; slot++) {
+            if (slots >> slot & 1) {
+                described_send_to_axis(host, bus, letter.row, slot, state);
+            }
+        }
+    }
+}
+
+/* All set-points of a group in one frame, as far as there are axes. */
+static void described_send_group(struct host *host, size_t bus, const struct described_frame *row,
+                                 unsigned first)
+{
+    const struct described_protocol *protocol = described_line_protocol(host, bus);
+    struct bus_frame frame = {.id = described_id(row, first / row->repeats)};
+
+    for (unsigned k = 0; k < row->repeats && first + k < HOST_SLOTS; k++) {
+        const struct described_letter letter = {
+            .row = row, .axis = host->line[bus].slot[first + k], .state = protocol->host.on_state};
+
+        if (letter.axis >= 0) {
+            described_fill(host, protocol, &letter, frame.data + k * row->length);
+            frame.len = (uint8_t)((k + 1) * row->length);
+        }
+    }
+    if (frame.len > 0) {
+        host_queue(host, bus, &frame);
+    }
+}
+
+static void host_described_end_period(struct host *host, size_t bus)
+{
+    const struct described_protocol *protocol = described_line_protocol(host, bus);
+    const struct host_line *line = &host->line[bus];
+
+    described_send_switches(host, bus, false);
+    described_send_switches(host, bus, true);
+    for (unsigned slot = 0; slot < HOST_SLOTS; slot++) {
+        if (line->slot[slot] >= 0) {
+            host->want[line->slot[slot]].switch_on = host->want[line->slot[slot]].switch_off =
+                false;
+        }
+    }
+    for (size_t i = 0; i < protocol->host.command.count && line->driving; i++) {
+        const struct described_frame *row = &protocol->frame[protocol->host.command.frame[i]];
+
+        for (unsigned slot = 0; slot < HOST_SLOTS;
+             slot += row->by == DESCRIBED_BY_GROUP ? row->repeats : 1) {
+            if (row->by == DESCRIBED_BY_GROUP) {
+                described_send_group(host, bus, row, slot);
+            } else if (line->slot[slot] >= 0) {
+                described_send_to_axis(host, bus, row, slot, protocol->host.on_state);
+            }
+        }
+    }
+}
+
+const struct host_ops host_described = {
+    .motor_address_max = DESCRIBED_ADDRESS_MAX,
+    .address_max = DESCRIBED_ADDRESS_MAX,
+    .axes = DESCRIBED_AXES,
+    .discover = host_described_discover,
+    .request = host_described_request,
+    .read = host_described_read,
+    .set_motor = host_described_set_motor,
+    .end_period = host_described_end_period,
+    .fault_name = described_fault_names,
+};

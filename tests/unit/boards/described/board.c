@@ -1,0 +1,294 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Boards of the protocols in config/protocols: bytes worked out by hand from the public tables of
+ * the actuators (ranges of the file, value = count * (max - min) / (2^bits - 1) + min), laws from
+ * the torque that they have to make.
+ */
+#include "boards/described/protocol.h"
+
+#include "tests/unit/boards/board_bench.h"
+
+enum { DRIVES = 2 };
+
+#define TORQUE_NM_A 4.1
+
+struct described_bench {
+    struct board_bench base;
+    struct boards_bus_config bus[BENCH_BUSES];
+    struct arena protocols;
+};
+
+/* Bus 0 with two drives of one axis, addresses 1 and 2, joints 0 and 2. */
+static void open_bench(struct described_bench *bench, const char *file, int64_t timeout_ns)
+{
+    struct board_bench *base = &bench->base;
+    struct error error;
+
+    memset(bench, 0, sizeof *bench);
+    bench_configure(base);
+    assert_int_equal(arena_init(&bench->protocols, 8u << 20, &error), ERROR_NONE);
+    bench->bus[0].personality = BOARD_DESCRIBED;
+    if (described_load(file, &bench->protocols, &bench->bus[0].described, &error)) {
+        fail_msg("%s", error.text);
+    }
+    base->config.bus = bench->bus;
+    base->config.nboard = DRIVES;
+    for (int i = 0; i < DRIVES; i++) {
+        base->board[i] = bench_motor(i ? "two" : "one", 0, (uint8_t)(i + 1), 2 * i, -1);
+        for (int k = 0; k < BOARD_AXES_MAX; k++) {
+            base->board[i].axis[k].joint = k ? -1 : 2 * i;
+        }
+        base->board[i].command_timeout_ns = timeout_ns;
+        base->board[i].axis[0].winding_ohm = 0.664;
+        base->board[i].axis[0].winding_h = 0.4e-3;
+        base->board[i].axis[0].bemf_v_s_rad = TORQUE_NM_A;
+        base->board[i].axis[0].torque_nm_a = TORQUE_NM_A;
+    }
+    base->sense[0].qm = base->sense[0].q = 0.5;
+    bench_start(base);
+    bench_tick(base);
+}
+
+static void close_bench(struct described_bench *bench)
+{
+    bench_stop(&bench->base);
+    arena_fini(&bench->protocols);
+}
+
+static const char cheetah[] = HIL_SOURCE_DIR "/config/protocols/mini-cheetah.yaml";
+static const char odrive[] = HIL_SOURCE_DIR "/config/protocols/odrive.yaml";
+
+/* ---- mini cheetah ---- */
+
+static void a_cheetah_drive_answers_the_frames_that_switch_it(void **state)
+{
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, cheetah, 0);
+    assert_false(base->motor[0].bridge_on);
+    bench_send(base, 0, 1, "ff ff ff ff ff ff ff fc");
+    bench_tick(base);
+    bench_expect(base, 0, 0, "01 85 1e 80 08 00"); /* 0.5 rad, at rest, no torque */
+    assert_true(base->motor[0].bridge_on);
+    assert_false(base->motor[2].bridge_on);
+
+    /* Position 0 from here on */
+    bench_send(base, 0, 1, "ff ff ff ff ff ff ff fe");
+    bench_tick(base);
+    bench_expect(base, 0, 0, "01 80 00 80 08 00");
+
+    bench_send(base, 0, 1, "ff ff ff ff ff ff ff fd");
+    bench_tick(base);
+    bench_expect(base, 0, 0, "01 80 00 80 08 00");
+    assert_false(base->motor[0].bridge_on);
+    close_bench(&bench);
+}
+
+/* The current loop is at rest just where the current makes the torque of the law. */
+static void a_cheetah_drive_has_the_impedance_of_its_command(void **state)
+{
+    /* 0.7 rad, 0 rad/s, 100 Nm/rad, 0 Nm s/rad, 5 Nm in counts 34602, 2048, 819, 0, 2116 */
+    static const char command[] = "87 2a 80 03 33 00 08 44";
+    const double torque = 100.0 * (34602 * 25.0 / 65535 - 12.5 - 0.5) + 2116 * 300.0 / 4095 - 150.0;
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, cheetah, 0);
+    bench_send(base, 0, 1, "ff ff ff ff ff ff ff fc");
+    base->sense[0].current_a = torque / TORQUE_NM_A;
+    bench_tick(base);
+    bench_send(base, 0, 1, command);
+    bench_tick(base);
+    bench_expect(base, 0, 0, "01 85 1e 80 08 00");
+    assert_near(base->motor[0].voltage_v, 0.0, 1e-6);
+
+    /* With less current the loop drives on, with more it drives back */
+    base->sense[0].current_a = 0.99 * torque / TORQUE_NM_A;
+    bench_ticks(base, 2);
+    assert_true(base->motor[0].voltage_v > 1e-3);
+    base->sense[0].current_a = 1.05 * torque / TORQUE_NM_A;
+    bench_ticks(base, 2);
+    assert_true(base->motor[0].voltage_v < -1e-3);
+
+    /* Damping brakes a motor that moves: 12.01 Nm s/rad at 1 rad/s in a running mean */
+    close_bench(&bench);
+}
+
+static void a_cheetah_drive_brakes_by_its_damping(void **state)
+{
+    /* 0.5 rad, 2048: 0.0073 rad/s, no stiffness, 983: 12.0024 Nm s/rad, 2048: 0.0366 Nm */
+    static const char command[] = "85 1e 80 00 00 3d 78 00";
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, cheetah, 0);
+    bench_send(base, 0, 1, "ff ff ff ff ff ff ff fc");
+    bench_send(base, 0, 1, command);
+    for (int i = 0; i < 40; i++) { /* to 1 rad/s in the mean of encoder steps of 65 ticks a ms */
+        base->sense[0].qm += 1e-3;
+        base->sense[0].q += 1e-3;
+        base->sense[0].current_a =
+            (983 * 50.0 / 4095 * (2048 * 60.0 / 4095 - 30.0 - 1.0) + 2048 * 300.0 / 4095 - 150.0) /
+            TORQUE_NM_A;
+        bench_tick(base);
+    }
+
+    /* What is left is the back-EMF of 1 rad/s and what the loop has summed up till the mean was
+     * there: the error of the current is 0 from then on */
+    {
+        double before = base->motor[0].voltage_v;
+
+        base->sense[0].qm += 1e-3;
+        base->sense[0].q += 1e-3;
+        bench_tick(base);
+        assert_near(base->motor[0].voltage_v, before, 1e-3);
+    }
+    close_bench(&bench);
+}
+
+static void a_frame_of_another_length_is_malformed(void **state)
+{
+    struct described_bench bench;
+
+    (void)state;
+    open_bench(&bench, cheetah, 0);
+    bench_send(&bench.base, 0, 1, "ff ff ff ff ff ff fc");
+    bench_send(&bench.base, 0, 3, "ff ff ff ff ff ff ff fc"); /* no such drive */
+    bench_send(&bench.base, 0, 0, "00");                      /* that of the answers */
+    bench_tick(&bench.base);
+    assert_int_equal(bench_counters(&bench.base).malformed, 1);
+    assert_int_equal(bench_counters(&bench.base).foreign, 2);
+    assert_false(bench.base.motor[0].bridge_on);
+    close_bench(&bench);
+}
+
+/* ---- ODrive ---- */
+
+static void an_odrive_tells_its_state_when_it_changes(void **state)
+{
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, odrive, 0);
+    bench_send(base, 0, 0x02b, "03 00 00 00 01 00 00 00");
+    bench_send(base, 0, 0x027, "08 00 00 00");
+    bench_tick(base);
+    bench_expect(base, 0, 0x021, "00 00 00 00 08 00 00 00");
+    assert_int_equal(bench_sent(base, 0, 0x041), 0);
+    assert_true(base->motor[0].bridge_on);
+
+    /* A state that it does not have leaves it alone */
+    bench_send(base, 0, 0x027, "0b 00 00 00");
+    bench_tick(base);
+    assert_int_equal(bench_counters(base).malformed, 1);
+    assert_true(base->motor[0].bridge_on);
+
+    bench_send(base, 0, 0x022, ""); /* ESTOP */
+    bench_tick(base);
+    bench_expect(base, 0, 0x021, "00 00 00 00 01 00 00 00");
+    assert_false(base->motor[0].bridge_on);
+    close_bench(&bench);
+}
+
+static void an_odrive_answers_remote_frames(void **state)
+{
+    struct bus_frame request = {.id = 0x037, .len = 8, .flags = FRAME_REMOTE};
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, odrive, 0);
+    boards_receive(base->boards, base->now_ns, 0, &request);
+    bench_tick(base);
+    bench_expect(base, 0, 0x037, "00 00 40 42 00 00 00 00"); /* 48 V */
+    bench_ticks(base, 1);
+    bench_expect(base, 0, 0x029, "dd a5 fe 40 00 00 00 00"); /* 7.957747 turns */
+    close_bench(&bench);
+}
+
+static void an_odrive_holds_its_position_in_counts_of_turns(void **state)
+{
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, odrive, 0);
+    bench_send(base, 0, 0x02b, "03 00 00 00 01 00 00 00");
+    bench_send(base, 0, 0x027, "08 00 00 00");
+    bench_send(base, 0, 0x02c, "dd a5 fe 40 00 00 00 00"); /* where it is */
+    bench_ticks(base, 3);
+    assert_near(base->motor[0].voltage_v, 0.0, 1e-3);
+    bench_send(base, 0, 0x02c, "00 00 00 41 00 00 00 00"); /* 8 turns: 0.50265 rad */
+    bench_ticks(base, 3);
+    assert_true(base->motor[0].voltage_v > 0.05);
+    close_bench(&bench);
+}
+
+static void a_watchdog_disarms_until_errors_are_cleared(void **state)
+{
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, odrive, 10000000);
+    bench_send(base, 0, 0x027, "08 00 00 00");
+    bench_ticks(base, 9);
+    assert_true(base->motor[0].bridge_on);
+    bench_ticks(base, 4);
+    assert_false(base->motor[0].bridge_on);
+    assert_int_equal(bench_counters(base).timeouts, 1);
+    bench_send(base, 0, 0x027, "08 00 00 00");
+    bench_tick(base);
+    assert_false(base->motor[0].bridge_on);
+
+    /* The heartbeat has said so, until CLEAR_ERRORS */
+    bench_send(base, 0, 0x038, "00");
+    bench_tick(base);
+    bench_expect(base, 0, 0x021, "00 00 00 00 01 00 00 00");
+    bench_send(base, 0, 0x027, "08 00 00 00");
+    bench_tick(base);
+    assert_true(base->motor[0].bridge_on);
+    close_bench(&bench);
+}
+
+static void a_fault_opens_the_bridge_and_its_bit_is_told(void **state)
+{
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, odrive, 0);
+    bench_send(base, 0, 0x027, "08 00 00 00");
+    bench_tick(base);
+    base->sensors.supply_v = 20.0;
+    bench_ticks(base, 2);
+    assert_false(base->motor[0].bridge_on);
+    assert_true(boards_fault(base->boards));
+    base->sensors.supply_v = SUPPLY_V;
+    bench_send(base, 0, 0x038, "00");
+    bench_ticks(base, 3);
+    assert_false(boards_fault(base->boards));
+    close_bench(&bench);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_cheetah_drive_answers_the_frames_that_switch_it),
+        cmocka_unit_test(a_cheetah_drive_has_the_impedance_of_its_command),
+        cmocka_unit_test(a_cheetah_drive_brakes_by_its_damping),
+        cmocka_unit_test(a_frame_of_another_length_is_malformed),
+        cmocka_unit_test(an_odrive_tells_its_state_when_it_changes),
+        cmocka_unit_test(an_odrive_answers_remote_frames),
+        cmocka_unit_test(an_odrive_holds_its_position_in_counts_of_turns),
+        cmocka_unit_test(a_watchdog_disarms_until_errors_are_cleared),
+        cmocka_unit_test(a_fault_opens_the_bridge_and_its_bit_is_told),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
