@@ -361,11 +361,26 @@ static void yaml_set_defaults(const struct yaml_schema *schema, const struct yam
     }
 }
 
+/* The field of that key, or the end of the fields. */
+static const struct yaml_field *yaml_find_field(const struct yaml_schema *schema, const char *key)
+{
+    const struct yaml_field *field = schema->fields, *end = field + schema->field_count;
+
+    while (field < end && strcmp(field->key, key) != 0) {
+        field++;
+    }
+    return field;
+}
+
 static enum error_code yaml_read_struct(struct yaml_reader *r, const struct yaml_schema *schema,
                                         const struct yaml_node *node, void *out)
 {
     char expected[96];
 
+    if (schema->alone && node->kind == YAML_KIND_SCALAR) {
+        yaml_set_defaults(schema, &node->mark, out);
+        return yaml_read_value(r, yaml_find_field(schema, schema->alone), node, out);
+    }
     if (node->kind != YAML_KIND_MAP) {
         snprintf(expected, sizeof expected, "a mapping (%s)", schema->what);
         return yaml_unexpected(r, node, expected);
@@ -374,15 +389,11 @@ static enum error_code yaml_read_struct(struct yaml_reader *r, const struct yaml
     /* The keys that are there replace the defaults */
     yaml_set_defaults(schema, &node->mark, out);
     for (const struct yaml_node *key = node->first; key; key = key->next->next) {
-        const struct yaml_field *field = schema->fields;
-        const struct yaml_field *end = field + schema->field_count;
-        enum error_code code;
+        const struct yaml_field *field = yaml_find_field(schema, key->text);
+        enum error_code code = field < schema->fields + schema->field_count
+                                   ? yaml_read_value(r, field, key->next, out)
+                                   : yaml_reject_unknown_key(r, schema, key);
 
-        while (field < end && strcmp(field->key, key->text) != 0) {
-            field++;
-        }
-        code = field < end ? yaml_read_value(r, field, key->next, out)
-                           : yaml_reject_unknown_key(r, schema, key);
         if (code) {
             return code;
         }

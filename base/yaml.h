@@ -80,9 +80,11 @@ struct yaml_schema {
     size_t field_count;
     size_t name_offset; /* of the const char * that a YAML_DICT entry's name goes to */
     const void
-        *defaults;   /* size bytes that the struct starts as; NULL = zeroes, or for a nested map
+        *defaults;     /* size bytes that the struct starts as; NULL = zeroes, or for a nested map
                            * what the parent's defaults hold there */
-    bool extendable; /* of a file: the key "extends" names one that this one extends */
+    const char *alone; /* key of a text that may stand alone for the mapping ("drive: NAME"); then
+                        * no key is required; NULL = there is none */
+    bool extendable;   /* of a file: the key "extends" names one that this one extends */
     /* Of an extendable file: the path of one that is extended by a bare name, without slash and
      * dot, from the file from; NULL = there are no such names. */
     enum error_code (*locate)(const char *name, const char *from, struct arena *arena,

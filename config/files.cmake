@@ -1,6 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 # What of this folder is installed: these files, and nothing else that may lie in it.
 set(HIL_CONFIG
+    drives/cheetah-3.yaml
+    drives/coman.yaml
+    drives/cubemars-ak80-6.yaml
+    drives/harmonic-fha17c-100.yaml
+    drives/harmonic-fha25c-100.yaml
+    drives/mini-cheetah.yaml
+    drives/odri-solo.yaml
+    drives/robotis-xh430-w350.yaml
+    drives/walkman-big.yaml
+    drives/walkman-medium.yaml
+    drives/walkman-medium2.yaml
+    drives/walkman-small.yaml
     meshes/bump-3cm.obj
     meshes/bump-9cm.obj
     meshes/coman-foot-left.obj

@@ -186,6 +186,21 @@ struct robot {
 enum error_code robot_load(const char *path, const char *variant, struct arena *arena,
                            const struct robot **robot, struct error *error);
 
+/* A drive of the catalogue; ratings are those of the link side, 0 = the file gives none. */
+struct robot_drive {
+    const char *name, *description, *source; /* source may be NULL */
+    double supply_v;                         /* nominal */
+    double torque, peak_torque;              /* continuous, for a short time; N m */
+    double speed;                            /* without load at supply_v, rad/s */
+    double mass;                             /* kg */
+    struct robot_sea sea;
+};
+
+/* Reads a drive's file, which has to be complete. Everything lives in arena. Errors carry
+ * file:line:column. Not RT-safe. */
+enum error_code robot_load_drive(const char *path, struct arena *arena,
+                                 const struct robot_drive **drive, struct error *error);
+
 /* Checks a robot built by hand and fills what follows from the rest: nq, nv, total_mass, hash, and
  * observed for bodies with a frame or a capsule. Masses >= 0, inertias physically possible, axes of
  * unit length, parents first, and no joint (nor a floating base) that would move without inertia:

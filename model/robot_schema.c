@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The keys of a robot file: their types, ranges and places in struct robot_yaml. What they mean is
- * described in docs/man/coman-hil-robot.5.scd.
+ * The keys of a robot file and of a drive's: their types, ranges and places in struct robot_yaml
+ * and struct drive_file_yaml. What they mean is described in docs/man/coman-hil-robot.5.scd.
  */
 #include "model/robot_yaml.h"
 
 #include "base/count.h"
 
+#include <float.h>
 #include <stddef.h>
 
 #define SCHEMA(text, type, table)                                                                  \
@@ -175,8 +176,52 @@ static const struct yaml_field drive_fields[] = {
      .given_offset = offsetof(struct drive_yaml, has_freewheel)},
     HARMONICS("gear_error", error, error_schema),
     HARMONICS("cogging", cogging, cogging_schema),
+    {.key = "file",
+     .type = YAML_STRING,
+     .offset = offsetof(struct drive_yaml, file),
+     .min = 1,
+     .max = 255,
+     .mark_offset = offsetof(struct drive_yaml, file_mark)},
 };
-static const struct yaml_schema drive_schema = SCHEMA("a drive", struct drive_yaml, drive_fields);
+static const struct yaml_schema drive_schema = {.what = "a drive",
+                                                .size = sizeof(struct drive_yaml),
+                                                .fields = drive_fields,
+                                                .field_count = ARRAY_COUNT(drive_fields),
+                                                .alone = "file"};
+
+/* A drive of the catalogue, which is made from no other */
+static const struct yaml_schema drive_own_schema = {.what = "a drive",
+                                                    .size = sizeof(struct drive_yaml),
+                                                    .fields = drive_fields,
+                                                    .field_count = ARRAY_COUNT(drive_fields) - 1};
+
+#define RATING(word, member)                                                                       \
+    {                                                                                              \
+        .key = word, .type = YAML_REAL, .offset = offsetof(struct drive_file_yaml, member),        \
+        .min = DBL_MIN, .max = 1e6                                                                 \
+    }
+static const struct yaml_field drive_file_fields[] = {
+    NAME(struct drive_file_yaml),
+    {.key = "description",
+     .type = YAML_STRING,
+     .required = true,
+     .offset = offsetof(struct drive_file_yaml, description),
+     .min = 1,
+     .max = 400},
+    {.key = "source", .type = YAML_STRING, .offset = offsetof(struct drive_file_yaml, source)},
+    RATING("supply_v", supply_v),
+    RATING("torque_nm", torque),
+    RATING("peak_torque_nm", peak_torque),
+    RATING("speed_rad_s", speed),
+    RATING("mass_kg", mass),
+    {.key = "drive",
+     .type = YAML_MAP,
+     .required = true,
+     .offset = offsetof(struct drive_file_yaml, drive),
+     .schema = &drive_own_schema},
+};
+const struct yaml_schema drive_file_schema =
+    SCHEMA("a drive's file", struct drive_file_yaml, drive_file_fields);
 
 static const struct yaml_field spring_fields[] = {
     {.key = "enabled",

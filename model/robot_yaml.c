@@ -129,33 +129,8 @@ static enum error_code merge_named(struct robot_builder *b, void **list, size_t 
     return ERROR_NONE;
 }
 
-/* What a variant's drive gives goes before what the robot's own drive does. */
-static void merge_drive(const struct drive_yaml *change, struct drive_yaml *drive)
-{
-    for (enum drive_parameter i = 0; i < PARAMETER_COUNT; i++) {
-        if (change->given[i]) {
-            drive->value[i] = change->value[i];
-            drive->given[i] = true;
-        }
-    }
-    if (change->has_freewheel) {
-        drive->freewheel = change->freewheel;
-        drive->has_freewheel = true;
-    }
-    if (change->has_error) {
-        drive->error = change->error;
-        drive->nerror = change->nerror;
-        drive->has_error = true;
-    }
-    if (change->has_cogging) {
-        drive->cogging = change->cogging;
-        drive->ncogging = change->ncogging;
-        drive->has_cogging = true;
-    }
-}
-
 /* Bodies of a variant replace those of the robot; frames, capsules and sensors may also be new. */
-static enum error_code apply_variant(struct robot_builder *b, const struct variant_yaml *variant)
+static enum error_code apply_variant(struct robot_builder *b, struct variant_yaml *variant)
 {
     struct robot_yaml *file = &b->file;
     void *frame = file->frame, *capsule = file->capsule, *ft = file->ft;
@@ -175,10 +150,11 @@ static enum error_code apply_variant(struct robot_builder *b, const struct varia
                             sizeof *file->frame)) ||
         (code = merge_named(b, &capsule, &file->ncapsule, variant->capsule, variant->ncapsule,
                             sizeof *file->capsule)) ||
-        (code = merge_named(b, &ft, &file->nft, variant->ft, variant->nft, sizeof *file->ft))) {
+        (code = merge_named(b, &ft, &file->nft, variant->ft, variant->nft, sizeof *file->ft)) ||
+        (code = robot_take_drive(b, &variant->drive))) {
         return code;
     }
-    merge_drive(&variant->drive, &file->drive);
+    robot_merge_drive(&variant->drive, &file->drive);
     file->frame = frame;
     file->capsule = capsule;
     file->ft = ft;
@@ -232,10 +208,10 @@ enum error_code robot_load(const char *path, const char *variant, struct arena *
     b.robot->file = b.file.mark.file;
     b.robot->floating = b.file.base.floating;
     memcpy(b.robot->gravity, b.file.gravity, sizeof b.robot->gravity);
-    if ((code = check_all_names(&b)) || (code = choose_variant(&b, variant)) ||
-        (code = robot_build_tree(&b)) || (code = robot_build_frames(&b)) ||
-        (code = robot_build_capsules(&b)) || (code = robot_build_sensors(&b)) ||
-        (code = robot_build_poses(&b))) {
+    if ((code = check_all_names(&b)) || (code = robot_take_drive(&b, &b.file.drive)) ||
+        (code = choose_variant(&b, variant)) || (code = robot_build_tree(&b)) ||
+        (code = robot_build_frames(&b)) || (code = robot_build_capsules(&b)) ||
+        (code = robot_build_sensors(&b)) || (code = robot_build_poses(&b))) {
         return code;
     }
 

@@ -2,8 +2,9 @@
 /*
  * A robot file as it is read, before it is a robot, and what the parts of the reader share:
  * robot_schema.c (keys and ranges), robot_yaml.c (names, variants, the order of the work),
- * robot_yaml_tree.c (bodies and joints), robot_yaml_effects.c (what drives do beside the paper's
- * equations), robot_yaml_frames.c (frames, sensors, poses).
+ * robot_yaml_tree.c (bodies and joints), robot_yaml_drive.c (drives and their catalogue),
+ * robot_yaml_effects.c (what drives do beside the paper's equations), robot_yaml_frames.c (frames,
+ * sensors, poses).
  *
  * Units are in the keys of the file and the same here. Memory is the arena's. Functions return
  * ERROR_INPUT with file:line:column, or ERROR_MEMORY. Not RT-safe.
@@ -42,6 +43,9 @@ struct limits_yaml {
     double lower_m, upper_m, force_n;
     bool angular[3], linear[3]; /* which of the above are given */
 };
+
+/* A stop comes back with this time constant, s, where the file says nothing of it. */
+#define STOP_RETURNS 1e-3
 
 /* Which of the numbers of a stop, for each type of joint. */
 enum stop_parameter { STOP_STIFFNESS, STOP_DAMPING, STOP_PARAMETERS };
@@ -96,12 +100,22 @@ struct harmonic_yaml {
 
 struct drive_yaml {
     struct yaml_mark mark;
+    const char *file; /* of the catalogue, by name or path; NULL = none */
+    struct yaml_mark file_mark;
     double value[PARAMETER_COUNT];
     bool given[PARAMETER_COUNT];
     bool freewheel, has_freewheel;
     struct harmonic_yaml *error, *cogging;
     size_t nerror, ncogging;
     bool has_error, has_cogging;
+};
+
+/* A drive of the catalogue. Ratings are for people and for the importer; 0 = not given. */
+struct drive_file_yaml {
+    struct yaml_mark mark;
+    const char *name, *description, *source;
+    double supply_v, torque, peak_torque, speed, mass;
+    struct drive_yaml drive;
 };
 
 struct spring_yaml {
@@ -207,6 +221,9 @@ struct robot_yaml {
 /* The schema of a whole file: fills a struct robot_yaml. */
 extern const struct yaml_schema robot_file_schema;
 
+/* The same of a drive's file: struct drive_file_yaml. */
+extern const struct yaml_schema drive_file_schema;
+
 /* Key of a drive's parameter in the file. */
 const char *robot_drive_key(enum drive_parameter parameter);
 
@@ -232,6 +249,16 @@ enum error_code robot_no_memory(struct robot_builder *b);
 enum error_code robot_build_inertia(struct robot_builder *b, const struct yaml_mark *mark,
                                     double mass, const double com[3], const double I[6],
                                     struct robot_inertia *inertia);
+
+/* What change gives goes before what drive does. */
+void robot_merge_drive(const struct drive_yaml *change, struct drive_yaml *drive);
+
+/* Fills what drive leaves out from the file of the catalogue that it names, if it does. */
+enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *drive);
+
+/* The drive of a joint, if it has one: what the joint does not say, the robot's own drive does. */
+enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *given,
+                                  struct robot_sea *sea);
 
 /* The effects of a joint's drive, from the joint's or else from the robot's own drive: NULL if
  * there are none. given's mark is where a message about them stands. */

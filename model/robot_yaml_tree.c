@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Bodies and joints of a robot file: the tree, with drives and springs, in the order of its
- * joints. */
+/* Bodies and joints of a robot file: the tree, with parallel springs, in the order of joints. */
 #include "base/vec3.h"
 #include "model/robot_yaml.h"
 
@@ -152,10 +151,9 @@ static enum error_code build_limits(struct robot_builder *b, const struct joint_
     return ERROR_NONE;
 }
 
-/* A stop gives way by this, rad or m, under the joint's torque or force limit, and comes back with
- * this time constant, s, where the file says nothing of it. */
+/* A stop gives way by this, rad or m, under the joint's torque or force limit, where the file says
+ * nothing of it. */
 #define STOP_GIVES 5e-4
-#define STOP_RETURNS 1e-3
 
 /* The stops at the ends of the range: what the joint does not say, the robot's own stops do. */
 static enum error_code build_stops(struct robot_builder *b, const struct joint_yaml *given,
@@ -190,80 +188,6 @@ static enum error_code build_stops(struct robot_builder *b, const struct joint_y
     return ERROR_NONE;
 }
 
-/* Where the file gives a spring's room, but not its stop, that is so many times as stiff. */
-#define SPRING_STOP_TIMES 20.0
-
-/* The stop of a drive's spring from the drive's parameters. */
-static enum error_code build_spring_stop(struct robot_builder *b, const struct joint_yaml *given,
-                                         const double value[PARAMETER_COUNT],
-                                         const bool said[PARAMETER_COUNT], struct robot_sea *sea)
-{
-    const struct drive_yaml *own = &given->drive;
-
-    if (!said[PARAMETER_DEFLECTION]) {
-        return own->given[PARAMETER_STOP_KS] || own->given[PARAMETER_STOP_DS]
-                   ? yaml_error(b->error, &own->mark,
-                                "found a stop of the spring of joint \"%s\" without key \"%s\", "
-                                "expected the deflection at which it begins",
-                                given->name, robot_drive_key(PARAMETER_DEFLECTION))
-                   : ERROR_NONE;
-    }
-    sea->deflection = value[PARAMETER_DEFLECTION];
-    sea->stop.stiffness =
-        said[PARAMETER_STOP_KS] ? value[PARAMETER_STOP_KS] : SPRING_STOP_TIMES * sea->Ks;
-    sea->stop.damping =
-        said[PARAMETER_STOP_DS] ? value[PARAMETER_STOP_DS] : STOP_RETURNS * sea->stop.stiffness;
-    return ERROR_NONE;
-}
-
-/* A drive: what the joint does not say, the robot's own drive does. */
-static enum error_code build_drive(struct robot_builder *b, const struct joint_yaml *given,
-                                   struct robot_sea *sea)
-{
-    double value[PARAMETER_COUNT];
-    bool said[PARAMETER_COUNT];
-    enum error_code code;
-
-    if (!given->has_drive) {
-        return ERROR_NONE;
-    }
-    if (given->type != JOINT_REVOLUTE) {
-        return yaml_error(b->error, &given->drive.mark,
-                          "found a drive on prismatic joint \"%s\", expected none: series elastic "
-                          "drives turn",
-                          given->name);
-    }
-
-    /* Each parameter from the joint's drive, or else from the robot's */
-    for (enum drive_parameter i = 0; i < PARAMETER_COUNT; i++) {
-        const struct drive_yaml *from = given->drive.given[i] ? &given->drive : &b->file.drive;
-
-        said[i] = from->given[i];
-        if (!said[i] && i < PARAMETER_DEFLECTION) {
-            return yaml_error(
-                b->error, &given->drive.mark,
-                "found the drive of joint \"%s\" without key \"%s\", expected it here "
-                "or in the robot's own drive",
-                given->name, robot_drive_key(i));
-        }
-        value[i] = from->value[i];
-    }
-    *sea = (struct robot_sea){.present = true,
-                              .J = value[PARAMETER_J],
-                              .Dm = value[PARAMETER_DM],
-                              .Ks = value[PARAMETER_KS],
-                              .Ds = value[PARAMETER_DS],
-                              .N = value[PARAMETER_N],
-                              .Kt = value[PARAMETER_KT],
-                              .Kw = value[PARAMETER_KW],
-                              .R = value[PARAMETER_R],
-                              .L = value[PARAMETER_L]};
-    if ((code = build_spring_stop(b, given, value, said, sea))) {
-        return code;
-    }
-    return robot_build_effects(b, &given->drive, sea);
-}
-
 static enum error_code build_spring(struct robot_builder *b, const struct joint_yaml *given,
                                     struct robot_parallel_spring *spring)
 {
@@ -292,7 +216,7 @@ static enum error_code build_spring(struct robot_builder *b, const struct joint_
 
 static enum error_code build_joint(struct robot_builder *b, size_t j)
 {
-    const struct joint_yaml *given = &b->file.joint[j];
+    struct joint_yaml *given = &b->file.joint[j];
     struct robot *robot = b->robot;
     struct robot_joint *joint = &robot->joint[j];
     enum error_code code;
@@ -315,7 +239,8 @@ static enum error_code build_joint(struct robot_builder *b, size_t j)
     memcpy(joint->origin, given->origin.xyz, sizeof joint->origin);
     mat3_from_rpy(given->origin.rpy, joint->rotation);
     if ((code = build_joint_axis(b, given, joint)) || (code = build_limits(b, given, joint)) ||
-        (code = build_stops(b, given, joint)) || (code = build_drive(b, given, &joint->sea)) ||
+        (code = build_stops(b, given, joint)) ||
+        (code = robot_build_drive(b, given, &joint->sea)) ||
         (code = build_spring(b, given, &joint->spring))) {
         return code;
     }

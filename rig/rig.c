@@ -13,7 +13,7 @@
 #include "boards/described/protocol.h"
 #include "boards/icub/protocol.h"
 #include "rig/builder_private.h"
-#include "rig/find.h"
+#include "base/config.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -149,7 +149,7 @@ struct rig {
 };
 
 /* Reads a rig file and the files that it names (robot, meshes); path may be the name of an
- * installed rig (rig/find.h). Everything lives in arena. Errors carry file:line:column. */
+ * installed rig (base/config.h). Everything lives in arena. Errors carry file:line:column. */
 enum error_code rig_load(const char *path, struct arena *arena, const struct rig **rig,
                          struct error *error);
 

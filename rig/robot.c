@@ -3,7 +3,7 @@
 #include "base/portable_math.h"
 #include "model/spatial.h"
 #include "rig/builder_private.h"
-#include "rig/find.h"
+#include "base/config.h"
 
 #include <math.h>
 #include <string.h>

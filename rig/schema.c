@@ -6,7 +6,7 @@
 #include "base/count.h"
 #include "boards/icub/protocol.h"
 #include "canbus/lockstep.h"
-#include "rig/find.h"
+#include "base/config.h"
 #include "rig/rig.h"
 #include "rt/recorder.h"
 

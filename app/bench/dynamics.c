@@ -16,7 +16,7 @@
 #include "manual/dynamics.h"
 #include "manual/peers.h"
 #include "model/symbolic/builtin.h"
-#include "rig/find.h"
+#include "base/config.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -10,7 +10,7 @@
 #include "base/options.h"
 #include "manual/paper.h"
 #include "manual/peers.h"
-#include "rig/find.h"
+#include "base/config.h"
 
 #include <unistd.h>
 

@@ -9,7 +9,7 @@
 #include "base/options.h"
 #include "base/text.h"
 #include "manual/test.h"
-#include "rig/find.h"
+#include "base/config.h"
 #include "rt/clock.h"
 
 #include <stdio.h>

@@ -5,7 +5,7 @@
 #include "base/count.h"
 #include "base/journal.h"
 #include "base/options.h"
-#include "rig/find.h"
+#include "base/config.h"
 
 #include <signal.h>
 #include <stdatomic.h>

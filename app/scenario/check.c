@@ -3,7 +3,7 @@
 #include "app/scenario/private.h"
 
 #include "base/text.h"
-#include "rig/find.h"
+#include "base/config.h"
 
 #include <float.h>
 #include <stdio.h>

@@ -166,43 +166,41 @@ static const struct limit rig_limits[] = {
     {"brake_chopper.ohm", 1e-3, 1e6},
 };
 
+/* Of the keys of a drive, wherever it stands */
+#define DRIVE_LIMITS                                                                               \
+    {"*.J_kg_m2", 1e-12, 1e9}, {"*.Dm_nm_s_rad", 0, 1e9}, {"*.Ks_nm_rad", 0, 1e9},                 \
+        {"*.Ds_nm_s_rad", 0, 1e9}, {"*.N", 1e-6, 1e9}, {"*.NKt_nm_a", 1e-12, 1e9},                 \
+        {"*.NKw_v_s_rad", 0, 1e9}, {"*.R_ohm", 0, 1e9}, {"*.L_h", 1e-12, 1e9},                     \
+        {"*.deflection_rad", 1e-6, 1e9}, {"*.stop_Ks_nm_rad", 0, 1e9},                             \
+        {"*.stop_Ds_nm_s_rad", 0, 1e9}, {"*.coulomb_nm", 0, 1e6}, {"*.breakaway_nm", 0, 1e6},      \
+        {"*.stribeck_rad_s", 1e-6, 1e6}, {"*.backlash_rad", 0, 1}, {"*.hysteresis_nm", 0, 1e6},    \
+        {"*.hysteresis_nm_rad", 1e-6, 1e6}, {"*.winding_k_w", 1e-6, 1e6},                          \
+        {"*.housing_k_w", 1e-6, 1e6}, {"*.winding_j_k", 1e-3, 1e9}, {"*.housing_j_k", 1e-3, 1e9},  \
+        {"*.ambient_c", -60, 200}, {"*.R_per_k", 0, 0.01}, {"*.NKt_per_k", -0.01, 0},              \
+        {"*.dead_time_s", 0, 1e-3}, {"*.pwm_hz", 1, 1e7}, {"*.diode_v", 0, 10},                    \
+        {"*.per_turn", 1e-6, 1e6}, {"*.rad", 0, 1}, {"*.nm", 0, 1e6},                              \
+    {                                                                                              \
+        "*.phase_rad", -1e3, 1e3                                                                   \
+    }
+
+static const struct limit drive_limits[] = {
+    {"name", 1, 63},
+    {"description", 1, 400},
+    {"supply_v", DBL_MIN, 1e6},
+    {"torque_nm", DBL_MIN, 1e6},
+    {"peak_torque_nm", DBL_MIN, 1e6},
+    {"speed_rad_s", DBL_MIN, 1e6},
+    {"mass_kg", DBL_MIN, 1e6},
+    DRIVE_LIMITS,
+};
+
 static const struct limit robot_limits[] = {
     {"name", 1, 63},
     {"description", 1, 400},
     {"gravity_m_s2", -1e3, 1e3},
     {"*.body", 1, 63},
-    {"*.J_kg_m2", 1e-12, 1e9},
-    {"*.Dm_nm_s_rad", 0, 1e9},
-    {"*.Ks_nm_rad", 0, 1e9},
-    {"*.Ds_nm_s_rad", 0, 1e9},
-    {"*.N", 1e-6, 1e9},
-    {"*.NKt_nm_a", 1e-12, 1e9},
-    {"*.NKw_v_s_rad", 0, 1e9},
-    {"*.R_ohm", 0, 1e9},
-    {"*.L_h", 1e-12, 1e9},
-    {"*.deflection_rad", 1e-6, 1e9},
-    {"*.stop_Ks_nm_rad", 0, 1e9},
-    {"*.stop_Ds_nm_s_rad", 0, 1e9},
-    {"*.coulomb_nm", 0, 1e6},
-    {"*.breakaway_nm", 0, 1e6},
-    {"*.stribeck_rad_s", 1e-6, 1e6},
-    {"*.backlash_rad", 0, 1},
-    {"*.hysteresis_nm", 0, 1e6},
-    {"*.hysteresis_nm_rad", 1e-6, 1e6},
-    {"*.winding_k_w", 1e-6, 1e6},
-    {"*.housing_k_w", 1e-6, 1e6},
-    {"*.winding_j_k", 1e-3, 1e9},
-    {"*.housing_j_k", 1e-3, 1e9},
-    {"*.ambient_c", -60, 200},
-    {"*.R_per_k", 0, 0.01},
-    {"*.NKt_per_k", -0.01, 0},
-    {"*.dead_time_s", 0, 1e-3},
-    {"*.pwm_hz", 1, 1e7},
-    {"*.diode_v", 0, 10},
-    {"*.per_turn", 1e-6, 1e6},
-    {"*.rad", 0, 1},
-    {"*.nm", 0, 1e6},
-    {"*.phase_rad", -1e3, 1e3},
+    {"*.file", 1, 255},
+    DRIVE_LIMITS,
     {"*.stiffness_nm_rad", 0, 1e9},
     {"*.damping_nm_s_rad", 0, 1e9},
     {"*.stiffness_n_m", 0, 1e9},
@@ -259,9 +257,16 @@ static void limits_of_robot_files(void **state)
     check_schema(&robot_file_schema, robot_limits, ARRAY_COUNT(robot_limits));
 }
 
+static void limits_of_drive_files(void **state)
+{
+    (void)state;
+    check_schema(&drive_file_schema, drive_limits, ARRAY_COUNT(drive_limits));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(limits_of_drive_files, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(limits_of_rig_files, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(limits_of_robot_files, open_arena, close_arena),
     };

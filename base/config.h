@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Finds rigs, robots and scenarios by name (coman-hil run coman), and lists them. A configuration
- * tree has a folder for each kind (rigs, robots, scenarios) of files NAME.yaml. There are up to
- * three trees, of which the first that has a name wins: /etc/coman-hil, PREFIX/share/coman-hil of
- * a program in PREFIX/bin, and, of a program that was built and not installed, the folder config
- * beside it, a link to the one of the source. Not RT-safe.
+ * Finds rigs, robots, scenarios and drives by name (coman-hil run coman), and lists them. A
+ * configuration tree has a folder for each kind (rigs, robots, ...) of files NAME.yaml. There are
+ * up to three trees, of which the first that has a name wins: /etc/coman-hil,
+ * PREFIX/share/coman-hil of a program in PREFIX/bin, and, of a program that was built and not
+ * installed, the folder config beside it, a link to the one of the source. Not RT-safe.
  */
-#ifndef RIG_FIND_H
-#define RIG_FIND_H
+#ifndef BASE_CONFIG_H
+#define BASE_CONFIG_H
 
 #include "base/arena.h"
 #include "base/error.h"
@@ -15,7 +15,7 @@
 #include <limits.h>
 #include <stddef.h>
 
-enum config_kind { CONFIG_RIG, CONFIG_ROBOT, CONFIG_SCENARIO, CONFIG_KINDS };
+enum config_kind { CONFIG_RIG, CONFIG_ROBOT, CONFIG_SCENARIO, CONFIG_DRIVE, CONFIG_KINDS };
 
 enum { CONFIG_TREES_MAX = 3 };
 
@@ -28,12 +28,12 @@ struct config_entry {
     const char *name, *path;
 };
 
-/* "rig", "robot", "scenario". */
+/* "rig", "robot", "scenario", "drive". */
 const char *config_kind_name(enum config_kind kind);
 
-/* Finds the path of a rig, robot or scenario. What has a slash or a dot is a path already; a bare
- * name NAME is the file of that name if there is one, else NAME.yaml of the first tree that has it.
- * ERROR_INPUT gives the nearest name, or the places that were searched. */
+/* Finds the path of a rig, robot, scenario or drive. What has a slash or a dot is a path already; a
+ * bare name NAME is the file of that name if there is one, else NAME.yaml of the first tree that
+ * has it. ERROR_INPUT gives the nearest name, or the places that were searched. */
 enum error_code config_locate(enum config_kind kind, const char *name, char path[PATH_MAX],
                               struct error *error);
 

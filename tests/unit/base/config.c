@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Where a name of a rig, a robot or a scenario leads, and which there are. */
-#include "rig/find.h"
+/* Where a name of a rig, a robot, a scenario or a drive leads, and which there are. */
+#include "base/config.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -31,14 +31,14 @@ static void touch(const char *folder, const char *name)
 /* A configuration tree with a folder of rigs, whose path goes to rigs. */
 static bool make_tree(int number, char rigs[128])
 {
-    static const char *const folders[] = {"rigs", "robots", "scenarios"};
+    static const char *const folders[] = {"rigs", "robots", "scenarios", "drives"};
     char path[128] = "/tmp/hil-config-XXXXXX", folder[160];
 
     if (!mkdtemp(path)) {
         return false;
     }
     strcpy(trees.folder[number], path);
-    for (int i = 0; i < 3; i++) {
+    for (int i = 0; i < 4; i++) {
         snprintf(folder, sizeof folder, "%s/%s", path, folders[i]);
         if (mkdir(folder, 0755)) {
             return false;

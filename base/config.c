@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Finds configuration by name: next to the caller, in /etc, or installed with the program. */
-#include "rig/find.h"
+#include "base/config.h"
 
 #include "base/text.h"
 
@@ -17,7 +17,7 @@ enum { ENTRIES_MAX = 1024 };
 #define LIST_ARENA ((size_t)16 << 20) /* of address space */
 
 static const char suffix[] = ".yaml";
-static const char *const kinds[CONFIG_KINDS] = {"rig", "robot", "scenario"};
+static const char *const kinds[CONFIG_KINDS] = {"rig", "robot", "scenario", "drive"};
 
 const char *config_kind_name(enum config_kind kind)
 {

@@ -1,0 +1,226 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Drives of the catalogue: those that are shipped, and how a robot takes one. */
+#include "base/count.h"
+#include "model/robot.h"
+
+#include <dirent.h>
+#include <limits.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "tests/unit/arena_fixture.h"
+
+static char folder[] = "/tmp/hil-drives-XXXXXX";
+
+static void write_file(const char *name, const char *text)
+{
+    char path[PATH_MAX];
+    FILE *file;
+
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    file = fopen(path, "we");
+    assert_non_null(file);
+    fputs(text, file);
+    assert_int_equal(fclose(file), 0);
+}
+
+static int make_folder(void **state)
+{
+    char path[PATH_MAX];
+
+    (void)state;
+    if (!mkdtemp(folder)) {
+        return -1;
+    }
+    snprintf(path, sizeof path, "%s/robots", folder);
+    if (mkdir(path, 0755)) {
+        return -1;
+    }
+    snprintf(path, sizeof path, "%s/drives", folder);
+    return mkdir(path, 0755);
+}
+
+static int remove_folder(void **state)
+{
+    char command[128];
+
+    (void)state;
+    snprintf(command, sizeof command, "rm -rf '%s'", folder);
+    return system(command);
+}
+
+/* A link on a drive that is written like that, loaded from robots/arm.yaml. */
+static enum error_code load_arm(const char *all, const char *own, const struct robot **robot,
+                                struct error *error)
+{
+    char text[2048], path[PATH_MAX];
+
+    snprintf(
+        text, sizeof text,
+        "name: arm\n"
+        "gravity_m_s2: [0, 0, -9.81]\n"
+        "base: {type: fixed, body: stand}\n"
+        "%s"
+        "bodies:\n"
+        "  - {name: stand, mass_kg: 1, com_m: [0, 0, 0], inertia_kg_m2: [1, 0, 0, 1, 0, 1]}\n"
+        "  - {name: link, mass_kg: 1, com_m: [0, 0, 0], inertia_kg_m2: [1, 0, 0, 1, 0, 1]}\n"
+        "joints:\n"
+        "  - {name: pivot, type: revolute, parent: stand, child: link, axis: [0, 1, 0],\n"
+        "     origin: {xyz_m: [0, 0, 1]}, limits: {lower_rad: -1, upper_rad: 1, torque_nm: 9},\n"
+        "     drive: %s}\n",
+        all, own);
+    write_file("robots/arm.yaml", text);
+    snprintf(path, sizeof path, "%s/robots/arm.yaml", folder);
+    return robot_load(path, NULL, &arena, robot, error);
+}
+
+static void load_sound_arm(const char *all, const char *own, const struct robot **robot)
+{
+    struct error error;
+
+    if (load_arm(all, own, robot, &error)) {
+        fail_msg("%s", error.text);
+    }
+}
+
+#define MINE                                                                                       \
+    "name: mine\ndescription: a drive of one's own\nsupply_v: 24\ndrive:\n"                        \
+    "  {J_kg_m2: 0.5, Dm_nm_s_rad: 0.1, Ks_nm_rad: 300, Ds_nm_s_rad: 0.2, N: 50, NKt_nm_a: 3,\n"   \
+    "   NKw_v_s_rad: 3, R_ohm: 2, L_h: 0.001, coulomb_nm: 0.25}\n"
+
+/* Of each drive: torque at stall and speed without load at its voltage are those that are
+ * published, or more where a board or a gear is what limits them. */
+static void shipped_drives_reach_their_ratings(void **state)
+{
+    static const char path[] = HIL_SOURCE_DIR "/config/drives";
+    DIR *directory = opendir(path);
+    struct dirent *entry;
+    size_t count = 0;
+
+    (void)state;
+    assert_non_null(directory);
+    while ((entry = readdir(directory))) {
+        const struct robot_drive *drive;
+        char file[PATH_MAX], stem[64];
+        struct error error;
+
+        if (entry->d_name[0] == '.') {
+            continue;
+        }
+        snprintf(file, sizeof file, "%s/%s", path, entry->d_name);
+        if (robot_load_drive(file, &arena, &drive, &error)) {
+            fail_msg("%s", error.text);
+        }
+        snprintf(stem, sizeof stem, "%.*s", (int)strcspn(entry->d_name, "."), entry->d_name);
+        assert_string_equal(drive->name, stem);
+        assert_non_null(drive->source);
+        assert_true(drive->supply_v > 0.0);
+        assert_true(drive->sea.Kt <= 1.01 * drive->sea.Kw);
+        assert_true(drive->supply_v / drive->sea.R * drive->sea.Kt >= 0.999 * drive->peak_torque);
+        assert_true(drive->supply_v / drive->sea.Kw >= 0.999 * drive->speed);
+        assert_true(drive->torque <= drive->peak_torque);
+        count++;
+    }
+    closedir(directory);
+    assert_true(count >= 12);
+}
+
+static void a_joint_takes_a_drive_by_its_name(void **state)
+{
+    const struct robot *robot;
+
+    (void)state;
+    write_file("drives/mine.yaml", MINE);
+    load_sound_arm("", "mine", &robot);
+    assert_true(robot->joint[0].sea.present);
+    assert_true(robot->joint[0].sea.J == 0.5);
+    assert_true(robot->joint[0].sea.Ks == 300.0);
+    assert_true(robot->joint[0].sea.L == 0.001);
+    assert_non_null(robot->joint[0].sea.effects);
+    assert_true(robot->joint[0].sea.effects->coulomb == 0.25);
+
+    /* the same by a path from the robot's folder */
+    load_sound_arm("", "{file: ../drives/mine.yaml}", &robot);
+    assert_true(robot->joint[0].sea.J == 0.5);
+}
+
+/* The joint's keys, its catalogue, the robot's keys, the robot's catalogue: in this order. */
+static void what_stands_beside_the_name_goes_before_the_catalogue(void **state)
+{
+    const struct robot *robot;
+
+    (void)state;
+    write_file("drives/mine.yaml", MINE);
+    write_file("drives/other.yaml", "name: other\ndescription: half a drive\n"
+                                    "drive: {J_kg_m2: 0.7, Ks_nm_rad: 100, R_ohm: 5}\n");
+    load_sound_arm("", "{file: mine, Ks_nm_rad: 40}", &robot);
+    assert_true(robot->joint[0].sea.Ks == 40.0);
+    assert_true(robot->joint[0].sea.J == 0.5);
+
+    load_sound_arm("drive: {file: mine, R_ohm: 4, L_h: 0.003}\n", "{file: other, Ks_nm_rad: 41}",
+                   &robot);
+    assert_true(robot->joint[0].sea.Ks == 41.0);
+    assert_true(robot->joint[0].sea.J == 0.7);
+    assert_true(robot->joint[0].sea.R == 5.0);
+    assert_true(robot->joint[0].sea.L == 0.003);
+    assert_true(robot->joint[0].sea.N == 50.0);
+
+    load_sound_arm("drive: mine\n", "{}", &robot);
+    assert_true(robot->joint[0].sea.R == 2.0);
+}
+
+static void a_faulty_reference_is_refused_at_its_place(void **state)
+{
+    static const struct {
+        const char *own, *file, *text;
+    } fault[] = {
+        {"nobody", MINE, "arm.yaml:10:13: found no file \"nobody\""},
+        {"{file: ../drives/none.yaml}", MINE, "arm.yaml:10:20: found drive"},
+        {"{file: /etc/passwd}", MINE, "arm.yaml:10:20: found absolute path"},
+        {"5", MINE, "arm.yaml:10:13: found"},
+        {"[mine]", MINE, "arm.yaml:10:13: found a list"},
+        {"mine", "name: mine\ndescription: x\ndrive: {J_kgm2: 1}\n",
+         "mine.yaml:3:9: found unknown key \"J_kgm2\" in a drive, expected \"J_kg_m2\""},
+        {"mine", "name: mine\ndescription: x\ndrive: {file: other}\n",
+         "mine.yaml:3:9: found unknown key \"file\""},
+        {"mine", "name: mine\ndescription: x\ndrive: {J_kg_m2: -1}\n", "mine.yaml:3:18: found"},
+        {"mine", "name: mine\ndescription: x\ndrive: {J_kg_m2: 1}\n",
+         "arm.yaml:10:13: found the drive of joint \"pivot\" without key \"Dm_nm_s_rad\", expected "
+         "it here, in the file of the drive, or in the robot's own drive"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_COUNT(fault); i++) {
+        const struct robot *robot;
+        struct error error;
+
+        write_file("drives/mine.yaml", fault[i].file);
+        assert_int_equal(load_arm("", fault[i].own, &robot, &error), ERROR_INPUT);
+        if (!strstr(error.text, fault[i].text)) {
+            fail_msg("%s\n  is not %s", error.text, fault[i].text);
+        }
+    }
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, open_arena, close_arena)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(shipped_drives_reach_their_ratings),
+        TEST(a_joint_takes_a_drive_by_its_name),
+        TEST(what_stands_beside_the_name_goes_before_the_catalogue),
+        TEST(a_faulty_reference_is_refused_at_its_place),
+    };
+
+    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+}
