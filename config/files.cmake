@@ -55,6 +55,7 @@ set(HIL_CONFIG
     rigs/walk-walkman.yaml
     rigs/walkman.yaml
     robots/coman.yaml
+    robots/hyq-leg.yaml
     robots/walkman.yaml
     scenarios/babbling_idiot.yaml
     scenarios/board_reboot_in_squat.yaml

@@ -265,6 +265,9 @@ void implicit_linearize_actuators(struct plant *plant)
         im->torque[j] += torque;
         im->extra[j] += extra;
     }
+    if (plant->nhydraulic > 0) {
+        implicit_linearize_hydraulics(plant);
+    }
     linearize_stops(plant);
 }
 
@@ -332,6 +335,9 @@ void implicit_advance_actuators(struct plant *plant, enum implicit_span span, co
     implicit_advance_drives(plant, span, u + robot->nv - robot->njoint);
     for (size_t s = 0; s < plant->nspring; s++) {
         im->base[plant->at.pretension + s] += t * plant->pretension_rate[s];
+    }
+    if (plant->nhydraulic > 0) {
+        implicit_advance_hydraulics(plant, t, u + robot->nv - robot->njoint);
     }
 }
 

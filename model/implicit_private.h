@@ -93,12 +93,12 @@ struct implicit {
     /* The step */
     double h; /* of the step, s */
     enum implicit_level level;
-    double *begin;           /* state at its begin */
-    double *u_begin, *u_1;   /* rates at its begin and at the first stage */
-    double *trend;           /* slope of the rates by the last step, limited: see implicit.c */
-    double *trend_begin;     /* before a step that is taken again */
-    double jump;             /* largest change of a pair's velocity that was not foreseen, m/s */
-    double work[WORK_COUNT]; /* of the step */
+    double *begin;         /* state at its begin */
+    double *u_begin, *u_1; /* rates at its begin and at the first stage */
+    double *trend;         /* slope of the rates by the last step, limited: see implicit.c */
+    double *trend_begin;   /* before a step that is taken again */
+    double jump;           /* largest change of a pair's velocity that was not foreseen, m/s */
+    double work[WORK_ALL]; /* of the step */
 
     /* The stage */
     double stage_h;               /* gamma h */
@@ -263,6 +263,12 @@ void implicit_refresh_effects(struct plant *plant, size_t d);
 void implicit_linearize_effects(struct plant *plant, size_t d);
 void implicit_advance_effects(struct plant *plant, size_t d, enum implicit_span span, double rate,
                               double *state);
+
+/* ---- hydraulic joints: implicit_hydraulic.c ---- */
+
+/* Adds to torque and extra; takes them through t seconds with the joints at those rates. */
+void implicit_linearize_hydraulics(struct plant *plant);
+void implicit_advance_hydraulics(struct plant *plant, double t, const double *rates);
 
 /* ---- active pairs: implicit_contact.c ---- */
 

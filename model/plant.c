@@ -98,6 +98,8 @@ static void hold_command(struct plant *plant, double seconds)
         }
     }
 
+    plant_hydraulic_hold(plant);
+
     /* Pretensions move at a constant rate, to arrive at the end */
     for (size_t s = 0; s < plant->nspring; s++) {
         double goal = plant->command.motor[plant->spring_joint[s]].pretension_m;
@@ -237,6 +239,7 @@ enum error_code plant_reset(struct plant *plant, const double base_position[3],
     complete_pretensions(plant);
     plant_free_reset(plant);
     plant_effects_reset(plant);
+    plant_hydraulic_reset(plant);
     memset(plant->pretension_rate, 0, plant->nspring * sizeof *plant->pretension_rate);
 
     /* Nothing acts from outside, and nothing is remembered of an earlier run */

@@ -3,14 +3,15 @@
  * The plant: rigid-body dynamics, drives, parallel springs and contact joined into one system of
  * ordinary differential equations, integrated together (the paper's strong coupling).
  *
- * State, one flat array: q (nq), v (nv), then an enum plant_drive_part for each joint with a drive,
- * in joint order, then p for each joint with an enabled parallel spring, then an enum
+ * State, one flat array: q (nq), v (nv), then an enum plant_drive_part for each joint with a
+ * drive, in joint order, then p for each joint with an enabled parallel spring, then an enum
  * plant_free_part for each free body, then hysteresis, winding and housing temperature of each
  * drive where some drive has effects (model/effects.h), the bus of the supply if there is one
- * (model/supply.h), with account_energy the integrals of the powers, and at last the bristles of
- * sticking friction (contact.h), an enum contact_bristle_part for each pair. Joints without a drive
- * have no actuator state and no torque but that of their parallel spring and of the stops at the
- * ends of their range (model/stop.h). Time is int64_t ns.
+ * (model/supply.h), an enum hydraulic_part for each hydraulic joint and the pressure of their
+ * supply (model/hydraulic.h), with account_energy the integrals of the powers, and at last the
+ * bristles of sticking friction (contact.h), an enum contact_bristle_part for each pair. Joints
+ * without a drive have no actuator state and no torque but that of their parallel spring and of
+ * the stops at the ends of their range (model/stop.h). Time is int64_t ns.
  *
  * Free bodies are the scene's: rigid, joined to nothing, moved by gravity, contact and pushes.
  * Wherever a body is meant by its index they follow the robot's: free[i] is body nbody + i. (Bodies
@@ -109,7 +110,8 @@ struct plant_energy {
     double joule_heat, motor_friction, spring_damping, parallel_damping, stop_loss;
     double contact_dissipation;
     double gear_friction, gear_hysteresis, bridge_loss, source_loss, chopper_heat;
-    double stored; /* kinetic, gravity, springs, stops, windings, contact layers, bus */
+    double hydraulic_in, orifice_loss, leakage_loss, cylinder_friction, relief_loss;
+    double stored; /* kinetic, gravity, springs, stops, windings, contact layers, bus, oil */
     double balance;
 };
 

@@ -166,6 +166,7 @@ static void lay_out_state(struct plant *plant)
         plant->ndrive += robot->joint[j].sea.present;
         plant->has_effects |= robot->joint[j].sea.present && robot->joint[j].sea.effects;
         plant->nspring += robot->joint[j].spring.present && robot->joint[j].spring.enabled;
+        plant->nhydraulic += robot->joint[j].hydraulic.present;
     }
     plant->at.v = robot->nq;
     plant->at.drive = plant->at.v + robot->nv;
@@ -175,8 +176,11 @@ static void lay_out_state(struct plant *plant)
     plant->at.effect = plant->at.free + PLANT_FREE_STATE * plant->config.nfree;
     plant->at.supply =
         plant->at.effect + (plant->has_effects ? PLANT_EFFECT_STATE * plant->ndrive : 0);
-    plant->at.work = plant->at.supply + (has_bus ? SUPPLY_STATE : 0);
-    plant->nwork = plant->has_effects || has_bus ? WORK_COUNT : WORK_GEAR;
+    plant->at.hydraulic = plant->at.supply + (has_bus ? SUPPLY_STATE : 0);
+    plant->at.work = plant_hydraulic_supply(plant) + (plant->nhydraulic > 0);
+    plant->nwork = plant->nhydraulic > 0           ? WORK_ALL
+                   : plant->has_effects || has_bus ? WORK_COUNT
+                                                   : WORK_GEAR;
     plant->accounts = plant->config.account_energy || has_bus;
     plant->at.bristle = plant->at.work + (plant->config.account_energy ? plant->nwork : 0);
     plant->at.count = plant->at.bristle + plant->nbristle;
@@ -200,6 +204,7 @@ static bool allocate_plant(struct plant *plant, struct arena *arena)
     /* Actuators and free bodies */
     TAKE(plant->drive_joint, plant->ndrive);
     TAKE(plant->spring_joint, plant->nspring);
+    TAKE(plant->hydraulic_joint, plant->nhydraulic);
     TAKE(plant->free_inverse, plant->config.nfree);
 
     /* State, and what goes in and out */
@@ -217,6 +222,7 @@ static bool allocate_plant(struct plant *plant, struct arena *arena)
     TAKE(plant->bridge, plant->has_effects ? plant->ndrive : 0);
     TAKE(plant->mode, plant->has_effects ? plant->ndrive : 0);
     TAKE(plant->pretension_rate, plant->nspring);
+    TAKE(plant->valve_voltage, plant->nhydraulic);
 
     /* One evaluation */
     TAKE(plant->q, robot->nq);
@@ -273,7 +279,7 @@ static enum error_code create_whole_dynamics(struct plant *plant, struct arena *
 static void number_actuators(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
-    size_t drive = 0, spring = 0;
+    size_t drive = 0, spring = 0, cylinder = 0;
 
     for (size_t j = 0; j < robot->njoint; j++) {
         if (robot->joint[j].sea.present) {
@@ -282,6 +288,9 @@ static void number_actuators(struct plant *plant)
         }
         if (robot->joint[j].spring.present && robot->joint[j].spring.enabled) {
             plant->spring_joint[spring++] = j;
+        }
+        if (robot->joint[j].hydraulic.present) {
+            plant->hydraulic_joint[cylinder++] = j;
         }
     }
 }
@@ -340,6 +349,7 @@ enum error_code plant_create(const struct plant_config *config, struct arena *ar
     plant_free_prepare(made);
     plant_free_reset(made);
     plant_effects_reset(made);
+    plant_hydraulic_reset(made);
     made->command.njoint = robot->njoint;
     made->sensors.njoint = robot->njoint;
     made->sensors.nft = robot->nft;

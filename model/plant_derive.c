@@ -86,6 +86,9 @@ static void apply_joint_torques(struct plant *plant, const double *state)
     for (size_t d = 0; d < plant->ndrive; d++) {
         plant->tau[plant->drive_joint[d]] += plant_drive_torque(plant, state, d);
     }
+    for (size_t c = 0; c < plant->nhydraulic; c++) {
+        plant->tau[plant->hydraulic_joint[c]] += plant_hydraulic_torque(plant, state, c);
+    }
     for (size_t s = 0; s < plant->nspring; s++) {
         size_t j = plant->spring_joint[s];
 
@@ -249,6 +252,9 @@ void plant_derivative(void *context, double t, const double *state, double *deri
     plant_free_derive(plant, state, derivative);
     if (plant->config.bus.capacitance_f > 0.0) {
         plant_supply_derive(plant, state, derivative, work);
+    }
+    if (plant->nhydraulic > 0) {
+        plant_hydraulic_derive(plant, state, derivative, work);
     }
     for (size_t i = 0; plant->bristles_follow && i < plant->nlive; i++) {
         const size_t from = CONTACT_BRISTLE * (size_t)plant->live[i];

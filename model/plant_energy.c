@@ -21,6 +21,7 @@ static double stored_mechanical(struct plant *plant)
     for (size_t d = 0; d < plant->ndrive; d++) {
         energy += plant_drive_energy(plant, state, d);
     }
+    energy += plant_hydraulic_energy(plant, state);
     for (size_t s = 0; s < plant->nspring; s++) {
         size_t j = plant->spring_joint[s];
 
@@ -91,6 +92,18 @@ static void fill_effect_energies(const struct plant *plant, struct plant_energy 
     }
 }
 
+/* The accounts of hydraulic joints. */
+static void fill_hydraulic_energies(const struct plant *plant, struct plant_energy *energy)
+{
+    const double *work = plant->state + plant->at.work;
+
+    energy->hydraulic_in = work[WORK_HYDRAULIC];
+    energy->orifice_loss = work[WORK_ORIFICE];
+    energy->leakage_loss = work[WORK_LEAKAGE];
+    energy->cylinder_friction = work[WORK_CYLINDER];
+    energy->relief_loss = work[WORK_RELIEF];
+}
+
 enum error_code plant_energy(struct plant *plant, struct plant_energy *energy)
 {
     const double *work = plant->state + plant->at.work;
@@ -116,11 +129,15 @@ enum error_code plant_energy(struct plant *plant, struct plant_energy *energy)
     if (plant->nwork > WORK_GEAR) {
         fill_effect_energies(plant, energy);
     }
+    if (plant->nhydraulic > 0) {
+        fill_hydraulic_energies(plant, energy);
+    }
     energy->balance = energy->electrical_in + energy->pretension_work + energy->push_work +
                       work[WORK_CONTACT] - (mechanical - plant->start_mechanical) -
                       energy->joule_heat - energy->motor_friction - energy->spring_damping -
                       energy->parallel_damping - energy->stop_loss - energy->gear_friction -
                       energy->gear_hysteresis - energy->bridge_loss - energy->source_loss -
-                      energy->chopper_heat;
+                      energy->chopper_heat + energy->hydraulic_in - energy->orifice_loss -
+                      energy->leakage_loss - energy->cylinder_friction - energy->relief_loss;
     return ERROR_NONE;
 }

@@ -9,6 +9,7 @@
 #define MODEL_PLANT_PRIVATE_H
 
 #include "model/effects.h"
+#include "model/hydraulic.h"
 #include "model/integrator.h"
 #include "model/plant.h"
 #include "model/stop.h"
@@ -33,11 +34,17 @@ enum plant_work {
     WORK_SOURCE_LOSS,
     WORK_CHOPPER,
     WORK_COUNT,
+    WORK_HYDRAULIC = WORK_COUNT, /* those from here on with hydraulic joints only */
+    WORK_ORIFICE,
+    WORK_LEAKAGE,
+    WORK_CYLINDER,
+    WORK_RELIEF,
+    WORK_ALL,
 };
 
 /* Where the parts of the flat state begin, and its length. */
 struct plant_layout {
-    size_t v, drive, pretension, free, effect, supply, work, bristle, count;
+    size_t v, drive, pretension, free, effect, supply, hydraulic, work, bristle, count;
 };
 
 /* Inverse of a free body's tensor of inertia, as struct robot_inertia has the tensor. */
@@ -61,12 +68,13 @@ struct plant {
     struct plant_config config; /* contact_body and free are the plant's own copies */
     struct dynamics whole;      /* generic, with every body observed: pushes, center of mass */
     struct plant_layout at;
-    size_t ndrive, nspring, nbristle;
+    size_t ndrive, nspring, nhydraulic, nbristle;
     size_t nwork;         /* integrals of powers, with account_energy */
     bool has_effects;     /* some drive has: the state has their parts */
     bool accounts;        /* powers are integrated: account_energy, or a bus that lives on them */
     size_t *drive_joint;  /* joint of each drive */
     size_t *spring_joint; /* joint of each enabled parallel spring */
+    size_t *hydraulic_joint; /* of each cylinder */
     struct plant_free_inverse *free_inverse;
 
     double *state;
@@ -89,6 +97,7 @@ struct plant {
     struct effects_bridge *bridge; /* of each drive, with effects */
     struct effects_mode *mode;     /* of each drive, in a substep of rk4 and dopri5; with effects */
     double *pretension_rate;       /* of each parallel spring */
+    double *valve_voltage;         /* of each cylinder */
 
     /* Scratch of one evaluation */
     double *q; /* with a quaternion of unit length */
@@ -191,6 +200,32 @@ double plant_supply(const struct plant *plant);
 /* Makes a clamped robot's clamp one that holds the rotors too and carries no load, or one as
  * before; rotors stop. */
 void plant_balance(struct plant *plant, bool balanced);
+
+/* ---- hydraulic joints: plant_hydraulic.c ---- */
+
+/* Where the pressure of the supply is in the state. */
+static inline size_t plant_hydraulic_supply(const struct plant *plant)
+{
+    return plant->at.hydraulic + HYDRAULIC_STATE * plant->nhydraulic;
+}
+
+/* What cylinder c is connected to. */
+struct hydraulic_port plant_hydraulic_port(const struct plant *plant, const double *state,
+                                           size_t c);
+
+/* At rest and charged; the valves' voltages by the command; torque of cylinder c on its joint, N m;
+ * energy of oil and accumulator, J. */
+void plant_hydraulic_reset(struct plant *plant);
+void plant_hydraulic_hold(struct plant *plant);
+double plant_hydraulic_torque(const struct plant *plant, const double *state, size_t c);
+double plant_hydraulic_energy(const struct plant *plant, const double *state);
+
+/* Adds the powers of a cylinder to the accounts. */
+void plant_hydraulic_account(const struct hydraulic_power *power, double supply, double *work);
+
+/* Rates of cylinders and supply; work may be NULL. */
+void plant_hydraulic_derive(const struct plant *plant, const double *state, double *derivative,
+                            double *work);
 
 /* Joint position and rate of joint j. */
 static inline double plant_joint_position(const struct plant *plant, const double *state, size_t j)

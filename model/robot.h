@@ -104,6 +104,35 @@ struct robot_sea {
     const struct robot_effects *effects; /* NULL = none: eqs (2)-(4) and nothing else */
 };
 
+/* Hydraulic drive of a revolute joint, model/hydraulic.h. */
+struct robot_hydraulic {
+    bool present;
+    double A1, A2;        /* areas of the piston: its side, that of the rod, m2 */
+    double stroke, dead;  /* m; volume of either side beside the stroke's, m3 */
+    double base, arm;     /* from the joint to the pins of cylinder and rod, m */
+    double offset;        /* of the angle between them, rad: it is q + offset */
+    double closed;        /* length between the pins with the piston drawn in, m */
+    double valve_w;       /* natural frequency of the spool, rad/s */
+    double valve_damping; /* its damping ratio, below 1 */
+    double valve_v;       /* voltage that opens it fully */
+    double K;             /* flow of a port that is open, m3/s per sqrt(Pa) */
+    double lap;           /* share of the opening that the spool covers */
+    double beta;          /* bulk modulus of the oil, Pa */
+    double leakage;       /* past the piston, m3/s per Pa */
+    double viscous;       /* friction, N s/m */
+    double coulomb;       /* N */
+    double coulomb_speed; /* about which it changes its sign, m/s */
+};
+
+/* What feeds all hydraulic joints of a robot; accumulator 0 = a constant pressure. */
+struct robot_hydraulic_supply {
+    double pressure, back;      /* at the start, of the return, Pa */
+    double pump;                /* m3/s */
+    double accumulator;         /* volume of its gas at precharge, m3 */
+    double precharge;           /* Pa */
+    double relief, relief_flow; /* Pa; m3/s per Pa beyond */
+};
+
 /* Parallel unilateral spring of a joint, paper eq. (5) with x = p - r s q: for x < 0 the joint gets
  * s r (k_p x + d_p x'). */
 struct robot_parallel_spring {
@@ -126,6 +155,7 @@ struct robot_joint {
     struct robot_stop stop; /* at both of them */
     double torque_limit;    /* N m or N */
     struct robot_sea sea;
+    struct robot_hydraulic hydraulic; /* beside sea, never with it */
     struct robot_parallel_spring spring;
 };
 
@@ -178,6 +208,7 @@ struct robot {
     struct robot_ft_sensor *ft;
     struct robot_pose *pose;
     int imu_frame; /* -1 = none */
+    struct robot_hydraulic_supply hydraulic_supply;
     double total_mass;
 };
 
@@ -227,6 +258,12 @@ void robot_place_bodies(const struct robot *robot, const double position[3],
 /* Checks that mass properties are those of some body: the error says why not, but not whose they
  * are. Not RT-safe. */
 enum error_code robot_check_inertia(const struct robot_inertia *inertia, struct error *error);
+
+/* Whether a joint has a drive, electric or hydraulic, that a board can command. RT-safe. */
+static inline bool robot_joint_is_driven(const struct robot_joint *joint)
+{
+    return joint->sea.present || joint->hydraulic.present;
+}
 
 /* Index by name or -1. Not RT-safe (linear search). */
 int robot_find_body(const struct robot *robot, const char *name);

@@ -223,6 +223,52 @@ static const struct yaml_field drive_file_fields[] = {
 const struct yaml_schema drive_file_schema =
     SCHEMA("a drive's file", struct drive_file_yaml, drive_file_fields);
 
+#define CYLINDER(index, word, lowest, most)                                                        \
+    {                                                                                              \
+        .key = word, .type = YAML_REAL, .offset = offsetof(struct hydraulic_yaml, value[index]),   \
+        .min = lowest, .max = most, .given_offset = offsetof(struct hydraulic_yaml, given[index])  \
+    }
+static const struct yaml_field hydraulic_fields[] = {
+    CYLINDER(HYDRAULIC_BORE, "bore_m", 1e-4, 10.0),
+    CYLINDER(HYDRAULIC_ROD, "rod_m", 0.0, 10.0),
+    CYLINDER(HYDRAULIC_STROKE, "stroke_m", 1e-4, 100.0),
+    CYLINDER(HYDRAULIC_DEAD, "dead_volume_m3", 1e-9, 1.0),
+    CYLINDER(HYDRAULIC_BASE, "base_m", 1e-4, 100.0),
+    CYLINDER(HYDRAULIC_ARM, "arm_m", 1e-4, 100.0),
+    CYLINDER(HYDRAULIC_OFFSET, "offset_rad", -10.0, 10.0),
+    CYLINDER(HYDRAULIC_CLOSED, "closed_m", 1e-4, 100.0),
+    CYLINDER(HYDRAULIC_VALVE_HZ, "valve_hz", 1.0, 1e4),
+    CYLINDER(HYDRAULIC_VALVE_DAMPING, "valve_damping", 0.05, 0.99),
+    CYLINDER(HYDRAULIC_VALVE_V, "valve_v", 1e-3, 1e4),
+    CYLINDER(HYDRAULIC_VALVE_FLOW, "valve_flow_m3_s", 1e-9, 10.0),
+    CYLINDER(HYDRAULIC_VALVE_DROP, "valve_drop_pa", 1e3, 1e9),
+    CYLINDER(HYDRAULIC_BETA, "bulk_modulus_pa", 1e6, 1e11),
+    CYLINDER(HYDRAULIC_LAP, "valve_lap", 0.0, 0.5),
+    CYLINDER(HYDRAULIC_LEAKAGE, "leakage_m3_s_pa", 0.0, 1e-6),
+    CYLINDER(HYDRAULIC_VISCOUS, "viscous_n_s_m", 0.0, 1e9),
+    CYLINDER(HYDRAULIC_COULOMB, "coulomb_n", 0.0, 1e9),
+    CYLINDER(HYDRAULIC_COULOMB_SPEED, "coulomb_m_s", 1e-6, 10.0),
+};
+static const struct yaml_schema hydraulic_schema =
+    SCHEMA("a hydraulic drive", struct hydraulic_yaml, hydraulic_fields);
+
+#define SUPPLY(word, must, member, lowest, most)                                                   \
+    {                                                                                              \
+        .key = word, .type = YAML_REAL, .required = must,                                          \
+        .offset = offsetof(struct hydraulic_supply_yaml, member), .min = lowest, .max = most       \
+    }
+static const struct yaml_field hydraulic_supply_fields[] = {
+    SUPPLY("pressure_pa", true, pressure, 1e5, 1e9),
+    SUPPLY("return_pa", false, back, 0.0, 1e8),
+    SUPPLY("pump_m3_s", false, pump, 0.0, 10.0),
+    SUPPLY("accumulator_m3", false, accumulator, 0.0, 10.0),
+    SUPPLY("precharge_pa", false, precharge, 0.0, 1e9),
+    SUPPLY("relief_pa", false, relief, 0.0, 1e9),
+    SUPPLY("relief_m3_s_pa", false, relief_flow, 0.0, 1e-3),
+};
+static const struct yaml_schema hydraulic_supply_schema =
+    SCHEMA("the hydraulic supply", struct hydraulic_supply_yaml, hydraulic_supply_fields);
+
 static const struct yaml_field spring_fields[] = {
     {.key = "enabled",
      .type = YAML_BOOL,
@@ -298,6 +344,11 @@ static const struct yaml_field joint_fields[] = {
      .offset = offsetof(struct joint_yaml, drive),
      .schema = &drive_schema,
      .given_offset = offsetof(struct joint_yaml, has_drive)},
+    {.key = "hydraulic",
+     .type = YAML_MAP,
+     .offset = offsetof(struct joint_yaml, hydraulic),
+     .schema = &hydraulic_schema,
+     .given_offset = offsetof(struct joint_yaml, has_hydraulic)},
     {.key = "parallel_spring",
      .type = YAML_MAP,
      .offset = offsetof(struct joint_yaml, spring),
@@ -433,6 +484,15 @@ static const struct yaml_field robot_fields[] = {
      .type = YAML_MAP,
      .offset = offsetof(struct robot_yaml, drive),
      .schema = &drive_schema},
+    {.key = "hydraulic",
+     .type = YAML_MAP,
+     .offset = offsetof(struct robot_yaml, hydraulic),
+     .schema = &hydraulic_schema},
+    {.key = "hydraulic_supply",
+     .type = YAML_MAP,
+     .offset = offsetof(struct robot_yaml, hydraulic_supply),
+     .schema = &hydraulic_supply_schema,
+     .given_offset = offsetof(struct robot_yaml, has_hydraulic_supply)},
     {.key = "stops",
      .type = YAML_MAP,
      .offset = offsetof(struct robot_yaml, stops),
@@ -460,4 +520,9 @@ const struct yaml_schema robot_file_schema = SCHEMA("a robot", struct robot_yaml
 const char *robot_drive_key(enum drive_parameter parameter)
 {
     return drive_fields[parameter].key;
+}
+
+const char *robot_hydraulic_key(enum hydraulic_parameter parameter)
+{
+    return hydraulic_fields[parameter].key;
 }

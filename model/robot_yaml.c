@@ -209,9 +209,10 @@ enum error_code robot_load(const char *path, const char *variant, struct arena *
     b.robot->floating = b.file.base.floating;
     memcpy(b.robot->gravity, b.file.gravity, sizeof b.robot->gravity);
     if ((code = check_all_names(&b)) || (code = robot_take_drive(&b, &b.file.drive)) ||
-        (code = choose_variant(&b, variant)) || (code = robot_build_tree(&b)) ||
-        (code = robot_build_frames(&b)) || (code = robot_build_capsules(&b)) ||
-        (code = robot_build_sensors(&b)) || (code = robot_build_poses(&b))) {
+        (code = choose_variant(&b, variant)) || (code = robot_build_hydraulic_supply(&b)) ||
+        (code = robot_build_tree(&b)) || (code = robot_build_frames(&b)) ||
+        (code = robot_build_capsules(&b)) || (code = robot_build_sensors(&b)) ||
+        (code = robot_build_poses(&b))) {
         return code;
     }
 

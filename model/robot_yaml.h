@@ -3,8 +3,8 @@
  * A robot file as it is read, before it is a robot, and what the parts of the reader share:
  * robot_schema.c (keys and ranges), robot_yaml.c (names, variants, the order of the work),
  * robot_yaml_tree.c (bodies and joints), robot_yaml_drive.c (drives and their catalogue),
- * robot_yaml_effects.c (what drives do beside the paper's equations), robot_yaml_frames.c (frames,
- * sensors, poses).
+ * robot_yaml_hydraulic.c (hydraulic drives), robot_yaml_effects.c (what drives do beside the
+ * paper's equations), robot_yaml_frames.c (frames, sensors, poses).
  *
  * Units are in the keys of the file and the same here. Memory is the arena's. Functions return
  * ERROR_INPUT with file:line:column, or ERROR_MEMORY. Not RT-safe.
@@ -126,6 +126,42 @@ struct spring_yaml {
     struct yaml_mark s_mark;
 };
 
+/* The parameters of a hydraulic drive in the order of their keys in the schema. Those from
+ * HYDRAULIC_LAP on may be left out. */
+enum hydraulic_parameter {
+    HYDRAULIC_BORE,
+    HYDRAULIC_ROD,
+    HYDRAULIC_STROKE,
+    HYDRAULIC_DEAD,
+    HYDRAULIC_BASE,
+    HYDRAULIC_ARM,
+    HYDRAULIC_OFFSET,
+    HYDRAULIC_CLOSED,
+    HYDRAULIC_VALVE_HZ,
+    HYDRAULIC_VALVE_DAMPING,
+    HYDRAULIC_VALVE_V,
+    HYDRAULIC_VALVE_FLOW,
+    HYDRAULIC_VALVE_DROP,
+    HYDRAULIC_BETA,
+    HYDRAULIC_LAP,
+    HYDRAULIC_LEAKAGE,
+    HYDRAULIC_VISCOUS,
+    HYDRAULIC_COULOMB,
+    HYDRAULIC_COULOMB_SPEED,
+    HYDRAULIC_PARAMETERS,
+};
+
+struct hydraulic_yaml {
+    struct yaml_mark mark;
+    double value[HYDRAULIC_PARAMETERS];
+    bool given[HYDRAULIC_PARAMETERS];
+};
+
+struct hydraulic_supply_yaml {
+    struct yaml_mark mark;
+    double pressure, back, pump, accumulator, precharge, relief, relief_flow;
+};
+
 struct joint_yaml {
     struct yaml_mark mark;
     const char *name;
@@ -138,8 +174,9 @@ struct joint_yaml {
     struct limits_yaml limits;
     struct stops_yaml stops;
     struct drive_yaml drive;
+    struct hydraulic_yaml hydraulic;
     struct spring_yaml spring;
-    bool has_drive, has_spring;
+    bool has_drive, has_hydraulic, has_spring;
 };
 
 struct frame_yaml {
@@ -205,6 +242,8 @@ struct robot_yaml {
     double gravity[3];
     struct base_yaml base;
     struct drive_yaml drive;
+    struct hydraulic_yaml hydraulic;
+    struct hydraulic_supply_yaml hydraulic_supply;
     struct stops_yaml stops;
     struct body_yaml *body;
     struct joint_yaml *joint;
@@ -215,7 +254,7 @@ struct robot_yaml {
     struct pose_yaml *pose;
     struct variant_yaml *variant;
     size_t nbody, njoint, nframe, ncapsule, nft, npose, nvariant;
-    bool has_imu;
+    bool has_imu, has_hydraulic_supply;
 };
 
 /* The schema of a whole file: fills a struct robot_yaml. */
@@ -226,6 +265,9 @@ extern const struct yaml_schema drive_file_schema;
 
 /* Key of a drive's parameter in the file. */
 const char *robot_drive_key(enum drive_parameter parameter);
+
+/* The same of a hydraulic drive's. */
+const char *robot_hydraulic_key(enum hydraulic_parameter parameter);
 
 /* What is being built and what every step of that needs. */
 struct robot_builder {
@@ -259,6 +301,14 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
 /* The drive of a joint, if it has one: what the joint does not say, the robot's own drive does. */
 enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *given,
                                   struct robot_sea *sea);
+
+/* The hydraulic drive of a joint, if it has one: what the joint does not say, the robot does. Its
+ * range is known. */
+enum error_code robot_build_hydraulic(struct robot_builder *b, const struct joint_yaml *given,
+                                      struct robot_joint *joint);
+
+/* The supply of all of them. */
+enum error_code robot_build_hydraulic_supply(struct robot_builder *b);
 
 /* The effects of a joint's drive, from the joint's or else from the robot's own drive: NULL if
  * there are none. given's mark is where a message about them stands. */

@@ -1,0 +1,394 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Servo valve, cylinder and supply, one at a time. */
+#include "model/hydraulic.h"
+
+#include "base/portable_math.h"
+
+#include <math.h>
+
+/* Below this difference of pressures the flow of a port is linear in it, Pa (laminar). */
+#define LAMINAR_PA 1e5
+
+/* Exponent of the accumulator's gas, adiabatic nitrogen. */
+#define GAS_EXPONENT 1.4
+
+/* Parts of a span, and steps of Newton's method in a stage, of which two or three are the rule. */
+enum { SPAN_PARTS = 4, NEWTON_STEPS = 20 };
+
+/* Coefficient of the scheme, 1 - 1/sqrt(2). */
+#define SCHEME_GAMMA 0.29289321881345247560
+
+/* ---- geometry, friction ---- */
+
+double hydraulic_length(const struct robot_hydraulic *cylinder, double q, double *lever)
+{
+    const double a = cylinder->base, b = cylinder->arm;
+    double sine, cosine, length;
+
+    portable_sincos(q + cylinder->offset, &sine, &cosine);
+    length = sqrt(a * a + b * b - 2.0 * a * b * cosine);
+    *lever = a * b * sine / length;
+    return length;
+}
+
+enum error_code hydraulic_check(const struct robot_hydraulic *cylinder, double lower, double upper,
+                                struct error *error)
+{
+    enum { PLACES = 64 };
+    double sign = 0.0;
+
+    if (!(cylinder->A2 > 0.0)) {
+        return error_set(error, ERROR_INPUT,
+                         "found a rod as thick as its bore, expected a thinner");
+    }
+    for (int i = 0; i <= PLACES; i++) {
+        const double q = lower + (upper - lower) * i / PLACES;
+        double lever, x = hydraulic_length(cylinder, q, &lever) - cylinder->closed;
+
+        if (!(x >= 0.0 && x <= cylinder->stroke)) {
+            return error_set(error, ERROR_INPUT,
+                             "found the piston at %.4g m of its stroke of %.4g m with the joint at "
+                             "%.4g rad, expected it within",
+                             x, cylinder->stroke, q);
+        }
+        if (lever == 0.0 || lever * sign < 0.0) {
+            return error_set(error, ERROR_INPUT,
+                             "found a dead point of the cylinder near %.4g rad, expected none in "
+                             "the joint's range",
+                             q);
+        }
+        sign = lever;
+    }
+    return ERROR_NONE;
+}
+
+static double cylinder_friction(const struct robot_hydraulic *cylinder, double v, double *slope)
+{
+    const double c = cylinder->coulomb_speed, root = sqrt(v * v + c * c);
+
+    *slope = cylinder->viscous + cylinder->coulomb * c * c / (root * root * root);
+    return cylinder->viscous * v + cylinder->coulomb * v / root;
+}
+
+double hydraulic_torque(const struct robot_hydraulic *cylinder, const double *state, double q,
+                        double qd)
+{
+    double lever, slope;
+
+    hydraulic_length(cylinder, q, &lever);
+    return lever * (state[HYDRAULIC_P1] * cylinder->A1 - state[HYDRAULIC_P2] * cylinder->A2 -
+                    cylinder_friction(cylinder, lever * qd, &slope));
+}
+
+/* ---- chambers and flows ---- */
+
+/* Volumes of both chambers. A joint beyond its stop presses no volume away that is not there. */
+static void cylinder_volumes(const struct robot_hydraulic *cylinder, double q, double V[2],
+                             double *lever)
+{
+    double x = hydraulic_length(cylinder, q, lever) - cylinder->closed;
+
+    x = fmin(fmax(x, 0.0), cylinder->stroke);
+    V[0] = cylinder->dead + cylinder->A1 * x;
+    V[1] = cylinder->dead + cylinder->A2 * (cylinder->stroke - x);
+}
+
+/* Energy in a volume of oil at a pressure: beta (exp(p/beta) - 1) - p, to the third order. */
+static double oil_energy(double beta, double p)
+{
+    return p * p / (2.0 * beta) * (1.0 + p / (3.0 * beta));
+}
+
+double hydraulic_energy(const struct robot_hydraulic *cylinder, const double *state, double q)
+{
+    double V[2], lever;
+
+    cylinder_volumes(cylinder, q, V, &lever);
+    return V[0] * oil_energy(cylinder->beta, state[HYDRAULIC_P1]) +
+           V[1] * oil_energy(cylinder->beta, state[HYDRAULIC_P2]);
+}
+
+/* f and its slope. */
+static double orifice_root(double dp, double *slope)
+{
+    const double square = dp * dp + LAMINAR_PA * LAMINAR_PA, quarter = sqrt(sqrt(square));
+
+    *slope = (0.5 * dp * dp + LAMINAR_PA * LAMINAR_PA) / (square * quarter);
+    return dp / quarter;
+}
+
+/* Flows into both chambers: from the valve, past the piston, and out of the return. */
+struct chamber_flows {
+    double valve[2], valve_slope[2]; /* against the chamber's own pressure, negative */
+    double suction[2], suction_slope[2];
+    double leak;  /* from 1 to 2 */
+    double drawn; /* from the supply */
+};
+
+static void find_chamber_flows(const struct robot_hydraulic *cylinder, double spool,
+                               const struct hydraulic_port *port, const double p[2],
+                               struct chamber_flows *flows)
+{
+    const double cut = fmin(1.0, fabs(spool)), open = fmax(0.0, cut - cylinder->lap);
+    const double K = cylinder->K * open / (1.0 - cylinder->lap);
+    const int fed = spool > 0.0 ? 0 : 1;
+    const double suck = cylinder->K / sqrt(LAMINAR_PA);
+
+    for (int i = 0; i < 2; i++) {
+        const double from = i == fed ? port->supply : port->back;
+        double slope;
+
+        flows->valve[i] = K * orifice_root(from - p[i], &slope);
+        flows->valve_slope[i] = -K * slope;
+        flows->suction[i] = suck * fmax(0.0, port->back - p[i]);
+        flows->suction_slope[i] = p[i] < port->back ? -suck : 0.0;
+    }
+    flows->leak = cylinder->leakage * (p[0] - p[1]);
+    flows->drawn = flows->valve[fed];
+}
+
+/* Powers of those flows with the piston at speed v. */
+static void find_hydraulic_power(const struct robot_hydraulic *cylinder,
+                                 const struct chamber_flows *flows,
+                                 const struct hydraulic_port *port, const double p[2], double v,
+                                 struct hydraulic_power *power)
+{
+    const double returned =
+        flows->valve[0] + flows->valve[1] - flows->drawn + flows->suction[0] + flows->suction[1];
+    double carried = 0.0, slope;
+
+    /* Oil carries the energy that it has in a chamber in and out */
+    for (int i = 0; i < 2; i++) {
+        carried +=
+            (p[i] + oil_energy(cylinder->beta, p[i])) * (flows->valve[i] + flows->suction[i]);
+    }
+    power->in = port->supply * flows->drawn + port->back * returned;
+    power->orifice = power->in - carried;
+    power->leakage = flows->leak * (p[0] + oil_energy(cylinder->beta, p[0]) - p[1] -
+                                    oil_energy(cylinder->beta, p[1]));
+    power->mechanical = (p[0] * cylinder->A1 - p[1] * cylinder->A2) * v;
+    power->friction = cylinder_friction(cylinder, v, &slope) * v;
+    power->drawn = flows->drawn;
+}
+
+/* Rates of both pressures; V of the chambers, v of the piston. */
+static void find_pressure_rates(const struct robot_hydraulic *cylinder,
+                                const struct chamber_flows *flows, const double V[2], double v,
+                                double rate[2])
+{
+    rate[0] = cylinder->beta / V[0] *
+              (flows->valve[0] + flows->suction[0] - flows->leak - cylinder->A1 * v);
+    rate[1] = cylinder->beta / V[1] *
+              (flows->valve[1] + flows->suction[1] + flows->leak + cylinder->A2 * v);
+}
+
+/* ---- the spool ---- */
+
+static double spool_target(const struct robot_hydraulic *cylinder, double voltage)
+{
+    return fmax(-1.0, fmin(1.0, voltage / cylinder->valve_v));
+}
+
+/* Spool and its rate after t seconds, exactly: a damped oscillation about the target. */
+static void advance_spool(const struct robot_hydraulic *cylinder, double target, double t,
+                          double *state)
+{
+    const double decay = cylinder->valve_damping * cylinder->valve_w;
+    const double w =
+        cylinder->valve_w * sqrt(1.0 - cylinder->valve_damping * cylinder->valve_damping);
+    const double off = state[HYDRAULIC_SPOOL] - target, rate = state[HYDRAULIC_SPOOL_RATE];
+    const double shrink = portable_exp(-decay * t);
+    double sine, cosine;
+
+    portable_sincos(w * t, &sine, &cosine);
+    state[HYDRAULIC_SPOOL] = target + shrink * (off * cosine + (rate + decay * off) / w * sine);
+    state[HYDRAULIC_SPOOL_RATE] =
+        shrink * (rate * cosine - (decay * rate + (decay * decay + w * w) * off) / w * sine);
+}
+
+void hydraulic_derive(const struct robot_hydraulic *cylinder, const double *state,
+                      const struct hydraulic_port *port, double *derivative,
+                      struct hydraulic_power *power)
+{
+    const double *p = state + HYDRAULIC_P1, w = cylinder->valve_w;
+    struct chamber_flows flows;
+    double V[2], lever, v;
+
+    cylinder_volumes(cylinder, port->q, V, &lever);
+    v = lever * port->qd;
+    derivative[HYDRAULIC_SPOOL] = state[HYDRAULIC_SPOOL_RATE];
+    derivative[HYDRAULIC_SPOOL_RATE] =
+        w * w * (spool_target(cylinder, port->voltage) - state[HYDRAULIC_SPOOL]) -
+        2.0 * cylinder->valve_damping * w * state[HYDRAULIC_SPOOL_RATE];
+    find_chamber_flows(cylinder, state[HYDRAULIC_SPOOL], port, p, &flows);
+    find_pressure_rates(cylinder, &flows, V, v, derivative + HYDRAULIC_P1);
+    if (power) {
+        find_hydraulic_power(cylinder, &flows, port, p, v, power);
+    }
+}
+
+/* ---- through a span ---- */
+
+/* The matrix 1 - h J of both pressures' rates. */
+static void fill_stage_matrix(const struct robot_hydraulic *cylinder,
+                              const struct chamber_flows *flows, const double V[2], double h,
+                              double M[2][2])
+{
+    for (int i = 0; i < 2; i++) {
+        const double stiff = h * cylinder->beta / V[i];
+
+        M[i][i] =
+            1.0 - stiff * (flows->valve_slope[i] + flows->suction_slope[i] - cylinder->leakage);
+        M[i][1 - i] = -stiff * cylinder->leakage;
+    }
+}
+
+static void solve_two(double M[2][2], const double b[2], double x[2])
+{
+    const double det = M[0][0] * M[1][1] - M[0][1] * M[1][0];
+
+    x[0] = (M[1][1] * b[0] - M[0][1] * b[1]) / det;
+    x[1] = (M[0][0] * b[1] - M[1][0] * b[0]) / det;
+}
+
+/* One stage of h seconds from the pressures base: p becomes those at the stage, flows theirs, and
+ * bend, the pressures' derivatives against the joint's rate, is taken along with them. */
+static void solve_pressure_stage(const struct robot_hydraulic *cylinder,
+                                 const struct hydraulic_port *port, double spool,
+                                 const double base[2], double h, double p[2],
+                                 struct chamber_flows *flows, double bend[2])
+{
+    double V[2], lever, rate[2], M[2][2], left[2], step[2], begin[2] = {bend[0], bend[1]};
+
+    cylinder_volumes(cylinder, port->q, V, &lever);
+    for (int k = 0; k < NEWTON_STEPS; k++) {
+        find_chamber_flows(cylinder, spool, port, p, flows);
+        find_pressure_rates(cylinder, flows, V, lever * port->qd, rate);
+        fill_stage_matrix(cylinder, flows, V, h, M);
+        for (int i = 0; i < 2; i++) {
+            left[i] = base[i] + h * rate[i] - p[i];
+        }
+        solve_two(M, left, step);
+        p[0] += step[0];
+        p[1] += step[1];
+        if (fabs(step[0]) + fabs(step[1]) < 1e-6) {
+            break;
+        }
+    }
+    find_chamber_flows(cylinder, spool, port, p, flows);
+    begin[0] -= h * cylinder->beta / V[0] * cylinder->A1 * lever;
+    begin[1] += h * cylinder->beta / V[1] * cylinder->A2 * lever;
+    solve_two(M, begin, bend);
+}
+
+/* Adds weight times the powers at a stage to the works. */
+static void account_stage_power(const struct robot_hydraulic *cylinder,
+                                const struct chamber_flows *flows,
+                                const struct hydraulic_port *port, const double p[2], double weight,
+                                struct hydraulic_power *work)
+{
+    struct hydraulic_power power;
+    double lever;
+
+    hydraulic_length(cylinder, port->q, &lever);
+    find_hydraulic_power(cylinder, flows, port, p, lever * port->qd, &power);
+    work->in += weight * power.in;
+    work->mechanical += weight * power.mechanical;
+    work->orifice += weight * power.orifice;
+    work->leakage += weight * power.leakage;
+    work->friction += weight * power.friction;
+    work->drawn += weight * power.drawn;
+}
+
+void hydraulic_advance(const struct robot_hydraulic *cylinder, const struct hydraulic_port *port,
+                       double t, double *state, struct hydraulic_power *power, double *slope)
+{
+    const double h = t / SPAN_PARTS, share[2] = {1.0 - SCHEME_GAMMA, SCHEME_GAMMA};
+    const double target = spool_target(cylinder, port->voltage);
+    struct hydraulic_port at = *port;
+    double *p = state + HYDRAULIC_P1, bend[2] = {0.0, 0.0}, lever, damping;
+
+    for (int part = 0; part < SPAN_PARTS; part++) {
+        double base[2] = {p[0], p[1]}, first[2] = {bend[0], bend[1]};
+        const double begun[2] = {p[0], p[1]}, bent[2] = {bend[0], bend[1]};
+        struct chamber_flows flows;
+
+        for (int s = 0; s < 2; s++) {
+            const double ahead = s == 0 ? SCHEME_GAMMA * h : (1.0 - SCHEME_GAMMA) * h;
+
+            /* The second stage begins from the first one's slope over the rest of the part */
+            for (int i = 0; s == 1 && i < 2; i++) {
+                base[i] = begun[i] + share[0] / share[1] * (p[i] - begun[i]);
+                bend[i] = bent[i] + share[0] / share[1] * (first[i] - bent[i]);
+            }
+            advance_spool(cylinder, target, ahead, state);
+            at.q += ahead * port->qd;
+            solve_pressure_stage(cylinder, &at, state[HYDRAULIC_SPOOL], base, SCHEME_GAMMA * h, p,
+                                 &flows, bend);
+            first[0] = bend[0];
+            first[1] = bend[1];
+            if (power) {
+                account_stage_power(cylinder, &flows, &at, p, share[s] * h, power);
+            }
+        }
+    }
+    if (slope) {
+        hydraulic_length(cylinder, at.q, &lever);
+        cylinder_friction(cylinder, lever * port->qd, &damping);
+        *slope =
+            fmin(0.0, lever * (cylinder->A1 * bend[0] - cylinder->A2 * bend[1] - lever * damping));
+    }
+}
+
+/* ---- the supply ---- */
+
+void hydraulic_rest(const struct robot_hydraulic *cylinder, const struct robot_hydraulic_supply *s,
+                    double *state)
+{
+    const double p1 = s->pressure * cylinder->A2 / (cylinder->A1 + cylinder->A2);
+
+    state[HYDRAULIC_SPOOL] = state[HYDRAULIC_SPOOL_RATE] = 0.0;
+    state[HYDRAULIC_P1] = p1;
+    state[HYDRAULIC_P2] = p1 * cylinder->A1 / cylinder->A2;
+}
+
+static double gas_volume(const struct robot_hydraulic_supply *s, double pressure)
+{
+    return s->accumulator * portable_pow(s->precharge / pressure, 1.0 / GAS_EXPONENT);
+}
+
+double hydraulic_supply_derive(const struct robot_hydraulic_supply *s, double pressure,
+                               double drawn, struct hydraulic_supply_power *power)
+{
+    const double relief = s->relief_flow * fmax(0.0, pressure - s->relief);
+
+    if (power) {
+        power->pump = pressure * (s->accumulator > 0.0 ? s->pump : drawn);
+        power->relief = s->accumulator > 0.0 ? pressure * relief : 0.0;
+    }
+    if (s->accumulator == 0.0) {
+        return 0.0;
+    }
+    return (s->pump - relief - drawn) * GAS_EXPONENT * pressure / gas_volume(s, pressure);
+}
+
+double hydraulic_supply_advance(const struct robot_hydraulic_supply *s, double pressure,
+                                double drawn, double t, struct hydraulic_supply_power *work)
+{
+    struct hydraulic_supply_power power;
+    const double rate = hydraulic_supply_derive(s, pressure, drawn / t, &power);
+    double stiff = 0.0, end;
+
+    if (s->accumulator > 0.0 && pressure > s->relief) {
+        stiff = s->relief_flow * GAS_EXPONENT * pressure / gas_volume(s, pressure);
+    }
+    end = pressure + t * rate / (1.0 + t * stiff);
+    work->pump += t * power.pump;
+    work->relief += t * power.relief;
+    return fmax(end, s->precharge);
+}
+
+double hydraulic_supply_energy(const struct robot_hydraulic_supply *s, double pressure)
+{
+    return s->accumulator > 0.0 ? pressure * gas_volume(s, pressure) / (GAS_EXPONENT - 1.0) : 0.0;
+}

@@ -1,0 +1,110 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Hydraulic joints in the plant's state: each cylinder's enum hydraulic_part, then the pressure of
+ * the supply that they share. */
+#include "model/plant_private.h"
+
+#include <math.h>
+
+static double *cylinder_state(const struct plant *plant, double *state, size_t c)
+{
+    return state + plant->at.hydraulic + HYDRAULIC_STATE * c;
+}
+
+struct hydraulic_port plant_hydraulic_port(const struct plant *plant, const double *state, size_t c)
+{
+    const size_t j = plant->hydraulic_joint[c];
+
+    return (struct hydraulic_port){.q = plant_joint_position(plant, state, j),
+                                   .qd = plant_joint_rate(plant, state, j),
+                                   .voltage = plant->valve_voltage[c],
+                                   .supply = state[plant_hydraulic_supply(plant)],
+                                   .back = plant->config.robot->hydraulic_supply.back};
+}
+
+void plant_hydraulic_reset(struct plant *plant)
+{
+    const struct robot *robot = plant->config.robot;
+
+    if (plant->nhydraulic == 0) {
+        return;
+    }
+    for (size_t c = 0; c < plant->nhydraulic; c++) {
+        hydraulic_rest(&robot->joint[plant->hydraulic_joint[c]].hydraulic, &robot->hydraulic_supply,
+                       cylinder_state(plant, plant->state, c));
+        plant->valve_voltage[c] = 0.0;
+    }
+    plant->state[plant_hydraulic_supply(plant)] = robot->hydraulic_supply.pressure;
+}
+
+void plant_hydraulic_hold(struct plant *plant)
+{
+    for (size_t c = 0; c < plant->nhydraulic; c++) {
+        const struct motor_command *motor = &plant->command.motor[plant->hydraulic_joint[c]];
+        const bool driven = motor->bridge_on && !isnan(motor->voltage_v);
+
+        plant->valve_voltage[c] = driven ? motor->voltage_v : 0.0;
+    }
+}
+
+double plant_hydraulic_torque(const struct plant *plant, const double *state, size_t c)
+{
+    const size_t j = plant->hydraulic_joint[c];
+
+    return hydraulic_torque(
+        &plant->config.robot->joint[j].hydraulic, state + plant->at.hydraulic + HYDRAULIC_STATE * c,
+        plant_joint_position(plant, state, j), plant_joint_rate(plant, state, j));
+}
+
+double plant_hydraulic_energy(const struct plant *plant, const double *state)
+{
+    const struct robot *robot = plant->config.robot;
+    double energy = 0.0;
+
+    for (size_t c = 0; c < plant->nhydraulic; c++) {
+        const size_t j = plant->hydraulic_joint[c];
+
+        energy += hydraulic_energy(&robot->joint[j].hydraulic,
+                                   state + plant->at.hydraulic + HYDRAULIC_STATE * c,
+                                   plant_joint_position(plant, state, j));
+    }
+    if (plant->nhydraulic > 0) {
+        energy +=
+            hydraulic_supply_energy(&robot->hydraulic_supply, state[plant_hydraulic_supply(plant)]);
+    }
+    return energy;
+}
+
+void plant_hydraulic_account(const struct hydraulic_power *power, double supply, double *work)
+{
+    work[WORK_HYDRAULIC] += power->in - supply * power->drawn;
+    work[WORK_ORIFICE] += power->orifice;
+    work[WORK_LEAKAGE] += power->leakage;
+    work[WORK_CYLINDER] += power->friction;
+}
+
+void plant_hydraulic_derive(const struct plant *plant, const double *state, double *derivative,
+                            double *work)
+{
+    const struct robot *robot = plant->config.robot;
+    const size_t at = plant_hydraulic_supply(plant);
+    struct hydraulic_supply_power pump;
+    double drawn = 0.0;
+
+    for (size_t c = 0; c < plant->nhydraulic; c++) {
+        const struct hydraulic_port port = plant_hydraulic_port(plant, state, c);
+        struct hydraulic_power power;
+
+        hydraulic_derive(&robot->joint[plant->hydraulic_joint[c]].hydraulic,
+                         state + plant->at.hydraulic + HYDRAULIC_STATE * c, &port,
+                         cylinder_state(plant, derivative, c), &power);
+        drawn += power.drawn;
+        if (work) {
+            plant_hydraulic_account(&power, port.supply, work);
+        }
+    }
+    derivative[at] = hydraulic_supply_derive(&robot->hydraulic_supply, state[at], drawn, &pump);
+    if (work) {
+        work[WORK_HYDRAULIC] += pump.pump;
+        work[WORK_RELIEF] += pump.relief;
+    }
+}

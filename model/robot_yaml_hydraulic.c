@@ -1,0 +1,113 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Hydraulic drives and their supply from a robot file. */
+#include "model/hydraulic.h"
+#include "model/robot_yaml.h"
+
+#include <math.h>
+
+/* Speed about which friction changes its sign, m/s, where the file does not say. */
+#define FRICTION_SPEED 0.01
+
+static const double pi = 3.14159265358979323846;
+
+/* What the numbers of the file mean. */
+static void fill_cylinder(const double value[HYDRAULIC_PARAMETERS],
+                          const bool said[HYDRAULIC_PARAMETERS], struct robot_hydraulic *cylinder)
+{
+    const double bore = value[HYDRAULIC_BORE], rod = value[HYDRAULIC_ROD];
+
+    *cylinder = (struct robot_hydraulic){
+        .present = true,
+        .A1 = 0.25 * pi * bore * bore,
+        .A2 = 0.25 * pi * (bore * bore - rod * rod),
+        .stroke = value[HYDRAULIC_STROKE],
+        .dead = value[HYDRAULIC_DEAD],
+        .base = value[HYDRAULIC_BASE],
+        .arm = value[HYDRAULIC_ARM],
+        .offset = value[HYDRAULIC_OFFSET],
+        .closed = value[HYDRAULIC_CLOSED],
+        .valve_w = 2.0 * pi * value[HYDRAULIC_VALVE_HZ],
+        .valve_damping = value[HYDRAULIC_VALVE_DAMPING],
+        .valve_v = value[HYDRAULIC_VALVE_V],
+        .K = value[HYDRAULIC_VALVE_FLOW] / sqrt(0.5 * value[HYDRAULIC_VALVE_DROP]),
+        .lap = value[HYDRAULIC_LAP],
+        .beta = value[HYDRAULIC_BETA],
+        .leakage = value[HYDRAULIC_LEAKAGE],
+        .viscous = value[HYDRAULIC_VISCOUS],
+        .coulomb = value[HYDRAULIC_COULOMB],
+        .coulomb_speed =
+            said[HYDRAULIC_COULOMB_SPEED] ? value[HYDRAULIC_COULOMB_SPEED] : FRICTION_SPEED,
+    };
+}
+
+enum error_code robot_build_hydraulic(struct robot_builder *b, const struct joint_yaml *given,
+                                      struct robot_joint *joint)
+{
+    const struct yaml_mark *mark = &given->hydraulic.mark;
+    double value[HYDRAULIC_PARAMETERS];
+    bool said[HYDRAULIC_PARAMETERS];
+    struct error why;
+
+    if (!given->has_hydraulic) {
+        return ERROR_NONE;
+    }
+    if (given->type != JOINT_REVOLUTE || given->has_drive) {
+        return yaml_error(b->error, mark, "found a hydraulic drive on %s \"%s\", expected none",
+                          given->has_drive ? "driven joint" : "prismatic joint", given->name);
+    }
+    if (!b->file.has_hydraulic_supply) {
+        return yaml_error(b->error, mark,
+                          "found a hydraulic drive of joint \"%s\" in a robot without key "
+                          "\"hydraulic_supply\", expected both",
+                          given->name);
+    }
+
+    /* Each parameter from the joint, or else from the robot */
+    for (enum hydraulic_parameter i = 0; i < HYDRAULIC_PARAMETERS; i++) {
+        const struct hydraulic_yaml *from =
+            given->hydraulic.given[i] ? &given->hydraulic : &b->file.hydraulic;
+
+        said[i] = from->given[i];
+        value[i] = from->value[i];
+        if (!said[i] && i < HYDRAULIC_LAP) {
+            return yaml_error(b->error, mark,
+                              "found the hydraulic drive of joint \"%s\" without key \"%s\", "
+                              "expected it here or in the robot's own \"hydraulic\"",
+                              given->name, robot_hydraulic_key(i));
+        }
+    }
+    fill_cylinder(value, said, &joint->hydraulic);
+    if (hydraulic_check(&joint->hydraulic, joint->lower, joint->upper, &why)) {
+        return yaml_error(b->error, mark, "%s: %s", given->name, why.text);
+    }
+    return ERROR_NONE;
+}
+
+enum error_code robot_build_hydraulic_supply(struct robot_builder *b)
+{
+    const struct hydraulic_supply_yaml *given = &b->file.hydraulic_supply;
+
+    if (!b->file.has_hydraulic_supply) {
+        return ERROR_NONE;
+    }
+    if (!(given->pressure > given->back)) {
+        return yaml_error(b->error, &given->mark,
+                          "found a supply of %g Pa above a return of %g Pa, expected more",
+                          given->pressure, given->back);
+    }
+    if (given->accumulator > 0.0 && !(given->precharge > given->back &&
+                                      given->precharge <= given->pressure && given->relief > 0.0)) {
+        return yaml_error(b->error, &given->mark,
+                          "found an accumulator of precharge_pa %g and relief_pa %g, expected a "
+                          "precharge between return and pressure, and a relief",
+                          given->precharge, given->relief);
+    }
+    b->robot->hydraulic_supply = (struct robot_hydraulic_supply){.pressure = given->pressure,
+                                                                 .back = given->back,
+                                                                 .pump = given->pump,
+                                                                 .accumulator = given->accumulator,
+                                                                 .precharge = given->precharge,
+                                                                 .relief = given->relief,
+                                                                 .relief_flow = given->relief_flow};
+    return ERROR_NONE;
+}

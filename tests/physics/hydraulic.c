@@ -1,0 +1,316 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Hydraulic joints with the numbers of HyQ's leg (bore 16 mm, rod 10 mm, stroke 80 mm, 160 bar)
+ * against closed forms, and the default integrator at its step of 1 ms against dopri5.
+ */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include <cmocka.h>
+
+#include "model/hydraulic.h"
+#include "tests/physics/near.h"
+#include "tests/physics/toy.h"
+
+#define BAR 1e5
+
+enum { MS = 1000000, AT_CYLINDER = 2, AT_P1 = AT_CYLINDER + HYDRAULIC_P1, AT_P2 };
+enum { AT_SUPPLY = AT_CYLINDER + HYDRAULIC_STATE };
+
+struct oil_rig {
+    struct toy toy;
+    struct arena arena;
+    struct dynamics dynamics;
+    struct plant_config config;
+    struct plant *plant;
+    struct motor_command *motor;
+    double *state;
+};
+
+/* A cylinder between pins 0.32 m and 0.045 m from the joint, half out at q = 0, and a valve of
+ * 7.5 l/min at 70 bar that opens at 10 V. */
+static struct robot_hydraulic hyq_cylinder(void)
+{
+    return (struct robot_hydraulic){.present = true,
+                                    .A1 = 0.25 * M_PI * 0.016 * 0.016,
+                                    .A2 = 0.25 * M_PI * (0.016 * 0.016 - 0.010 * 0.010),
+                                    .stroke = 0.08,
+                                    .dead = 2e-6,
+                                    .base = 0.32,
+                                    .arm = 0.045,
+                                    .offset = 0.5 * M_PI,
+                                    .closed = sqrt(0.32 * 0.32 + 0.045 * 0.045) - 0.04,
+                                    .valve_w = 2.0 * M_PI * 250.0,
+                                    .valve_damping = 0.8,
+                                    .valve_v = 10.0,
+                                    .K = 7.5e-3 / 60.0 / sqrt(35.0 * BAR),
+                                    .beta = 1.4e9,
+                                    .coulomb_speed = 1e-3};
+}
+
+/* A link about a vertical axis behind such a cylinder. */
+static void oil_rig_begin(struct oil_rig *rig, struct robot_hydraulic cylinder,
+                          struct robot_hydraulic_supply supply)
+{
+    const double none[3] = {0.0, 0.0, 0.0}, z[3] = {0.0, 0.0, 1.0};
+    const double I[6] = {0.3, 0.0, 0.0, 0.3, 0.0, 0.3};
+    struct robot_joint *joint;
+
+    *rig = (struct oil_rig){0};
+    toy_begin(&rig->toy, false, 1.0, none, I);
+    joint = &rig->toy.joint[toy_add(&rig->toy, 0, JOINT_REVOLUTE, z, none, 5.0, none, I)];
+    joint->hydraulic = cylinder;
+    joint->lower = -0.85;
+    joint->upper = 0.85;
+    toy_finish(&rig->toy);
+    rig->toy.robot.hydraulic_supply = supply;
+    rig->config = (struct plant_config){.robot = &rig->toy.robot,
+                                        .dynamics = &rig->dynamics,
+                                        .integrator = PLANT_IMPLICIT,
+                                        .substep_ns = MS,
+                                        .rtol = 1e-10,
+                                        .atol = 1e-10,
+                                        .supply_v = 48.0,
+                                        .account_energy = true};
+}
+
+static void oil_rig_start(struct oil_rig *rig, double q)
+{
+    struct error error;
+    size_t count;
+
+    assert_int_equal(arena_init(&rig->arena, 1 << 20, &error), ERROR_NONE);
+    assert_int_equal(dynamics_generic(&rig->toy.robot, &rig->arena, &rig->dynamics, &error),
+                     ERROR_NONE);
+    assert_int_equal(plant_create(&rig->config, &rig->arena, &rig->plant, &error), ERROR_NONE);
+    rig->state = plant_state(rig->plant, &count);
+    rig->motor = plant_command(rig->plant)->motor;
+    rig->motor->bridge_on = true;
+    assert_int_equal(plant_reset(rig->plant, NULL, NULL, &q), ERROR_NONE);
+}
+
+static void step_oil(struct oil_rig *rig, size_t steps)
+{
+    assert_int_equal(plant_step(rig->plant, steps), ERROR_NONE);
+}
+
+static struct robot_hydraulic_supply constant_supply(void)
+{
+    return (struct robot_hydraulic_supply){.pressure = 160.0 * BAR};
+}
+
+/* The leg's forces are those that are published. */
+static void areas_and_forces_are_those_of_the_leg(void **state)
+{
+    const struct robot_hydraulic c = hyq_cylinder();
+
+    (void)state;
+    assert_near(c.A1 * 1e4, 2.0106, 1e-4);
+    assert_near(c.A2 * 1e4, 1.2252, 1e-4);
+    assert_near(160.0 * BAR * c.A1, 3217.0, 0.5);
+    assert_near(160.0 * BAR * c.A2, 1960.0, 0.5);
+}
+
+/* Behind a piston that is held, p' = beta Q / V, at the valve's full flow. */
+static void a_blocked_piston_is_pressed_at_beta_q_by_v(void **state)
+{
+    const struct robot_hydraulic c = hyq_cylinder();
+    const struct robot_hydraulic_supply s = constant_supply();
+    double y[HYDRAULIC_STATE], rate[HYDRAULIC_STATE], lever, V[2], x, p[2];
+    struct hydraulic_port port = {.voltage = 10.0, .supply = s.pressure};
+
+    (void)state;
+    hydraulic_rest(&c, &s, y);
+    y[HYDRAULIC_SPOOL] = 1.0;
+    x = hydraulic_length(&c, 0.0, &lever) - c.closed;
+    V[0] = c.dead + c.A1 * x;
+    V[1] = c.dead + c.A2 * (c.stroke - x);
+    p[0] = y[HYDRAULIC_P1];
+    p[1] = y[HYDRAULIC_P2];
+    hydraulic_derive(&c, y, &port, rate, NULL);
+    assert_near(rate[HYDRAULIC_P1] / (c.beta * c.K * sqrt(s.pressure - p[0]) / V[0]), 1.0, 1e-4);
+    assert_near(rate[HYDRAULIC_P2] / (-c.beta * c.K * sqrt(p[1]) / V[1]), 1.0, 1e-4);
+
+    /* the same over a time that is short beside the valve's */
+    hydraulic_advance(&c, &port, 1e-6, y, NULL, NULL);
+    assert_near((y[HYDRAULIC_P1] - p[0]) / (1e-6 * rate[HYDRAULIC_P1]), 1.0, 5e-3);
+}
+
+/* A held piston comes to supply and return pressure and stays: no step is too long. */
+static void a_blocked_piston_comes_to_supply_and_return(void **state)
+{
+    struct oil_rig rig;
+
+    (void)state;
+    oil_rig_begin(&rig, hyq_cylinder(), constant_supply());
+    oil_rig_start(&rig, 0.0);
+    plant_clamp(rig.plant, true);
+    rig.motor->voltage_v = 10.0;
+    step_oil(&rig, 200);
+    assert_near(rig.state[AT_P1] / (160.0 * BAR), 1.0, 1e-9);
+    assert_near(rig.state[AT_P2] / (160.0 * BAR), 0.0, 1e-9);
+    rig.motor->voltage_v = -10.0;
+    step_oil(&rig, 200);
+    assert_near(rig.state[AT_P1] / (160.0 * BAR), 0.0, 1e-9);
+    assert_near(rig.state[AT_P2] / (160.0 * BAR), 1.0, 1e-9);
+    arena_fini(&rig.arena);
+}
+
+/* Without load the piston runs out at K sqrt(P A1 / (A1^3 + A2^3)). */
+static void the_speed_without_load_is_the_closed_form(void **state)
+{
+    const struct robot_hydraulic c = hyq_cylinder();
+    const double P = 160.0 * BAR, cubes = c.A1 * c.A1 * c.A1 + c.A2 * c.A2 * c.A2;
+    const double out = c.K * sqrt(P * c.A1 / cubes), in = c.K * sqrt(P * c.A2 / cubes);
+    struct oil_rig rig;
+    double lever, q, qd;
+
+    (void)state;
+    for (int way = 1; way >= -1; way -= 2) {
+        /* a valve that opens by a tenth: slow, so that the link's inertia takes nothing */
+        oil_rig_begin(&rig, c, constant_supply());
+        oil_rig_start(&rig, -0.3 * way);
+        rig.motor->voltage_v = way * 1.0;
+        step_oil(&rig, 250);
+        q = rig.state[0];
+        qd = rig.state[1];
+        hydraulic_length(&c, q, &lever);
+        assert_near(lever * qd / (0.1 * (way > 0 ? out : -in)), 1.0, 3e-2);
+        arena_fini(&rig.arena);
+    }
+}
+
+/* Behind a closed valve the oil is a spring of beta (A1^2/V1 + A2^2/V2). */
+static void a_closed_valve_makes_a_spring(void **state)
+{
+    const struct robot_hydraulic c = hyq_cylinder();
+    struct oil_rig rig;
+    double lever, x, stiffness, w, slope, y[HYDRAULIC_STATE], first = 0.0, last = 0.0;
+    int turns = 0;
+    struct hydraulic_port port = {.qd = 1e-3, .supply = 160.0 * BAR};
+
+    (void)state;
+    x = hydraulic_length(&c, 0.0, &lever) - c.closed;
+    stiffness =
+        lever * lever * c.beta *
+        (c.A1 * c.A1 / (c.dead + c.A1 * x) + c.A2 * c.A2 / (c.dead + c.A2 * (c.stroke - x)));
+
+    /* the slope that the integrator takes for a way in a time */
+    y[HYDRAULIC_SPOOL] = y[HYDRAULIC_SPOOL_RATE] = 0.0;
+    y[HYDRAULIC_P1] = y[HYDRAULIC_P2] = 50.0 * BAR;
+    hydraulic_advance(&c, &port, 1e-4, y, NULL, &slope);
+    assert_near(slope / (-stiffness * 1e-4), 1.0, 1e-3);
+
+    /* the link swings on it, by dopri5 */
+    oil_rig_begin(&rig, c, constant_supply());
+    rig.config.integrator = PLANT_DOPRI5;
+    rig.config.substep_ns = MS / 10;
+    oil_rig_start(&rig, 0.0);
+    rig.state[1] = 0.01;
+    w = sqrt(stiffness / 0.3);
+    for (int k = 0; k < 4000 && turns < 11; k++) {
+        const double before = rig.state[1];
+
+        step_oil(&rig, 1);
+        if (before < 0.0 && rig.state[1] >= 0.0) {
+            last = 1e-4 * (k + before / (before - rig.state[1]));
+            first = turns++ == 0 ? last : first;
+        }
+    }
+    assert_true(turns == 11);
+    assert_near((last - first) / 10.0 * w / (2.0 * M_PI), 1.0, 2e-3);
+    arena_fini(&rig.arena);
+}
+
+/* What a load of the cylinder does in 0.4 s of steps of voltage. */
+static void run_voltages(struct oil_rig *rig, double *q, double *p1, size_t per_ms)
+{
+    oil_rig_start(rig, -0.4);
+    for (int k = 0; k < 400; k++) {
+        rig->motor->voltage_v = k < 120 ? 3.0 : k < 160 ? 0.0 : k < 300 ? -2.0 : 1.0;
+        step_oil(rig, per_ms);
+        q[k] = rig->state[0];
+        p1[k] = rig->state[AT_P1];
+    }
+}
+
+static struct robot_hydraulic real_cylinder(void)
+{
+    struct robot_hydraulic c = hyq_cylinder();
+
+    c.lap = 0.02;
+    c.leakage = 1e-13;
+    c.viscous = 100.0;
+    c.coulomb = 30.0;
+    c.coulomb_speed = 0.01;
+    return c;
+}
+
+static struct robot_hydraulic_supply real_supply(void)
+{
+    return (struct robot_hydraulic_supply){.pressure = 160.0 * BAR,
+                                           .back = 2.0 * BAR,
+                                           .pump = 5e-5,
+                                           .accumulator = 2e-4,
+                                           .precharge = 90.0 * BAR,
+                                           .relief = 160.0 * BAR,
+                                           .relief_flow = 1e-9};
+}
+
+static void steps_of_voltage_agree_with_dopri5(void **state)
+{
+    static double q[3][400], p[3][400];
+    static const size_t parts[3] = {1, 4, 1};
+    double error[2] = {0.0}, pressure[2] = {0.0};
+    struct oil_rig rig;
+
+    (void)state;
+    for (int run = 0; run < 3; run++) {
+        struct plant_energy energy;
+
+        oil_rig_begin(&rig, real_cylinder(), real_supply());
+        rig.config.integrator = run == 2 ? PLANT_DOPRI5 : PLANT_IMPLICIT;
+        rig.config.substep_ns = MS / (int64_t)parts[run];
+        run_voltages(&rig, q[run], p[run], parts[run]);
+        assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+        print_message("# run %d: in %g J, orifices %g, leakage %g, friction %g, relief %g, balance "
+                      "%g, supply %g bar\n",
+                      run, energy.hydraulic_in, energy.orifice_loss, energy.leakage_loss,
+                      energy.cylinder_friction, energy.relief_loss, energy.balance,
+                      rig.state[AT_SUPPLY] / BAR);
+        assert_true(energy.hydraulic_in > 100.0);
+        assert_true(fabs(energy.balance) < (run == 2   ? 1e-6
+                                            : run == 1 ? 5e-4
+                                                       : 2e-3) *
+                                               energy.hydraulic_in);
+        arena_fini(&rig.arena);
+    }
+    for (int k = 0; k < 400; k++) {
+        for (int run = 0; run < 2; run++) {
+            error[run] = fmax(error[run], fabs(q[run][k] - q[2][k]));
+            pressure[run] = fmax(pressure[run], fabs(p[run][k] - p[2][k]));
+        }
+    }
+    print_message("# angle off by %g, %g rad, pressure by %g, %g bar at 1 and 0.25 ms\n", error[0],
+                  error[1], pressure[0] / BAR, pressure[1] / BAR);
+    assert_true(error[0] < 1e-3);
+    assert_true(error[1] < error[0] / 4.0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(areas_and_forces_are_those_of_the_leg),
+        cmocka_unit_test(a_blocked_piston_is_pressed_at_beta_q_by_v),
+        cmocka_unit_test(a_blocked_piston_comes_to_supply_and_return),
+        cmocka_unit_test(the_speed_without_load_is_the_closed_form),
+        cmocka_unit_test(a_closed_valve_makes_a_spring),
+        cmocka_unit_test(steps_of_voltage_agree_with_dopri5),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
