@@ -139,7 +139,7 @@ static enum error_code described_build_faults(struct described_loader *l)
         if (k == DESCRIBED_FAULT_KINDS) {
             nearest = text_nearest(raw->name, words, DESCRIBED_FAULT_KINDS);
             return yaml_error(l->error, &raw->mark, "found unknown fault \"%s\", expected %s",
-                              raw->name, nearest ? nearest : "one of docs/own_boards.md");
+                              raw->name, nearest ? nearest : "one of docs/own-boards.md");
         }
         l->made->fault_bit[k] = (int)raw->bit;
     }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A protocol that a file describes (docs/own_boards.md): its frames with their fields, the states
+ * A protocol that a file describes (docs/own-boards.md): its frames with their fields, the states
  * of an axis and what our host has to send. The table is read once (described_load) and immutable
  * from then on; boards, host, DBC and `coman-hil protocol` all work from it. Classic CAN, 11-bit
  * identifiers.

@@ -74,7 +74,7 @@ diff <(signals coman-compact) <(signals coman-described) >"$work/out" &&
     [ "$(signals coman-odrive | grep -c pos_estimate)" -eq 23 ]
 result $? "the DBC of the described protocol has the signals of the one in C"
 
-sed '/^```yaml$/,/^```$/!d' "$HIL_SOURCE_DIR/docs/own_boards.md" | awk '/^```/{n++; next} n==3' \
+sed '/^```yaml$/,/^```$/!d' "$HIL_SOURCE_DIR/docs/own-boards.md" | awk '/^```/{n++; next} n==3' \
     >"$work/my.yaml"
 cp -r "$HIL_SOURCE_DIR/config" "$work/config" && cp "$work/my.yaml" "$work/config/protocols/" &&
     sed 's/^name: .*/name: mine/; s/mini-cheetah.yaml$/my.yaml/' \
