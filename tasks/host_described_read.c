@@ -115,7 +115,7 @@ static void described_read_position(struct host *host, const struct described_pr
     if (!protocol->tells[DESCRIBED_LINK_POSITION] && !protocol->tells[DESCRIBED_DEFLECTION]) {
         joint->joint_rad =
             rad - (drive->spring_nm_rad > 0.0 ? joint->torque_nm / drive->spring_nm_rad : 0.0);
-        joint->joint_seen = true;
+        joint->joint_time_ns = host->now_ns;
     }
     if (!protocol->tells[DESCRIBED_STATE]) {
         joint->motor = host->want[axis].on ? HOST_MOTOR_ON : HOST_MOTOR_OFF;
@@ -142,7 +142,7 @@ static void described_read_motor_field(struct host *host, const struct described
         break;
     case DESCRIBED_LINK_POSITION:
         joint->joint_rad = value;
-        joint->joint_seen = true;
+        joint->joint_time_ns = host->now_ns;
         if (!protocol->tells[DESCRIBED_MOTOR_POSITION]) {
             described_read_position(host, protocol, (size_t)news->node->axis[k], value,
                                     protocol->tells[DESCRIBED_MOTOR_VELOCITY]);
@@ -152,7 +152,7 @@ static void described_read_motor_field(struct host *host, const struct described
         motor = described_find_field(news->row, DESCRIBED_MOTOR_POSITION);
         joint->joint_rad = described_value(layout, &news->row->field[motor],
                                            news->values[motor] - news->values[field]);
-        joint->joint_seen = true;
+        joint->joint_time_ns = host->now_ns;
         break;
     case DESCRIBED_MOTOR_VELOCITY:
         host->want[news->node->axis[k]].motor_rad_s = value;
@@ -163,6 +163,7 @@ static void described_read_motor_field(struct host *host, const struct described
     case DESCRIBED_AXIS_TORQUE:
     case DESCRIBED_DRIVE_TORQUE:
         joint->torque_nm = value;
+        joint->torque_time_ns = host->now_ns;
         break;
     case DESCRIBED_STATE:
         described_read_state(protocol, joint, news->values[field]);
