@@ -4,6 +4,7 @@
  */
 #include "base/yaml.h"
 
+#include "base/hash.h"
 #include "base/text.h"
 #include "base/yaml_tree.h"
 
@@ -431,6 +432,9 @@ enum error_code yaml_read_text(const char *name, const char *text, size_t size,
     if (!code) {
         memset(out, 0, schema->size);
         code = yaml_read_struct(&r, schema, root, out);
+    }
+    if (!code && schema->hash_offset) {
+        memcpy((unsigned char *)out + schema->hash_offset, &r.hash, sizeof r.hash);
     }
     arena_fini(&r.scratch);
     return code;

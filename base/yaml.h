@@ -79,6 +79,8 @@ struct yaml_schema {
     const struct yaml_field *fields;
     size_t field_count;
     size_t name_offset; /* of the const char * that a YAML_DICT entry's name goes to */
+    size_t hash_offset; /* of a file: 0 = none, else of a uint64_t set to the sum of the hashes of
+                         * the bytes of the file and of all that it extends */
     const void
         *defaults;     /* size bytes that the struct starts as; NULL = zeroes, or for a nested map
                            * what the parent's defaults hold there */

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* YAML files: their bytes, what they refer to, and those that extend others. */
+#include "base/hash.h"
 #include "base/yaml_tree.h"
 
 #include <errno.h>
@@ -179,6 +180,7 @@ static enum error_code yaml_read_extended(struct yaml_reader *r, const char *nam
         r->file = name;
         return yaml_no_memory(r);
     }
+    r->hash += hash_bytes(HASH_START, text, size);
     code = yaml_tree_read(r, text, size, root);
     return code || !schema->extendable ? code : yaml_follow_extends(r, schema, depth, *root);
 }

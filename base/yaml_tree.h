@@ -8,6 +8,8 @@
 
 #include "base/yaml.h"
 
+#include <stdint.h>
+
 enum {
     YAML_MAX_FILE = 4 << 20,      /* bytes */
     YAML_SHOWN = 48,              /* bytes of a value shown in a message */
@@ -31,7 +33,8 @@ struct yaml_reader {
     struct arena scratch; /* the nodes: gone after the read */
     const char *file;
     size_t nodes;
-    void *parser; /* libyaml's, while the document is read */
+    uint64_t hash; /* of all that was read */
+    void *parser;  /* libyaml's, while the document is read */
     struct error *error;
 };
 

@@ -197,6 +197,7 @@ struct robot {
     const char *file;
     uint64_t hash; /* of everything that the equations of motion depend on, and of which bodies are
                     * observed; not of names, poses, limits, drives and sensors */
+    uint64_t source_hash; /* of the bytes of its file; 0 = it was built by hand */
     bool floating;
     double gravity[3]; /* m/s2, world */
     size_t nbody, njoint, nframe, ncapsule, nft, npose;

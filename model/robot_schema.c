@@ -515,7 +515,11 @@ static const struct yaml_field robot_fields[] = {
     LIST("poses", YAML_DICT, struct robot_yaml, pose, npose, pose_schema),
     LIST("variants", YAML_DICT, struct robot_yaml, variant, nvariant, variant_schema),
 };
-const struct yaml_schema robot_file_schema = SCHEMA("a robot", struct robot_yaml, robot_fields);
+const struct yaml_schema robot_file_schema = {.what = "a robot",
+                                              .size = sizeof(struct robot_yaml),
+                                              .fields = robot_fields,
+                                              .field_count = ARRAY_COUNT(robot_fields),
+                                              .hash_offset = offsetof(struct robot_yaml, hash)};
 
 const char *robot_drive_key(enum drive_parameter parameter)
 {

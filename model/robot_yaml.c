@@ -206,6 +206,7 @@ enum error_code robot_load(const char *path, const char *variant, struct arena *
     /* What is on its own, then what refers to what came before */
     b.robot->name = b.file.name;
     b.robot->file = b.file.mark.file;
+    b.robot->source_hash = b.file.hash;
     b.robot->floating = b.file.base.floating;
     memcpy(b.robot->gravity, b.file.gravity, sizeof b.robot->gravity);
     if ((code = check_all_names(&b)) || (code = robot_take_drive(&b, &b.file.drive)) ||

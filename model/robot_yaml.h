@@ -238,6 +238,7 @@ struct variant_yaml {
 
 struct robot_yaml {
     struct yaml_mark mark;
+    uint64_t hash; /* of the file's bytes */
     const char *name, *description, *source;
     double gravity[3];
     struct base_yaml base;

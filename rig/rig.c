@@ -7,11 +7,13 @@
 #include "rig/rig.h"
 
 #include "base/count.h"
+#include "base/hash.h"
 #include "base/text.h"
 #include "boards/cia402/protocol.h"
 #include "boards/compact/protocol.h"
 #include "boards/described/protocol.h"
 #include "boards/icub/protocol.h"
+#include "contact/mesh.h"
 #include "rig/builder_private.h"
 #include "base/config.h"
 
@@ -149,7 +151,8 @@ static enum error_code rig_build_time(struct rig_builder *b)
     rig->clock = (enum loop_clock)raw->clock;
     rig->integrator = (enum plant_integrator)raw->integrator;
     rig->tolerance = raw->tolerance;
-    rig->dynamics = (enum rig_dynamics)raw->dynamics;
+    /* Code would be generated and compiled for each mass that a sweep draws */
+    rig->dynamics = raw->robot.nmass ? RIG_DYNAMICS_GENERIC : (enum rig_dynamics)raw->dynamics;
     return rig_build_supply(b);
 }
 
@@ -517,33 +520,65 @@ static enum error_code rig_build(struct rig_builder *b)
     return code;
 }
 
-enum error_code rig_load(const char *path, struct arena *arena, const struct rig **rig,
-                         struct error *error)
+/* What the rig was read from: its own files, the robot's, and the meshes. */
+static uint64_t rig_hash_sources(const struct rig_builder *b)
 {
-    struct raw_rig raw;
-    struct rig_builder b = {.raw = &raw, .arena = arena, .error = error};
-    char found[PATH_MAX];
-    enum error_code code = config_locate(CONFIG_RIG, path, found, error);
+    uint64_t hash = hash_bytes(b->raw->hash, &b->robot->source_hash, sizeof b->robot->source_hash);
 
-    if (code) {
-        return code;
+    for (size_t s = 0; s < b->rig->contact.nsurface; s++) {
+        const struct mesh *mesh = b->rig->contact.surface[s].mesh;
+
+        if (mesh) {
+            hash = hash_bytes(hash, mesh->vertex, mesh->nvertex * sizeof *mesh->vertex);
+            hash = hash_bytes(hash, mesh->face, mesh->nface * sizeof *mesh->face);
+        }
     }
-    code = yaml_read_file(found, &rig_file_schema, arena, &raw, error);
-    if (code) {
-        return code;
-    }
+    return hash;
+}
+
+static enum error_code rig_make(const struct raw_rig *raw, struct arena *arena,
+                                const struct rig **rig, struct error *error)
+{
+    struct rig_builder b = {.raw = raw, .arena = arena, .error = error};
+    enum error_code code;
+
     b.rig = arena_alloc(arena, 1, sizeof *b.rig);
     if (!b.rig) {
         return rig_no_memory(&b);
     }
-    b.rig->file = raw.mark.file;
-    b.rig->name = raw.name;
+    b.rig->file = raw->mark.file;
+    b.rig->name = raw->name;
     code = rig_build(&b);
     if (code) {
         return code;
     }
+    b.rig->hash = rig_hash_sources(&b);
     *rig = b.rig;
     return ERROR_NONE;
+}
+
+enum error_code rig_load(const char *path, struct arena *arena, const struct rig **rig,
+                         struct error *error)
+{
+    struct raw_rig raw;
+    char found[PATH_MAX];
+    enum error_code code = config_locate(CONFIG_RIG, path, found, error);
+
+    code = code ? code : yaml_read_file(found, &rig_file_schema, arena, &raw, error);
+    return code ? code : rig_make(&raw, arena, rig, error);
+}
+
+enum error_code rig_load_text(const char *name, const char *text, size_t size, struct arena *arena,
+                              const struct rig **rig, struct error *error)
+{
+    struct raw_rig raw;
+    enum error_code code = yaml_read_text(name, text, size, &rig_file_schema, arena, &raw, error);
+
+    if (code) {
+        return code;
+    }
+    raw.hash -= hash_bytes(HASH_START, text, size);
+    return rig_make(&raw, arena, rig, error);
 }
 
 const char *rig_contact_name(const struct rig *rig, size_t motion)

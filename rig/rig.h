@@ -87,6 +87,8 @@ struct rig_page {
 
 struct rig {
     const char *file, *name;
+    uint64_t hash; /* of the bytes of its file and of all that it refers to; of meshes, of their
+                    * vertices and faces */
     const char *variant; /* of the robot; "" = the default */
     const struct robot *robot;
 
@@ -152,6 +154,11 @@ struct rig {
  * installed rig (base/config.h). Everything lives in arena. Errors carry file:line:column. */
 enum error_code rig_load(const char *path, struct arena *arena, const struct rig **rig,
                          struct error *error);
+
+/* The same from memory: name stands for the file, what the text refers to is found from there.
+ * rig->hash is that of what the text refers to, without the text itself. */
+enum error_code rig_load_text(const char *name, const char *text, size_t size, struct arena *arena,
+                              const struct rig **rig, struct error *error);
 
 /* Name of the body that a contact motion belongs to. */
 const char *rig_contact_name(const struct rig *rig, size_t motion);

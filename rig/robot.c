@@ -49,6 +49,62 @@ static enum error_code rig_replace_springs(struct rig_builder *b)
     return robot_finish(robot, b->error);
 }
 
+/* Whether the frame of a force-torque sensor lies on the body. */
+static bool rig_body_has_ft(const struct robot *robot, int body)
+{
+    for (size_t f = 0; f < robot->nft; f++) {
+        if (robot->frame[robot->ft[f].frame].body == body) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Point masses at the centers of mass of bodies. */
+static enum error_code rig_add_masses(struct rig_builder *b)
+{
+    const struct raw_robot *raw = &b->raw->robot;
+    struct robot *robot;
+    enum error_code code;
+    int index;
+
+    if (!raw->nmass) {
+        return ERROR_NONE;
+    }
+    code = robot_copy(b->robot, b->arena, &robot, b->error);
+    for (size_t i = 0; i < raw->nmass && !code; i++) {
+        const struct yaml_real_entry *added = &raw->mass[i];
+        struct robot_inertia *inertia;
+
+        code = rig_find(b, &added->mark, "body", added->name, RIG_NAMES(robot->body, robot->nbody),
+                        &index);
+        if (code) {
+            break;
+        }
+
+        /* A sensor weighs what hangs below it inside the body, which is known of the body alone */
+        if (rig_body_has_ft(robot, index)) {
+            return yaml_error(b->error, &added->mark,
+                              "found a mass on body \"%s\", expected a body without a force-torque "
+                              "sensor",
+                              added->name);
+        }
+        inertia = &robot->body[index].inertia;
+        if (!(inertia->mass + added->value > 0.0)) {
+            return yaml_error(b->error, &added->mark,
+                              "found %g kg on body \"%s\", expected more than %g kg, all that it "
+                              "has",
+                              added->value, added->name, -inertia->mass);
+        }
+        inertia->mass += added->value;
+    }
+    if (code) {
+        return code;
+    }
+    b->robot = robot;
+    return robot_finish(robot, b->error);
+}
+
 /* The robot's file: a path from the rig's folder, or a name alone. */
 static enum error_code rig_find_robot(struct rig_builder *b, const char **path)
 {
@@ -71,6 +127,7 @@ enum error_code rig_build_robot(struct rig_builder *b)
 
     code = code ? code : robot_load(path, raw->variant, b->arena, &b->robot, b->error);
     code = code ? code : rig_replace_springs(b);
+    code = code ? code : rig_add_masses(b);
     if (code) {
         return code;
     }

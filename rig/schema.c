@@ -104,6 +104,7 @@ static const struct yaml_field robot_fields[] = {
     {"variant", YAML_STRING, false, .offset = AT(variant)},
     {"fixed_base", YAML_BOOL, false, .offset = AT(fixed_base)},
     {"springs", YAML_DICT, false, AT(spring), AT(nspring), .schema = &spring_schema},
+    {"added_mass_kg", YAML_REAL_DICT, false, AT(mass), AT(nmass), .min = -1e3, .max = 1e3},
 };
 #undef STRUCT
 static const struct raw_robot robot_defaults = {.variant = ""};
@@ -631,6 +632,7 @@ const struct yaml_schema rig_file_schema = {
     .size = sizeof(struct raw_rig),
     .fields = rig_fields,
     .field_count = ARRAY_COUNT(rig_fields),
+    .hash_offset = offsetof(struct raw_rig, hash),
     .defaults = &rig_defaults,
     .extendable = true,
     .locate = rig_locate_from,

@@ -26,6 +26,8 @@ struct raw_robot {
     bool fixed_base;
     struct raw_spring *spring;
     size_t nspring;
+    struct yaml_real_entry *mass; /* added to bodies */
+    size_t nmass;
 };
 
 struct raw_initial {
@@ -277,6 +279,7 @@ struct raw_chopper {
 
 struct raw_rig {
     struct yaml_mark mark;
+    uint64_t hash; /* of the file's bytes */
     const char *name, *description;
     struct raw_robot robot;
     int clock;

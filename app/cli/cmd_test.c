@@ -2,12 +2,12 @@
 /* coman-hil test: scenarios, their verdicts, and the files that tell of them. */
 #include "app/cli/commands.h"
 
+#include "app/cli/cmd_test_plan.h"
 #include "app/cli/manual.h"
 #include "app/scenario/jobs.h"
 #include "app/scenario/scenario.h"
 #include "base/count.h"
 #include "base/options.h"
-#include "base/text.h"
 #include "manual/test.h"
 #include "base/config.h"
 #include "rt/clock.h"
@@ -21,13 +21,13 @@
 
 struct test_options {
     const char **file; /* NULL ends */
-    const char *shard, *junit, *output, *program;
-    int64_t jobs, seed;
-    bool mutate, merge, list;
+    const char *junit, *output, *program;
+    int64_t jobs, seed, number;
+    bool mutate, plan, merge, list;
 };
 
 /* All runs to be made, and their results. */
-struct plan {
+struct test_runs {
     struct arena arena;
     size_t njob, ncase;
     struct scenario_job *job;
@@ -58,25 +58,29 @@ static bool test_parse_options(int argc, char **argv, struct test_options *out, 
          .value = &o.jobs, .min = 1.0, .max = 256.0},
         {"--mutate", OPTION_FLAG, NULL,
          "also run every mutation, which must make its scenario fail", .value = &o.mutate},
-        {"--shard", OPTION_STRING, "I/N", "only the I-th of N parts of the cases, from 1",
-         .value = &o.shard},
         {"--seed", OPTION_INT, "N", "seed of noise and faults, instead of the scenarios' own",
          .value = &o.seed, .min = 0.0, .max = 9e15},
         {"--output", OPTION_STRING, "DIR",
-         "folder for recordings and plots of failures; test-results by default",
+         "folder for recordings and plots of failures, test-results by default; with --plan the "
+         "plan to write; with --case run it again, compare, and record a failure there",
          .value = &o.output},
         {"--program", OPTION_STRING, "COMMAND",
          "the host of scenarios with host: program, a shell command", .value = &o.program},
         {"--junit", OPTION_STRING, "FILE", "write the results as JUnit XML", .value = &o.junit},
+        {"--plan", OPTION_FLAG, NULL, "run nothing: make the plan of a sweep's file",
+         .value = &o.plan},
+        {"--case", OPTION_INT, "K", "run case K of a plan, unless it has a result", .min = 1.0,
+         .max = 1e5, .value = &o.number},
         {"--merge", OPTION_FLAG, NULL,
-         "run nothing: combine the given JUnit files into the one of --junit", .value = &o.merge},
+         "run nothing: write PLAN.xml, PLAN.csv and PLAN.html of a plan's results",
+         .value = &o.merge},
         {"--list", OPTION_FLAG, NULL, "run nothing: list the cases", .value = &o.list},
     };
-    static struct operand_spec operands[] = {
-        {.name = "SCENARIO",
-         .help = "files or names of scenarios; with --merge, JUnit files",
-         .required = true,
-         .noun = "scenarios"}};
+    static struct operand_spec operands[] = {{.name = "SCENARIO",
+                                              .help = "files or names of scenarios; a sweep's file "
+                                                      "with --plan, a plan with --case and --merge",
+                                              .required = true,
+                                              .noun = "scenarios"}};
     static char manual[sizeof MANUAL_TEST + SIGNALS_SIZE];
     static const struct command_spec spec = {
         .name = "test",
@@ -95,7 +99,7 @@ static bool test_parse_options(int argc, char **argv, struct test_options *out, 
     manual_insert(manual, sizeof manual, MANUAL_TEST, "@SIGNALS@", signals);
 
     /* Room for as many files as there are words */
-    o = (struct test_options){.seed = -1, .output = "test-results"};
+    o = (struct test_options){.seed = -1};
     o.file = calloc((size_t)argc + 1, sizeof *o.file);
     if (!o.file) {
         error_set(&error, ERROR_MEMORY, "no memory left for the command line");
@@ -112,25 +116,6 @@ static bool test_parse_options(int argc, char **argv, struct test_options *out, 
 }
 
 /* ---- what is to be run ---- */
-
-static enum error_code parse_shard(const char *text, int64_t shard[2], struct error *error)
-{
-    const char *slash = text ? strchr(text, '/') : NULL;
-    char first[32];
-
-    shard[0] = shard[1] = 1;
-    if (!text) {
-        return ERROR_NONE;
-    }
-    snprintf(first, sizeof first, "%.*s", slash ? (int)(slash - text) : 0, text);
-    if (!slash || !text_to_int(slash + 1, 1, 1000000, &shard[1]) ||
-        !text_to_int(first, 1, shard[1], &shard[0])) {
-        return error_set(error, ERROR_INPUT,
-                         "--shard: found \"%.60s\", expected I/N with I from 1 to N, as in 2/8",
-                         text);
-    }
-    return ERROR_NONE;
-}
 
 /* Two scenarios of one name would write into one directory. */
 static enum error_code test_check_names(struct scenario *const *scenario, size_t count,
@@ -161,7 +146,7 @@ static enum error_code test_check_rig(struct scenario *scenario, struct error *e
     if (code) {
         return code;
     }
-    code = rig_load(scenario->rig_path, &arena, &rig, error);
+    code = scenario_load_rig(scenario, &arena, &rig, error);
     if (!code) {
         code = scenario_bind(scenario, rig, error);
     }
@@ -169,7 +154,7 @@ static enum error_code test_check_rig(struct scenario *scenario, struct error *e
     return code;
 }
 
-static void add_jobs(struct plan *plan, struct scenario *scenario, size_t number, size_t count,
+static void add_jobs(struct test_runs *plan, struct scenario *scenario, size_t number, size_t count,
                      const struct test_options *options)
 {
     for (int m = -1; m < (options->mutate ? (int)scenario->nmutation : 0); m++) {
@@ -179,8 +164,8 @@ static void add_jobs(struct plan *plan, struct scenario *scenario, size_t number
         job->scenario = scenario;
         job->mutation = m;
         if (m < 0) {
-            used =
-                snprintf(job->record, sizeof job->record, "%s/%s", options->output, scenario->name);
+            used = snprintf(job->record, sizeof job->record, "%s/%s",
+                            options->output ? options->output : "test-results", scenario->name);
             if (count > 1 && used > 0 && (size_t)used < sizeof job->record) {
                 snprintf(job->record + used, sizeof job->record - (size_t)used, "-%zu", number + 1);
             }
@@ -188,34 +173,26 @@ static void add_jobs(struct plan *plan, struct scenario *scenario, size_t number
     }
 }
 
-/* The scenarios' cases that belong to the shard, with their mutations. */
-static void plan_jobs(struct plan *plan, struct scenario *const *cases, const size_t *ncases,
-                      size_t nfile, const int64_t shard[2], const struct test_options *options)
+/* The scenarios' cases, with their mutations. */
+static void plan_jobs(struct test_runs *plan, struct scenario *const *cases, const size_t *ncases,
+                      size_t nfile, const struct test_options *options)
 {
-    size_t number = 0;
-
     for (size_t f = 0; f < nfile; f++) {
         for (size_t i = 0; i < ncases[f]; i++) {
-            if ((int64_t)(number++ % (size_t)shard[1]) == shard[0] - 1) {
-                add_jobs(plan, &cases[f][i], i, ncases[f], options);
-                plan->ncase++;
-            }
+            add_jobs(plan, &cases[f][i], i, ncases[f], options);
+            plan->ncase++;
         }
     }
 }
 
-static enum error_code make_plan(struct plan *plan, const struct test_options *options,
+static enum error_code make_plan(struct test_runs *plan, const struct test_options *options,
                                  struct error *error)
 {
     size_t nfile = 0, ncase = 0, njob = 0;
     struct scenario **cases;
     size_t *ncases;
-    int64_t shard[2];
-    enum error_code code = parse_shard(options->shard, shard, error);
+    enum error_code code;
 
-    if (code) {
-        return code;
-    }
     while (options->file[nfile]) {
         nfile++;
     }
@@ -252,13 +229,13 @@ static enum error_code make_plan(struct plan *plan, const struct test_options *o
     if (!plan->job || !plan->result) {
         return error_set(error, ERROR_MEMORY, "no memory left for %zu runs", njob);
     }
-    plan_jobs(plan, cases, ncases, nfile, shard, options);
+    plan_jobs(plan, cases, ncases, nfile, options);
     return ERROR_NONE;
 }
 
 /* ---- what came out ---- */
 
-static void print_result(struct plan *plan, const struct scenario_result *result)
+static void print_result(struct test_runs *plan, const struct scenario_result *result)
 {
     static const char *const word[] = {"ok    ", "FAIL  ", "ERROR "};
 
@@ -284,14 +261,14 @@ static void print_result(struct plan *plan, const struct scenario_result *result
 
 static void on_end(void *context, const struct scenario_job *job)
 {
-    struct plan *plan = context;
+    struct test_runs *plan = context;
     struct scenario_result *result = &plan->result[plan->nresult++];
 
     scenario_judge(job, result);
     print_result(plan, result);
 }
 
-static void judge_mutations(struct plan *plan)
+static void judge_mutations(struct test_runs *plan)
 {
     for (size_t from = 0, to = 0; from < plan->njob; from = to) {
         struct scenario_result *result = &plan->result[plan->nresult++];
@@ -304,7 +281,7 @@ static void judge_mutations(struct plan *plan)
     }
 }
 
-static void test_list_cases(const struct plan *plan)
+static void test_list_cases(const struct test_runs *plan)
 {
     for (size_t i = 0; i < plan->njob; i++) {
         const struct scenario *scenario = plan->job[i].scenario;
@@ -319,7 +296,7 @@ static void test_list_cases(const struct plan *plan)
     }
 }
 
-static int run_plan(struct plan *plan, const struct test_options *options)
+static int run_plan(struct test_runs *plan, const struct test_options *options)
 {
     long processors = sysconf(_SC_NPROCESSORS_ONLN);
     struct scenario_jobs_options jobs = {
@@ -355,28 +332,9 @@ static int run_plan(struct plan *plan, const struct test_options *options)
     return plan->failed + plan->broken ? STATUS_FAILED : STATUS_OK;
 }
 
-static int test_merge_files(const struct test_options *options)
-{
-    size_t count = 0, tests, failed;
-    struct error error;
-
-    while (options->file[count]) {
-        count++;
-    }
-    if (!options->junit) {
-        error_set(&error, ERROR_INPUT, "found --merge without --junit, expected the file to write");
-        return command_fail("test", &error);
-    }
-    if (scenario_junit_merge(options->file, count, options->junit, &tests, &failed, &error)) {
-        return command_fail("test", &error);
-    }
-    printf("%zu results of %zu files, %zu failed\n", tests, count, failed);
-    return failed ? STATUS_FAILED : STATUS_OK;
-}
-
 static int test_run_scenarios(const struct test_options *options)
 {
-    struct plan plan = {.njob = 0};
+    struct test_runs plan = {.njob = 0};
     struct error error;
     int status;
 
@@ -395,6 +353,25 @@ static int test_run_scenarios(const struct test_options *options)
     return status;
 }
 
+/* One of the commands about plans. */
+static int test_run_plan(const struct test_options *options)
+{
+    struct error error;
+
+    if (options->plan + (options->number > 0) + options->merge > 1 || options->file[1] ||
+        options->mutate || options->list || options->junit || options->program ||
+        options->seed >= 0 || options->jobs || (options->merge && options->output)) {
+        error_set(&error, ERROR_INPUT,
+                  "found options that do not belong together, expected --plan SWEEP --output PLAN, "
+                  "--case K PLAN or --merge PLAN");
+        return command_fail("test", &error);
+    }
+    return options->plan ? test_plan_sweep(options->file[0], options->output)
+           : options->number
+               ? test_plan_case(options->file[0], (size_t)options->number, options->output)
+               : test_plan_merge(options->file[0]);
+}
+
 int cmd_test(int argc, char **argv)
 {
     struct test_options options;
@@ -403,7 +380,11 @@ int cmd_test(int argc, char **argv)
     if (!test_parse_options(argc, argv, &options, &status)) {
         return status;
     }
-    status = options.merge ? test_merge_files(&options) : test_run_scenarios(&options);
+    if (options.plan || options.number || options.merge) {
+        status = test_run_plan(&options);
+    } else {
+        status = test_run_scenarios(&options);
+    }
     free(options.file);
     return status;
 }

@@ -266,6 +266,19 @@ void scenario_expectations_step(struct scenario_expectations *expectations,
     }
 }
 
+/* How near a signal has come to the bounds that it had to keep. */
+static void expectation_measure_margin(const struct judged *judged,
+                                       struct scenario_verdict *verdict)
+{
+    const double *band = judged->what->band, width = band[1] - band[0];
+
+    verdict->has_margin = judged->what->look == SCENARIO_BETWEEN && width > 0.0 &&
+                          judged->lowest <= judged->highest && isfinite(width);
+    if (verdict->has_margin) {
+        verdict->margin = fmin(judged->lowest - band[0], band[1] - judged->highest) / width;
+    }
+}
+
 void scenario_expectations_finish(struct scenario_expectations *expectations,
                                   const struct scenario_clock *clock, int64_t time_ns,
                                   int64_t planned_ns, struct scenario_outcome *outcome)
@@ -291,6 +304,7 @@ void scenario_expectations_finish(struct scenario_expectations *expectations,
         }
         outcome->verdict[i].met = judged->met;
         outcome->verdict[i].time_ns = judged->decided_ns;
+        expectation_measure_margin(judged, &outcome->verdict[i]);
         memcpy(outcome->verdict[i].text, judged->text, sizeof judged->text);
     }
 }

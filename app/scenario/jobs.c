@@ -57,6 +57,7 @@ static void job_run_here(const struct scenario_job *job, const struct scenario_j
         .seed_given = jobs->seed_given,
         .seed = jobs->seed,
         .program = jobs->program,
+        .scratch = jobs->scratch,
     };
     struct scenario_outcome *again;
 

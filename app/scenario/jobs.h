@@ -26,6 +26,7 @@ struct scenario_jobs_options {
     bool seed_given;
     uint64_t seed;
     const char *program; /* command of scenarios with host: program; NULL = none */
+    const char *scratch; /* folder of the program's own, for one job at a time; NULL = none */
     /* Called for each job in the order of the array, as soon as it and all before it have ended. */
     void (*ended)(void *context, const struct scenario_job *job);
     void *context;
@@ -61,10 +62,5 @@ void scenario_judge_mutations(const struct scenario_job *job, size_t count,
 /* Writes one testsuite per scenario, one testcase per result. */
 enum error_code scenario_junit_write(const char *path, const struct scenario_result *result,
                                      size_t count, struct error *error);
-
-/* Combines files that scenario_junit_write has written into one; testcases of suites of one name
- * are joined. *failed: how many testcases have a failure or an error. */
-enum error_code scenario_junit_merge(const char *const *from, size_t count, const char *path,
-                                     size_t *tests, size_t *failed, struct error *error);
 
 #endif

@@ -1,21 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Results as JUnit XML, one element per line; and files of that form combined into one. */
+/* Results as JUnit XML, one element per line. */
 #include "app/scenario/jobs.h"
 
 #include "base/markup.h"
 #include "base/memory_file.h"
-#include "base/text.h"
 #include "base/whole_file.h"
 
-#include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { LINE_BYTES = 1 << 16, SUITES_MAX = 4096, SUITE_NAME = 256 };
-
-static const char declaration[] = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
+enum { SUITES_MAX = 4096, SUITE_NAME = 256 };
 
 struct suite {
     char name[SUITE_NAME]; /* as in the file: escaped */
@@ -133,8 +129,10 @@ static enum error_code junit_write_suites(struct suites *suites, const char *pat
         all->errors += suite->errors;
         all->seconds += suite->seconds;
     }
-    fprintf(out, "%s<testsuites tests=\"%zu\" failures=\"%zu\" errors=\"%zu\" time=\"%.3f\">\n",
-            declaration, all->tests, all->failures, all->errors, all->seconds);
+    fprintf(out,
+            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
+            "<testsuites tests=\"%zu\" failures=\"%zu\" errors=\"%zu\" time=\"%.3f\">\n",
+            all->tests, all->failures, all->errors, all->seconds);
     for (size_t i = 0; i < suites->count && !code; i++) {
         struct suite *suite = &suites->suite[i];
 
@@ -176,172 +174,5 @@ enum error_code scenario_junit_write(const char *path, const struct scenario_res
     }
     code = code ? code : junit_write_suites(suites, path, &all, error);
     junit_free_suites(suites);
-    return code;
-}
-
-/* ---- combining files ---- */
-
-struct reader {
-    const char *path;
-    long line;
-    char *text; /* LINE_BYTES */
-    struct error *error;
-};
-
-static enum error_code junit_unexpected(const struct reader *reader, const char *expected)
-{
-    return error_set(reader->error, ERROR_INPUT, "%.200s:%ld: found \"%.40s\", expected %s",
-                     reader->path, reader->line, reader->text, expected);
-}
-
-static bool junit_line_begins(const char *text, const char *with)
-{
-    return strncmp(text, with, strlen(with)) == 0;
-}
-
-/* The value of an attribute of the element in the line; false: there is none, or it is too long. */
-static bool junit_attribute(const char *line, const char *name, char *value, size_t size)
-{
-    const char *at = strstr(line, name), *end;
-
-    at = at ? at + strlen(name) : NULL;
-    end = at ? strchr(at, '"') : NULL;
-    if (!end || (size_t)(end - at) >= size) {
-        return false;
-    }
-    snprintf(value, size, "%.*s", (int)(end - at), at);
-    return true;
-}
-
-/* Adds a line of a suite, and counts it. */
-static enum error_code junit_take_line(const struct reader *reader, struct suite *suite)
-{
-    const char *line = reader->text;
-    double seconds;
-    char time[32];
-
-    if (junit_line_begins(line, "    <testcase ")) {
-        if (!junit_attribute(line, " time=\"", time, sizeof time) ||
-            !text_to_double(time, &seconds)) {
-            return junit_unexpected(reader, "a testcase with a time");
-        }
-        suite->tests++;
-        suite->seconds += seconds;
-    } else if (junit_line_begins(line, "      <failure ")) {
-        suite->failures++;
-    } else if (junit_line_begins(line, "      <error ")) {
-        suite->errors++;
-    } else if (!junit_line_begins(line, "      <properties>") &&
-               !junit_line_begins(line, "        <property ") &&
-               !junit_line_begins(line, "      </properties>") &&
-               !junit_line_begins(line, "      <system-out>") &&
-               !junit_line_begins(line, "    </testcase>")) {
-        return junit_unexpected(reader, "a line of a testcase as test --junit writes it");
-    }
-    fputs(line, suite->to);
-    return ERROR_NONE;
-}
-
-/* Where in a file of suites a reader is. */
-struct place {
-    struct suite *suite; /* NULL = between suites */
-    bool inside_case, done;
-};
-
-/* Takes a line after the first two of a file. */
-static enum error_code junit_take_body(struct reader *reader, struct suites *suites,
-                                       struct place *place)
-{
-    const char *line = reader->text;
-    char name[SUITE_NAME];
-
-    if (place->done) {
-        return junit_unexpected(reader, "nothing after </testsuites>");
-    }
-
-    /* Between suites: one begins, or all have ended */
-    if (!place->suite && junit_line_begins(line, "</testsuites>")) {
-        place->done = true;
-        return ERROR_NONE;
-    }
-    if (!place->suite) {
-        if (!junit_line_begins(line, "  <testsuite ")) {
-            return junit_unexpected(reader, "a testsuite");
-        }
-        if (!junit_attribute(line, " name=\"", name, sizeof name)) {
-            return junit_unexpected(reader, "a testsuite with a name");
-        }
-        place->suite = junit_find_suite(suites, name);
-        return place->suite
-                   ? ERROR_NONE
-                   : error_set(reader->error, ERROR_MEMORY, "%.200s: no memory left", reader->path);
-    }
-
-    /* In a suite: its end, or a line of a testcase */
-    if (!place->inside_case && junit_line_begins(line, "  </testsuite>")) {
-        place->suite = NULL;
-        return ERROR_NONE;
-    }
-    place->inside_case = !junit_line_begins(line, "    </testcase>") &&
-                         (place->inside_case || junit_line_begins(line, "    <testcase "));
-    return junit_take_line(reader, place->suite);
-}
-
-static enum error_code junit_take_file(struct reader *reader, FILE *in, struct suites *suites)
-{
-    struct place place = {.suite = NULL};
-
-    for (reader->line = 1; fgets(reader->text, LINE_BYTES, in); reader->line++) {
-        const char *line = reader->text;
-        enum error_code code;
-
-        if (!strchr(line, '\n')) {
-            return junit_unexpected(reader, "a shorter line");
-        }
-        if (reader->line == 1 ? strcmp(line, declaration) != 0
-                              : reader->line == 2 && !junit_line_begins(line, "<testsuites ")) {
-            return junit_unexpected(reader, "JUnit XML as test --junit writes it");
-        }
-        if (reader->line <= 2) {
-            continue;
-        }
-        code = junit_take_body(reader, suites, &place);
-        if (code) {
-            return code;
-        }
-    }
-    if (ferror(in)) {
-        return error_set_file(reader->error, errno, reader->path, "cannot be read");
-    }
-    snprintf(reader->text, LINE_BYTES, "the end");
-    return place.done ? ERROR_NONE : junit_unexpected(reader, "</testsuites>");
-}
-
-enum error_code scenario_junit_merge(const char *const *from, size_t count, const char *path,
-                                     size_t *tests, size_t *failed, struct error *error)
-{
-    struct suites *suites = calloc(1, sizeof *suites);
-    struct reader reader = {.text = malloc(LINE_BYTES), .error = error};
-    enum error_code code = ERROR_NONE;
-    struct suite all = {.tests = 0};
-
-    if (!suites || !reader.text) {
-        code = error_set(error, ERROR_MEMORY, "no memory left for results");
-    }
-    for (size_t i = 0; i < count && !code; i++) {
-        FILE *in = fopen(from[i], "r");
-
-        reader.path = from[i];
-        code = in ? junit_take_file(&reader, in, suites)
-                  : error_set_file(error, errno, from[i], "cannot be read");
-        if (in) {
-            fclose(in);
-        }
-    }
-    code = code ? code : junit_write_suites(suites, path, &all, error);
-    *tests = all.tests;
-    *failed = all.failures + all.errors;
-    junit_free_suites(suites);
-    free(reader.text);
     return code;
 }

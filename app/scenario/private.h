@@ -32,6 +32,7 @@ struct scenario_signal {
 
 /* A scenario as it is written: every key with its limits. */
 extern const struct yaml_schema scenario_file_schema;
+extern const struct yaml_schema scenario_parameter_schema;
 
 /* Finds a signal by its name. Errors begin with mark. */
 enum error_code scenario_signal_find(const char *name, const struct rig *rig,

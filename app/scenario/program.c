@@ -17,7 +17,8 @@
 enum { PATIENCE_MS = 1000 };
 
 /* In the new process. A job that is killed takes the program with it. */
-static void program_execute(const char *command, uint16_t port, int output, pid_t parent)
+static void program_execute(const char *command, uint16_t port, const char *scratch, int output,
+                            pid_t parent)
 {
     int input = open("/dev/null", O_RDONLY);
     char place[32];
@@ -27,7 +28,8 @@ static void program_execute(const char *command, uint16_t port, int output, pid_
     snprintf(place, sizeof place, "127.0.0.1:%u", port);
     if (getppid() != parent || input < 0 || dup2(input, STDIN_FILENO) < 0 ||
         dup2(output, STDOUT_FILENO) < 0 || dup2(output, STDERR_FILENO) < 0 ||
-        setenv(SCENARIO_PROGRAM_GATEWAY, place, 1)) {
+        setenv(SCENARIO_PROGRAM_GATEWAY, place, 1) ||
+        (scratch && setenv(SCENARIO_PROGRAM_SCRATCH, scratch, 1))) {
         _exit(127);
     }
     execl("/bin/sh", "sh", "-c", command, (char *)NULL);
@@ -35,14 +37,15 @@ static void program_execute(const char *command, uint16_t port, int output, pid_
 }
 
 enum error_code scenario_program_start(struct scenario_program *program, const char *command,
-                                       uint16_t port, const char *record, struct error *error)
+                                       uint16_t port, const char *record, const char *scratch,
+                                       struct error *error)
 {
     char path[PATH_MAX] = "/dev/null";
     pid_t parent = getpid();
     int output, reason;
 
-    if (record) {
-        snprintf(path, sizeof path, "%s/" SCENARIO_PROGRAM_LOG, record);
+    if (record || scratch) {
+        snprintf(path, sizeof path, "%s/" SCENARIO_PROGRAM_LOG, record ? record : scratch);
     }
     output = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0666);
     if (output < 0) {
@@ -50,7 +53,7 @@ enum error_code scenario_program_start(struct scenario_program *program, const c
     }
     program->pid = fork();
     if (program->pid == 0) {
-        program_execute(command, port, output, parent);
+        program_execute(command, port, scratch, output, parent);
     }
     reason = errno;
     close(output);

@@ -17,17 +17,22 @@
 /* The variable in its environment that says where the gateway is: 127.0.0.1:PORT. */
 #define SCENARIO_PROGRAM_GATEWAY "COMAN_HIL_GATEWAY"
 
-/* In the folder of a recording: what the program has printed. */
+/* And, where it has one, the folder that is its own. */
+#define SCENARIO_PROGRAM_SCRATCH "COMAN_HIL_SCRATCH"
+
+/* In that folder or that of a recording: what the program has printed. */
 #define SCENARIO_PROGRAM_LOG "program.log"
 
 struct scenario_program {
     pid_t pid; /* 0 = none runs */
 };
 
-/* Starts command; what it prints goes to the log in the folder record, with NULL nowhere.
+/* Starts command; what it prints goes to the log in the folder record, else in scratch, with both
+ * NULL nowhere.
  * ERROR_SYSTEM when there is no process or the log cannot be written. */
 enum error_code scenario_program_start(struct scenario_program *program, const char *command,
-                                       uint16_t port, const char *record, struct error *error);
+                                       uint16_t port, const char *record, const char *scratch,
+                                       struct error *error);
 
 /* Whether it has ended by itself; text says how. */
 bool scenario_program_ended(struct scenario_program *program, char *text, size_t size);

@@ -199,7 +199,7 @@ static enum error_code load_rig(struct run *run, struct arena *arena, struct err
     if (!changed) {
         return error_set(error, ERROR_MEMORY, "no memory left for a scenario's rig");
     }
-    code = rig_load(scenario->rig_path, arena, &rig, error);
+    code = scenario_load_rig(scenario, arena, &rig, error);
     if (code) {
         return code;
     }
@@ -306,6 +306,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     scenario_expectations_finish(run->expectations, &run->clock, time_ns, planned_ns, outcome);
     outcome->ran = true;
     outcome->virtual_ns = time_ns;
+    outcome->rig_hash = run->view.rig->hash;
     outcome->seed = faults_seed(simulator_faults(simulator));
     outcome->state_hash = plant_hash(simulator_plant(simulator));
 
@@ -341,7 +342,7 @@ static enum error_code scenario_run_in_arena(struct run *run,
     if (!code && run->scenario->host == SCENARIO_HOST_PROGRAM) {
         code = scenario_program_start(&run->program, options->program,
                                       gateway_port(simulator_gateway(run->view.simulator)),
-                                      options->record, error);
+                                      options->record, options->scratch, error);
     }
     if (!code) {
         enum loop_end end = simulator_run(run->view.simulator);

@@ -33,6 +33,8 @@ enum {
     SCENARIO_EXPECTATIONS_MAX = 32,
     SCENARIO_MUTATIONS_MAX = 32,
     SCENARIO_CASES_MAX = 4096, /* combinations of the parameters of one file */
+    SCENARIO_PARAMETERS_MAX = 16,
+    SCENARIO_VALUE_MAX = 64, /* bytes of a parameter's value, with the end */
     SCENARIO_TEXT = 256,
 };
 
@@ -149,11 +151,18 @@ struct scenario_mutation {
     const struct yaml_name *fails; /* names of expectations; none = any */
 };
 
+/* Numbers or words, one of them. */
 struct scenario_parameter {
     struct yaml_mark mark;
     const char *name;
-    size_t count;
+    size_t nvalue, nword;
     double *value;
+    struct yaml_name *word;
+};
+
+/* What ${NAME} stands for in a case, as text. */
+struct scenario_value {
+    const char *name, *text;
 };
 
 struct scenario {
@@ -181,6 +190,11 @@ struct scenario {
     size_t nlabel;
     const char *label[SCENARIO_STIMULI_MAX + 3]; /* the first three: start, ready, clean_up */
     char values[SCENARIO_TEXT]; /* of the parameters of this case: "a=1, b=2" or "" */
+    size_t nvalue;
+    const struct scenario_value *value; /* the same, in the file's order */
+    const char *changes; /* the rig with them, as a file that extends it; NULL = the rig itself */
+    size_t changes_size;
+    uint64_t text_hash; /* of the file with the values put in */
 };
 
 enum { SCENARIO_LABEL_START, SCENARIO_LABEL_READY, SCENARIO_LABEL_CLEAN_UP, SCENARIO_LABELS };
@@ -191,10 +205,20 @@ enum { SCENARIO_LABEL_START, SCENARIO_LABEL_READY, SCENARIO_LABEL_CLEAN_UP, SCEN
 enum error_code scenario_read(const char *path, struct arena *arena, struct scenario **cases,
                               size_t *count, struct error *error);
 
-/* The same from memory. */
+/* The same with values given instead of those of the file, one for each parameter that is named.
+ * ERROR_INPUT when the file has no such parameter. */
+enum error_code scenario_read_with(const char *path, const struct scenario_value *given,
+                                   size_t ngiven, struct arena *arena, struct scenario **cases,
+                                   size_t *count, struct error *error);
+
+/* As scenario_read, from memory. */
 enum error_code scenario_read_text(const char *name, const char *text, size_t size,
                                    struct arena *arena, struct scenario **cases, size_t *count,
                                    struct error *error);
+
+/* Reads the rig of a scenario, with its changes. Everything lives in arena. Not RT-safe. */
+enum error_code scenario_load_rig(const struct scenario *scenario, struct arena *arena,
+                                  const struct rig **rig, struct error *error);
 
 /* Finds the buses, joints and bodies of stimuli and expectations in the rig. Not RT-safe. */
 enum error_code scenario_bind(struct scenario *scenario, const struct rig *rig,
@@ -212,6 +236,8 @@ bool scenario_pattern_matches(const struct scenario_pattern *pattern,
 struct scenario_verdict {
     bool met;
     int64_t time_ns;          /* when it was decided; -1 = never */
+    bool has_margin;          /* of a signal that stayed between two bounds */
+    double margin;            /* its least distance from either, as a share of that between them */
     char text[SCENARIO_TEXT]; /* what was found and what was expected, when it was not met */
 };
 
@@ -221,6 +247,7 @@ struct scenario_outcome {
     size_t nverdict;
     struct scenario_verdict verdict[SCENARIO_EXPECTATIONS_MAX];
     uint64_t state_hash, seed;
+    uint64_t rig_hash; /* of what the rig was read from */
     int64_t virtual_ns, wall_ns;
 };
 
@@ -229,6 +256,7 @@ struct scenario_options {
     bool seed_given;
     uint64_t seed;
     const char *program; /* command of host: program; NULL = none */
+    const char *scratch; /* folder for its log, and in its environment; NULL = that of record */
     const char
         *record; /* directory for the recording and the plots of what was not met; NULL = none */
 };

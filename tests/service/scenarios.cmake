@@ -9,3 +9,7 @@ hil_script_test(service_gateway_lockstep
                 LABELS service TIMEOUT 200)
 hil_script_test(service_program COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/program.sh
                 LABELS service TIMEOUT 120)
+hil_script_test(service_plan COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/plan.sh
+                LABELS service TIMEOUT 120)
+hil_script_test(service_cluster COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/cluster.sh
+                LABELS service TIMEOUT 180)

@@ -34,6 +34,7 @@ RULES = {
     "app/report": r"(base|app/report)/[^/]*",
     "app/control": BELOW_SIM + r"|(sim|app/control)/[^/]*",
     "app/scenario": BELOW_SIM + r"|(sim|app/report|app/scenario)/[^/]*",
+    "app/sweep": BELOW_SIM + r"|(sim|app/report|app/scenario|app/sweep)/[^/]*",
     "app/bench": BELOW_SIM + r"|(sim|app/report|app|app/bench)/[^/]*|manual/[^/]*",
     "app": BELOW_SIM + r"|(sim|app|app/\w+)/[^/]*|viewer/viewer\.h|manual/[^/]*",
 }

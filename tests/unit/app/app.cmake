@@ -47,6 +47,8 @@ foreach(name scenario expect limits signal)
 endforeach()
 target_link_options(test_scenario_expect PRIVATE -Wl,--wrap=scenario_signal_find)
 
+hil_test(sweep_sweep SOURCES unit/app/sweep/sweep.c LIBS sweep LABELS unit)
+
 hil_test(fail_memory SOURCES unit/app/fail_memory.c LIBS cli LABELS unit TIMEOUT 120)
 target_link_options(test_fail_memory PRIVATE
     -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=free,--wrap=arena_alloc)

@@ -12,6 +12,7 @@ static const struct limit rig_limits[] = {
     {"description", 1, 400},
     {"robot.springs[].Ks_nm_rad", 0, 1e9},
     {"robot.springs[].Ds_nm_s_rad", 0, 1e9},
+    {"robot.added_mass_kg", -1e3, 1e3},
     {"tick_s", 1e-5, 0.1},
     {"substep_s", 1e-7, 1},
     {"tolerance", 1e-13, 0.1},

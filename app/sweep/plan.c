@@ -1,0 +1,436 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Writes and reads plans. */
+#include "app/sweep/plan.h"
+
+#include "base/hash.h"
+#include "base/memory_file.h"
+#include "base/whole_file.h"
+#include "rig/find.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Of address space. */
+#define MEMORY ((size_t)1 << 30)
+
+enum { LINE_MAX_BYTES = 1 << 16 };
+
+/* A plan that is made. */
+struct planner {
+    const struct sweep *sweep;
+    FILE *lines;
+    const char *folder; /* of the plan, resolved; ends in a slash */
+    size_t ncase;
+    struct error *error;
+};
+
+static enum error_code plan_no_memory(struct error *error)
+{
+    return error_set(error, ERROR_MEMORY, "no memory left for a plan");
+}
+
+void plan_hash_case(const struct scenario *scenario, uint64_t rig_hash, uint64_t seed,
+                    const char *program, char hash[PLAN_HASH])
+{
+    uint64_t sum = hash_bytes(HASH_START, &scenario->text_hash, sizeof scenario->text_hash);
+
+    sum = hash_bytes(sum, &rig_hash, sizeof rig_hash);
+    sum = hash_bytes(sum, &seed, sizeof seed);
+    sum = program ? hash_bytes(sum, program, strlen(program)) : sum;
+    snprintf(hash, PLAN_HASH, "%016" PRIx64, sum);
+}
+
+/* ---- writing ---- */
+
+/* The path of a file seen from the plan's folder. */
+static enum error_code plan_relate_path(const char *folder, const char *file, char path[PATH_MAX],
+                                        struct error *error)
+{
+    char whole[PATH_MAX];
+    size_t same = 0, used = 0;
+
+    if (!realpath(file, whole)) {
+        return error_set_file(error, errno, file, "cannot be read");
+    }
+    for (size_t i = 0; folder[i] && folder[i] == whole[i]; i++) {
+        same = folder[i] == '/' ? i + 1 : same;
+    }
+    path[0] = '\0';
+    for (const char *at = folder + same; *at && used + 4 < PATH_MAX; at++) {
+        used += *at == '/' ? (size_t)snprintf(path + used, PATH_MAX - used, "../") : 0;
+    }
+    snprintf(path + used, PATH_MAX - used, "%s", whole + same);
+    return ERROR_NONE;
+}
+
+/* Names the rig that a scenario has, and hashes it; the rig must have what the scenario names. */
+static enum error_code plan_check_rig(struct scenario *scenario, uint64_t *hash,
+                                      struct error *error)
+{
+    const struct rig *rig;
+    struct arena arena;
+    enum error_code code = arena_init(&arena, MEMORY, error);
+
+    if (code) {
+        return code;
+    }
+    code = scenario_load_rig(scenario, &arena, &rig, error);
+    code = code ? code : scenario_bind(scenario, rig, error);
+    if (!code) {
+        *hash = rig->hash;
+    }
+    arena_fini(&arena);
+    return code;
+}
+
+/* Seeds of cases that do not say theirs: of the sweep's and the number. */
+static uint64_t plan_seed(const struct sweep *sweep, size_t number)
+{
+    const uint64_t part[2] = {(uint64_t)sweep->seed, number};
+
+    return hash_bytes(HASH_START, part, sizeof part) >> 12;
+}
+
+static enum error_code plan_put_line(struct planner *planner, const struct scenario *scenario,
+                                     uint64_t rig_hash)
+{
+    size_t number = ++planner->ncase;
+    uint64_t seed =
+        scenario->seed_given ? (uint64_t)scenario->seed : plan_seed(planner->sweep, number);
+    char hash[PLAN_HASH], path[PATH_MAX];
+    json_t *values = json_object(), *line;
+    enum error_code code = plan_relate_path(planner->folder, scenario->file, path, planner->error);
+
+    if (code) {
+        json_decref(values);
+        return code;
+    }
+    if (number > SWEEP_CASES_MAX) {
+        json_decref(values);
+        return error_set(planner->error, ERROR_INPUT,
+                         "%.200s: found more than %d cases with those of the scenarios' own "
+                         "parameters, expected fewer",
+                         planner->sweep->mark.file, SWEEP_CASES_MAX);
+    }
+    plan_hash_case(scenario, rig_hash, seed, planner->sweep->program, hash);
+    for (size_t i = 0; i < scenario->nvalue; i++) {
+        json_object_set_new(values, scenario->value[i].name, json_string(scenario->value[i].text));
+    }
+    line =
+        json_pack("{s:I, s:s, s:s, s:o, s:I, s:s}", "case", (json_int_t)number, "scenario", path,
+                  "name", scenario->name, "values", values, "seed", (json_int_t)seed, "hash", hash);
+    if (!line || json_dumpf(line, planner->lines, JSON_PRESERVE_ORDER)) {
+        code = plan_no_memory(planner->error);
+    }
+    fputc('\n', planner->lines);
+    json_decref(line);
+    return code;
+}
+
+/* Marks the samples with the least and the greatest value of a parameter: with those in range, all
+ * are. */
+static void plan_mark_extremes(const struct sweep *sweep, const struct sweep_parameter *parameter,
+                               bool *extreme)
+{
+    size_t least = 0, greatest = 0;
+
+    for (size_t i = 0; parameter->drawn && i < (size_t)sweep->samples; i++) {
+        double value = strtod(parameter->drawn[i], NULL);
+
+        least = value < strtod(parameter->drawn[least], NULL) ? i : least;
+        greatest = value > strtod(parameter->drawn[greatest], NULL) ? i : greatest;
+    }
+    extreme[least] = extreme[greatest] = true;
+}
+
+/* The cases of a combination and a sample: one, or those of the scenario's other parameters. */
+static enum error_code plan_put_cases(struct planner *planner, const char *path, size_t combination,
+                                      size_t sample, bool check, uint64_t *rig_hash)
+{
+    struct scenario_value value[SCENARIO_PARAMETERS_MAX];
+    struct scenario *cases;
+    struct arena arena;
+    size_t count;
+    enum error_code code = arena_init(&arena, MEMORY, planner->error);
+
+    if (code) {
+        return code;
+    }
+    code = sweep_values(planner->sweep, combination, sample, &arena, value, planner->error);
+    code = code ? code
+                : scenario_read_with(path, value, planner->sweep->nparameter, &arena, &cases,
+                                     &count, planner->error);
+    for (size_t i = 0; !code && i < count; i++) {
+        if (cases[i].host == SCENARIO_HOST_PROGRAM && !planner->sweep->program) {
+            code = yaml_error(planner->error, &cases[i].mark,
+                              "found host: program, expected the key program of the sweep");
+        } else if (check || count > 1) {
+            code = plan_check_rig(&cases[i], rig_hash, planner->error);
+        }
+        code = code ? code : plan_put_line(planner, &cases[i], *rig_hash);
+    }
+    arena_fini(&arena);
+    return code;
+}
+
+static enum error_code plan_put_scenario(struct planner *planner, const struct yaml_name *scenario,
+                                         const bool *extreme, struct arena *arena)
+{
+    const struct sweep *sweep = planner->sweep;
+    const char *path;
+    uint64_t rig_hash = 0;
+    enum error_code code;
+
+    if (strpbrk(scenario->name, "/.")) {
+        code = yaml_resolve_path(&scenario->mark, scenario->name, arena, &path, planner->error);
+    } else {
+        code = config_locate_from(CONFIG_SCENARIO, scenario->name, sweep->mark.file, arena, &path,
+                                  planner->error);
+        code = code ? error_prefix(planner->error, "%s:%d:%d", scenario->mark.file,
+                                   scenario->mark.line, scenario->mark.column)
+                    : ERROR_NONE;
+    }
+    for (size_t c = 0; !code && c < sweep->combinations; c++) {
+        for (size_t i = 0; !code && i < (size_t)sweep->samples; i++) {
+            code = plan_put_cases(planner, path, c, i, i == 0 || (c == 0 && extreme[i]), &rig_hash);
+        }
+    }
+    return code;
+}
+
+static enum error_code plan_put_all(struct planner *planner, struct arena *arena)
+{
+    size_t samples = (size_t)planner->sweep->samples;
+    bool *extreme = arena_alloc(arena, samples, sizeof *extreme);
+    enum error_code code = ERROR_NONE;
+
+    if (!extreme) {
+        return plan_no_memory(planner->error);
+    }
+    for (size_t i = 0; i < planner->sweep->nparameter; i++) {
+        plan_mark_extremes(planner->sweep, &planner->sweep->parameter[i], extreme);
+    }
+    for (size_t i = 0; !code && i < planner->sweep->nscenario; i++) {
+        code = plan_put_scenario(planner, &planner->sweep->scenario[i], extreme, arena);
+    }
+    return code;
+}
+
+/* The plan's file: what it is, then the lines. */
+static enum error_code plan_save(const struct planner *planner, const char *path, const char *lines,
+                                 struct error *error)
+{
+    const struct sweep *sweep = planner->sweep;
+    struct whole_file file;
+    uint64_t sum = hash_bytes(HASH_START, lines, strlen(lines));
+    char id[PLAN_HASH];
+    json_t *head;
+    enum error_code code = whole_file_open(&file, path, error);
+
+    if (code) {
+        return code;
+    }
+    sum = hash_bytes(sum, sweep->name, strlen(sweep->name));
+    sum = sweep->program ? hash_bytes(sum, sweep->program, strlen(sweep->program)) : sum;
+    snprintf(id, sizeof id, "%016" PRIx64, sum);
+    head =
+        json_pack("{s:i, s:s, s:s, s:I, s:s, s:s}", "plan", 1, "name", sweep->name, "description",
+                  sweep->description ? sweep->description : "", "cases", (json_int_t)planner->ncase,
+                  "program", sweep->program ? sweep->program : "", "id", id);
+    if (!head || json_dumpf(head, file.out, JSON_PRESERVE_ORDER)) {
+        code = plan_no_memory(error);
+    }
+    json_decref(head);
+    fprintf(file.out, "\n%s", lines);
+    return whole_file_close(&file, code, error);
+}
+
+/* The folder that a file is in, resolved, with a slash at its end. */
+static enum error_code plan_find_folder(const char *path, char folder[PATH_MAX],
+                                        struct error *error)
+{
+    const char *slash = strrchr(path, '/');
+    char name[PATH_MAX];
+    size_t length;
+
+    snprintf(name, sizeof name, "%.*s", slash ? (int)(slash - path) + 1 : 1, slash ? path : ".");
+    if (!realpath(name, folder)) {
+        return error_set_file(error, errno, name, "cannot be found");
+    }
+    length = strlen(folder);
+    if (folder[length - 1] != '/' && length + 1 < PATH_MAX) {
+        memcpy(folder + length, "/", 2);
+    }
+    return ERROR_NONE;
+}
+
+enum error_code plan_write(const char *path_of_sweep, const char *path, size_t *ncase,
+                           struct error *error)
+{
+    struct sweep sweep;
+    struct memory_file lines = {.text = NULL};
+    struct planner planner = {.sweep = &sweep, .error = error};
+    char folder[PATH_MAX];
+    struct arena arena;
+    enum error_code code = arena_init(&arena, MEMORY, error);
+
+    if (code) {
+        return code;
+    }
+    code = sweep_read(path_of_sweep, &arena, &sweep, error);
+    code = code ? code : plan_find_folder(path, folder, error);
+    if (code) {
+        goto done;
+    }
+    planner.folder = folder;
+    planner.lines = memory_file_open(&lines);
+    if (!planner.lines) {
+        code = plan_no_memory(error);
+        goto done;
+    }
+    code = plan_put_all(&planner, &arena);
+    if (code) {
+        fclose(planner.lines);
+    } else {
+        code = memory_file_close(planner.lines, &lines, "a plan", error);
+    }
+    code = code ? code : plan_save(&planner, path, lines.text, error);
+    *ncase = planner.ncase;
+done:
+    free(lines.text);
+    arena_fini(&arena);
+    return code;
+}
+
+/* ---- reading ---- */
+
+static enum error_code plan_unexpected(const char *path, size_t line, const char *what,
+                                       struct error *error)
+{
+    return error_set(error, ERROR_INPUT,
+                     "%.200s:%zu: found no %s, expected a plan as test --plan "
+                     "writes it",
+                     path, line, what);
+}
+
+/* One case from its line; false when it is none, or there is no memory. */
+static bool plan_take_case(const char *text, size_t number, const char *folder, struct arena *arena,
+                           struct plan_case *out)
+{
+    json_t *line = json_loads(text, JSON_REJECT_DUPLICATES, NULL), *values, *value;
+    const char *file, *name, *hash, *key;
+    char path[2 * PATH_MAX];
+    json_int_t given, seed;
+    bool good =
+        line && !json_unpack(line, "{s:I, s:s, s:s, s:o, s:I, s:s}", "case", &given, "scenario",
+                             &file, "name", &name, "values", &values, "seed", &seed, "hash", &hash);
+
+    good = good && given == (json_int_t)number && json_is_object(values) && seed >= 0 &&
+           strlen(hash) == PLAN_HASH - 1 && json_object_size(values) <= SCENARIO_PARAMETERS_MAX;
+    if (good) {
+        snprintf(path, sizeof path, "%s%s", folder, file);
+        *out = (struct plan_case){.number = number, .seed = (uint64_t)seed};
+        out->scenario = arena_strdup(arena, path);
+        out->file = arena_strdup(arena, file);
+        out->name = arena_strdup(arena, name);
+        out->value = arena_alloc(arena, json_object_size(values), sizeof *out->value);
+        memcpy(out->hash, hash, PLAN_HASH);
+        good = out->scenario && out->file && out->name && out->value;
+        json_object_foreach(values, key, value)
+        {
+            if (good && json_is_string(value)) {
+                out->value[out->nvalue++] = (struct scenario_value){
+                    arena_strdup(arena, key), arena_strdup(arena, json_string_value(value))};
+            }
+        }
+    }
+    json_decref(line);
+    return good;
+}
+
+static bool plan_take_head(const char *text, struct arena *arena, struct plan *plan)
+{
+    json_t *line = json_loads(text, JSON_REJECT_DUPLICATES, NULL);
+    const char *name, *description, *program, *id;
+    json_int_t version, cases;
+    bool good = line &&
+                !json_unpack(line, "{s:I, s:s, s:s, s:I, s:s, s:s}", "plan", &version, "name",
+                             &name, "description", &description, "cases", &cases, "program",
+                             &program, "id", &id) &&
+                version == 1 && cases >= 1 && cases <= SWEEP_CASES_MAX &&
+                strlen(id) == PLAN_HASH - 1;
+
+    if (good) {
+        plan->name = arena_strdup(arena, name);
+        plan->description = arena_strdup(arena, description);
+        plan->program = *program ? arena_strdup(arena, program) : NULL;
+        plan->ncase = (size_t)cases;
+        memcpy(plan->id, id, PLAN_HASH);
+        good = plan->name && plan->description && (plan->program || !*program);
+    }
+    json_decref(line);
+    return good;
+}
+
+/* The lines of the cases; only those asked for are looked into. */
+static enum error_code plan_read_lines(FILE *in, char *line, size_t number, struct arena *arena,
+                                       struct plan *plan, struct error *error)
+{
+    char folder[PATH_MAX];
+    const char *slash = strrchr(plan->path, '/');
+    size_t count = 0;
+
+    snprintf(folder, sizeof folder, "%.*s", slash ? (int)(slash - plan->path) + 1 : 0, plan->path);
+    while (fgets(line, LINE_MAX_BYTES, in)) {
+        count++;
+        if (!strchr(line, '\n')) {
+            return plan_unexpected(plan->path, count + 1, "end of a line", error);
+        }
+        if (count > plan->ncase ||
+            ((number == 0 || number == count) &&
+             !plan_take_case(line, count, folder, arena, &plan->list[plan->nlist++]))) {
+            return plan_unexpected(plan->path, count + 1, "case", error);
+        }
+        if (number == count) {
+            return ERROR_NONE;
+        }
+    }
+    return count == plan->ncase && !number ? ERROR_NONE
+                                           : plan_unexpected(plan->path, count + 2, "case", error);
+}
+
+enum error_code plan_read(const char *path, size_t number, struct arena *arena, struct plan *plan,
+                          struct error *error)
+{
+    char *line = malloc(LINE_MAX_BYTES);
+    FILE *in = fopen(path, "r");
+    enum error_code code = ERROR_NONE;
+
+    *plan = (struct plan){.path = path};
+    if (!in || !line) {
+        code = in ? plan_no_memory(error) : error_set_file(error, errno, path, "cannot be read");
+        goto done;
+    }
+    if (!fgets(line, LINE_MAX_BYTES, in) || !plan_take_head(line, arena, plan)) {
+        code = plan_unexpected(path, 1, "head", error);
+        goto done;
+    }
+    if (number > plan->ncase) {
+        code = error_set(error, ERROR_INPUT, "%.200s: found case %zu, expected 1 to %zu", path,
+                         number, plan->ncase);
+        goto done;
+    }
+    plan->list = arena_alloc(arena, number ? 1 : plan->ncase, sizeof *plan->list);
+    code =
+        plan->list ? plan_read_lines(in, line, number, arena, plan, error) : plan_no_memory(error);
+done:
+    if (in) {
+        fclose(in);
+    }
+    free(line);
+    return code;
+}

@@ -1,0 +1,104 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Plans: the frozen list of a sweep's cases, a file of JSON, one object a line. The first line
+ * says what the plan is, each other one a case:
+ *
+ *     {"plan": 1, "name": "squat", "cases": 500, "program": "", "id": "..."}
+ *     {"case": 1, "scenario": "../squat.yaml", "name": "squat", "values": {"mass_kg": "1.5"},
+ *      "seed": 123, "hash": "..."}
+ *
+ * A case's hash is that of its scenario with the values put in, of the rig's and robot's files and
+ * meshes, of its seed and the program under test; the plan's id that of all its cases. Scenarios
+ * are named relative to the folder of the plan. Results stand in the folder PLAN.results, a file
+ * NUMBER.json each, complete or not there. The same sweep gives the same bytes, and so do the
+ * results of a case, wherever and however often it runs. Not RT-safe.
+ */
+#ifndef APP_SWEEP_PLAN_H
+#define APP_SWEEP_PLAN_H
+
+#include "app/scenario/jobs.h"
+#include "app/sweep/sweep.h"
+
+#include <limits.h>
+
+enum { PLAN_HASH = 17 /* bytes of a hash as text, with the end */, PLAN_NAMES_MAX = 64 };
+
+struct plan_case {
+    size_t number;           /* from 1 */
+    const char *scenario;    /* path, as the program finds it */
+    const char *file, *name; /* path as in the plan; the scenario's name */
+    size_t nvalue;
+    struct scenario_value *value;
+    uint64_t seed;
+    char hash[PLAN_HASH];
+};
+
+struct plan {
+    const char *path, *name, *description;
+    const char *program; /* NULL = none */
+    size_t ncase;
+    char id[PLAN_HASH];
+    struct plan_case *list; /* the cases that were asked for */
+    size_t nlist;
+};
+
+/* Makes the plan of a sweep's file. ncase receives how many cases it has. ERROR_INPUT carries
+ * file:line:column. */
+enum error_code plan_write(const char *sweep, const char *path, size_t *ncase, struct error *error);
+
+/* Reads a plan: one case, or all with number 0. Everything lives in arena. */
+enum error_code plan_read(const char *path, size_t number, struct arena *arena, struct plan *plan,
+                          struct error *error);
+
+/* The hash of a case whose scenario was read with its values. */
+void plan_hash_case(const struct scenario *scenario, uint64_t rig_hash, uint64_t seed,
+                    const char *program, char hash[PLAN_HASH]);
+
+/* What came out of a case. */
+struct plan_result {
+    size_t number;
+    char plan[PLAN_HASH], hash[PLAN_HASH], binary[64];
+    enum scenario_status status;
+    uint64_t state_hash;
+    double virtual_s;
+    bool has_margin;
+    double margin;   /* the least of its expectations; struct scenario_verdict */
+    double failed_s; /* when the first expectation was not met; -1 = none was so */
+    const char *message;
+};
+
+/* Runs one case and writes its result, unless there is one already. With record, a folder, it runs
+ * in any case, must give the result that there is, and leaves a recording there when it fails.
+ * ERROR_INPUT when the scenario or the rig is not that of the plan; ERROR_SYSTEM when there is no
+ * result: the process died or took too long. */
+enum error_code plan_run_case(const struct plan *plan, const char *record,
+                              struct plan_result *result, struct arena *arena, struct error *error);
+
+/* The path of the folder with the results, or of a file in it. */
+void plan_results_folder(const struct plan *plan, char path[PATH_MAX]);
+
+/* Reads a result's file. Everything lives in arena. */
+enum error_code plan_read_result(const char *path, struct arena *arena, struct plan_result *result,
+                                 struct error *error);
+
+/* Reads the results of all cases, in the order of the cases. ERROR_INPUT when one is missing or
+ * there twice, or is of another plan or program. */
+enum error_code plan_collect(const struct plan *plan, struct arena *arena,
+                             struct plan_result **results, struct error *error);
+
+/* Writes PLAN.xml (JUnit), PLAN.csv and PLAN.html. failed receives how many cases did not pass. */
+enum error_code plan_merge(const char *path, size_t *ncase, size_t *failed, struct error *error);
+
+/* The names of the parameters of all cases that were read, each once; and the value of one in a
+ * case, "" when it has none. */
+size_t plan_names(const struct plan *plan, const char *name[PLAN_NAMES_MAX]);
+const char *plan_value(const struct plan_case *one, const char *name);
+
+/* Part of plan_merge: the page. */
+enum error_code plan_page_write(const struct plan *plan, const struct plan_result *result,
+                                const char *path, struct error *error);
+
+/* Bounds of a share of which passed of count were seen, with 95 % confidence (Wilson 1927). */
+void plan_wilson_interval(size_t passed, size_t count, double *low, double *high);
+
+#endif

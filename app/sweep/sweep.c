@@ -1,0 +1,276 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Reads sweeps and draws their samples. */
+#include "app/sweep/sweep.h"
+
+#include "base/count.h"
+#include "base/portable_math.h"
+#include "base/random.h"
+#include "base/text.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define AT(member) offsetof(struct STRUCT, member)
+
+/* Where a normal distribution ends when the file does not say. */
+#define SWEEP_NORMAL_END 6.0
+
+/* ---- the form of a file ---- */
+
+static const struct yaml_enum sampling_words[] = {
+    {"random", SWEEP_RANDOM}, {"latin_hypercube", SWEEP_LATIN_HYPERCUBE}, {NULL, 0}};
+
+#define STRUCT sweep_parameter
+static const struct yaml_field parameter_fields[] = {
+    {"grid", YAML_REAL_LIST, false, .offset = AT(grid), .count_offset = AT(ngrid)},
+    {"words", YAML_NAME_LIST, false, .offset = AT(word), .count_offset = AT(nword)},
+    {"uniform", YAML_REALS, false, .offset = AT(uniform), .count = 2, .min = -1e9, .max = 1e9,
+     .given_offset = AT(uniform_given)},
+    {"normal", YAML_REALS, false, .offset = AT(normal), .count = 2, .min = -1e9, .max = 1e9,
+     .given_offset = AT(normal_given)},
+    {"limits", YAML_REALS, false, .offset = AT(limits), .count = 2, .min = -1e10, .max = 1e10,
+     .given_offset = AT(limits_given)},
+};
+#undef STRUCT
+static const struct yaml_schema parameter_schema = {.what = "a parameter",
+                                                    .size = sizeof(struct sweep_parameter),
+                                                    .fields = parameter_fields,
+                                                    .field_count = ARRAY_COUNT(parameter_fields),
+                                                    .name_offset =
+                                                        offsetof(struct sweep_parameter, name)};
+
+#define STRUCT sweep
+static const struct yaml_field sweep_fields[] = {
+    {"name", YAML_STRING, true, .offset = AT(name), .min = 1, .max = 63},
+    {"description", YAML_STRING, false, .offset = AT(description), .min = 1, .max = 1000},
+    {"scenarios", YAML_NAME_LIST, true, .offset = AT(scenario), .count_offset = AT(nscenario)},
+    {"program", YAML_STRING, false, .offset = AT(program), .min = 1, .max = 1000},
+    {"seed", YAML_INT, false, .offset = AT(seed), .min = 0, .max = 9e15},
+    {"samples", YAML_INT, false, .offset = AT(samples), .min = 1, .max = SWEEP_CASES_MAX},
+    {"sampling", YAML_ENUM, false, .offset = AT(sampling), .names = sampling_words},
+    {"parameters", YAML_DICT, false, .offset = AT(parameter), .count_offset = AT(nparameter),
+     .schema = &parameter_schema},
+};
+#undef STRUCT
+static const struct sweep sweep_defaults = {.samples = 1, .sampling = SWEEP_LATIN_HYPERCUBE};
+const struct yaml_schema sweep_file_schema = {.what = "the sweep",
+                                              .size = sizeof(struct sweep),
+                                              .fields = sweep_fields,
+                                              .field_count = ARRAY_COUNT(sweep_fields),
+                                              .hash_offset = offsetof(struct sweep, hash),
+                                              .defaults = &sweep_defaults};
+
+/* ---- checks ---- */
+
+static bool parameter_is_drawn(const struct sweep_parameter *parameter)
+{
+    return parameter->uniform_given || parameter->normal_given;
+}
+
+static enum error_code check_distribution(struct sweep_parameter *parameter, struct error *error)
+{
+    double *limits = parameter->limits;
+
+    if (parameter->uniform_given && !(parameter->uniform[0] < parameter->uniform[1])) {
+        return yaml_error(error, &parameter->mark,
+                          "found uniform [%g, %g], expected the lower end first",
+                          parameter->uniform[0], parameter->uniform[1]);
+    }
+    if (!parameter->normal_given) {
+        return ERROR_NONE;
+    }
+    if (!(parameter->normal[1] > 0.0)) {
+        return yaml_error(error, &parameter->mark,
+                          "found a standard deviation of %g, expected more than 0",
+                          parameter->normal[1]);
+    }
+    if (!parameter->limits_given) {
+        limits[0] = parameter->normal[0] - SWEEP_NORMAL_END * parameter->normal[1];
+        limits[1] = parameter->normal[0] + SWEEP_NORMAL_END * parameter->normal[1];
+    }
+
+    /* Far out in a tail nothing is left to draw from */
+    if (!(limits[0] < limits[1]) ||
+        limits[0] > parameter->normal[0] + SWEEP_NORMAL_END * parameter->normal[1] ||
+        limits[1] < parameter->normal[0] - SWEEP_NORMAL_END * parameter->normal[1]) {
+        return yaml_error(error, &parameter->mark,
+                          "found limits [%g, %g], expected the lower one first, and both sides of "
+                          "them within six standard deviations of the mean",
+                          limits[0], limits[1]);
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code check_parameter(struct sweep_parameter *parameter, struct error *error)
+{
+    int forms = (parameter->ngrid > 0) + (parameter->nword > 0) + parameter->uniform_given +
+                parameter->normal_given;
+
+    if (!text_is_name(parameter->name) || forms != 1 ||
+        (parameter->limits_given && !parameter->normal_given)) {
+        return yaml_error(error, &parameter->mark,
+                          "found parameter \"%.40s\" of no known form, expected a plain name and "
+                          "one of grid, words, uniform and normal, the last with limits or without",
+                          parameter->name);
+    }
+    for (size_t i = 0; i < parameter->nword; i++) {
+        if (!text_is_name(parameter->word[i].name)) {
+            return yaml_error(error, &parameter->word[i].mark,
+                              "found word \"%.60s\", expected letters, digits and _ - . only",
+                              parameter->word[i].name);
+        }
+    }
+    return check_distribution(parameter, error);
+}
+
+static enum error_code check_sweep(struct sweep *sweep, struct error *error)
+{
+    sweep->combinations = 1;
+    if (!text_is_name(sweep->name) || !sweep->nscenario) {
+        return yaml_error(error, &sweep->mark,
+                          "found name \"%.63s\" and %zu scenarios, expected letters, digits, _ - "
+                          "and . only, and at least one scenario",
+                          sweep->name, sweep->nscenario);
+    }
+    if (sweep->nparameter > SCENARIO_PARAMETERS_MAX) {
+        return yaml_error(error, &sweep->mark, "found %zu parameters, expected at most %d",
+                          sweep->nparameter, SCENARIO_PARAMETERS_MAX);
+    }
+    for (size_t i = 0; i < sweep->nparameter; i++) {
+        struct sweep_parameter *parameter = &sweep->parameter[i];
+        size_t values = parameter->ngrid + parameter->nword;
+
+        if (check_parameter(parameter, error)) {
+            return ERROR_INPUT;
+        }
+        values = values ? values : 1;
+        if (values > SWEEP_CASES_MAX / (sweep->combinations * (size_t)sweep->samples)) {
+            return yaml_error(error, &parameter->mark, "found more than %d cases, expected fewer",
+                              SWEEP_CASES_MAX);
+        }
+        sweep->combinations *= values;
+    }
+    return ERROR_NONE;
+}
+
+/* ---- drawing ---- */
+
+/* Distribution function of the standard normal variable for |x| <= 8, by the series of positive
+ * terms (Abramowitz and Stegun, 26.2.11); to 1e-15. */
+static double normal_probability(double x)
+{
+    double term = fabs(x), sum = term;
+
+    for (int k = 3; term > sum * 1e-17; k += 2) {
+        term *= x * x / k;
+        sum += term;
+    }
+    sum *= portable_exp(-0.5 * x * x) * 0.3989422804014327;
+    return x < 0.0 ? 0.5 - sum : 0.5 + sum;
+}
+
+double sweep_normal_quantile(double p)
+{
+    double low = -8.0, high = 8.0;
+
+    for (int i = 0; i < 60; i++) {
+        double middle = 0.5 * (low + high);
+
+        if (normal_probability(middle) < p) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    return 0.5 * (low + high);
+}
+
+/* The value below which the distribution has the share u. */
+static double parameter_quantile(const struct sweep_parameter *parameter, double u)
+{
+    const double *normal = parameter->normal, *limits = parameter->limits;
+    double below, above, value;
+
+    if (parameter->uniform_given) {
+        return parameter->uniform[0] + u * (parameter->uniform[1] - parameter->uniform[0]);
+    }
+    below = normal_probability(fmax(-8.0, (limits[0] - normal[0]) / normal[1]));
+    above = normal_probability(fmin(8.0, (limits[1] - normal[0]) / normal[1]));
+    value = normal[0] + normal[1] * sweep_normal_quantile(below + u * (above - below));
+    return fmin(fmax(value, limits[0]), limits[1]);
+}
+
+/* Each parameter has a stream of its own: one more in the file leaves the others as they were. */
+static enum error_code draw_parameter(const struct sweep *sweep, struct sweep_parameter *parameter,
+                                      struct arena *arena, struct error *error)
+{
+    struct random_stream stream = random_named((uint64_t)sweep->seed, parameter->name);
+    size_t count = (size_t)sweep->samples;
+    size_t *stratum = arena_alloc(arena, count, sizeof *stratum);
+
+    parameter->drawn = arena_alloc(arena, count, sizeof *parameter->drawn);
+    if (!stratum || !parameter->drawn) {
+        return error_set(error, ERROR_MEMORY, "no memory left for %zu samples", count);
+    }
+
+    /* Latin hypercube: one sample in each of as many equally likely strata, in random order
+     * (McKay, Beckman, Conover 1979; the order by Fisher and Yates) */
+    for (size_t i = 0; i < count; i++) {
+        size_t k = (size_t)(random_uniform(&stream) * (double)(i + 1));
+
+        stratum[i] = stratum[k];
+        stratum[k] = i;
+    }
+    for (size_t i = 0; i < count; i++) {
+        double u = random_uniform(&stream);
+
+        if (sweep->sampling == SWEEP_LATIN_HYPERCUBE) {
+            u = ((double)stratum[i] + u) / (double)count;
+        }
+        snprintf(parameter->drawn[i], sizeof parameter->drawn[i], "%.9g",
+                 parameter_quantile(parameter, u));
+    }
+    return ERROR_NONE;
+}
+
+enum error_code sweep_read(const char *path, struct arena *arena, struct sweep *sweep,
+                           struct error *error)
+{
+    enum error_code code = yaml_read_file(path, &sweep_file_schema, arena, sweep, error);
+
+    code = code ? code : check_sweep(sweep, error);
+    for (size_t i = 0; i < sweep->nparameter && !code; i++) {
+        if (parameter_is_drawn(&sweep->parameter[i])) {
+            code = draw_parameter(sweep, &sweep->parameter[i], arena, error);
+        }
+    }
+    return code;
+}
+
+enum error_code sweep_values(const struct sweep *sweep, size_t combination, size_t sample,
+                             struct arena *arena, struct scenario_value *value, struct error *error)
+{
+    /* The last parameter varies fastest */
+    for (size_t i = sweep->nparameter; i-- > 0;) {
+        const struct sweep_parameter *parameter = &sweep->parameter[i];
+        size_t values = parameter->ngrid + parameter->nword;
+        char text[SCENARIO_VALUE_MAX];
+
+        if (parameter->drawn) {
+            snprintf(text, sizeof text, "%s", parameter->drawn[sample]);
+        } else if (parameter->nword) {
+            snprintf(text, sizeof text, "%s", parameter->word[combination % values].name);
+        } else {
+            snprintf(text, sizeof text, "%.9g", parameter->grid[combination % values]);
+        }
+        combination /= values ? values : 1;
+        value[i] = (struct scenario_value){parameter->name, arena_strdup(arena, text)};
+        if (!value[i].text) {
+            return error_set(error, ERROR_MEMORY, "no memory left for the values of a case");
+        }
+    }
+    return ERROR_NONE;
+}
