@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What coman-hil test does with plans (app/sweep/plan.h); each returns an exit status. */
+/* What coman-hil test does with plans (app/sweep/plan.h); each returns an exit status. Not
+ * RT-safe. */
 #ifndef APP_CLI_CMD_TEST_PLAN_H
 #define APP_CLI_CMD_TEST_PLAN_H
 

@@ -125,6 +125,25 @@ static void replaces_springs_by_name(void **state)
     assert_true(rig->robot->joint[1].sea.J == 0.1);
 }
 
+/* A point at the center of mass: the mass is more, the inertia about it the same. */
+static void adds_masses_to_bodies(void **state)
+{
+    const struct rig *plain = load("extends: toy.yaml\n");
+    const struct robot_body *body = plain->robot->body;
+    const double mass = body[0].inertia.mass, inertia = body[0].inertia.I[0];
+    const uint64_t hash = plain->robot->hash;
+    char text[200];
+    const struct rig *rig;
+
+    (void)state;
+    snprintf(text, sizeof text, "extends: toy.yaml\nrobot: {added_mass_kg: {%s: 1.5}}\n",
+             body[0].name);
+    rig = load(text);
+    assert_true(rig->robot->body[0].inertia.mass == mass + 1.5);
+    assert_true(rig->robot->body[0].inertia.I[0] == inertia);
+    assert_true(rig->robot->hash != hash && rig->dynamics == RIG_DYNAMICS_GENERIC);
+}
+
 static void refuses_springs_of_joints_that_have_none(void **state)
 {
     (void)state;
@@ -247,6 +266,7 @@ int main(void)
         cmocka_unit_test(names_the_file_in_which_a_value_stands),
         cmocka_unit_test(refuses_files_that_cannot_be_extended),
         cmocka_unit_test(replaces_springs_by_name),
+        cmocka_unit_test(adds_masses_to_bodies),
         cmocka_unit_test(refuses_springs_of_joints_that_have_none),
         cmocka_unit_test(a_held_base_is_one_of_infinite_mass),
         cmocka_unit_test(surfaces_and_frames_of_a_held_base_stay_where_they_were),

@@ -117,6 +117,38 @@ static void a_pattern_matches_by_bits(void **state)
     }
 }
 
+static void words_are_parameters_too(void **state)
+{
+    (void)state;
+    assert_int_equal(read_with("parameters:\n  task: {words: [squat, walk]}\n"
+                               "faults: [\"bus ${task} loss 1\"]\n"),
+                     ERROR_NONE);
+    assert_int_equal(count, 2);
+    assert_string_equal(cases[1].values, "task=walk");
+    assert_string_equal(cases[1].fault[0].name, "bus walk loss 1");
+    assert_true(cases[0].text_hash != cases[1].text_hash);
+    assert_int_equal(read_with("parameters:\n  a: {words: [x], values: [1]}\n"), ERROR_INPUT);
+    assert_int_equal(read_with("parameters:\n  a: {words: [\"x y\"]}\n"), ERROR_INPUT);
+}
+
+/* The rig is read as a file that extends it, whose lines are those of the scenario. */
+static void changes_are_a_file_that_extends_the_rig(void **state)
+{
+    (void)state;
+    assert_int_equal(read_with("parameters:\n  v: {values: [40]}\n"
+                               "changes:\n  # less\n  supply_v: ${v}\n"),
+                     ERROR_NONE);
+    assert_memory_equal(cases[0].changes,
+                        "\n\n\n\n\n\n\n  extends: \"../rigs/coman.yaml\"\n\n  supply_v: 40\n",
+                        cases[0].changes_size);
+    assert_int_equal(read_with(""), ERROR_NONE);
+    assert_null(cases[0].changes);
+    assert_int_equal(read_with("changes: {supply_v: 40}\n"), ERROR_INPUT);
+    assert_non_null(strstr(error.text, ":6:1: found changes on the line of their key"));
+    assert_int_equal(read_with("changes:\n"), ERROR_INPUT);
+    assert_non_null(strstr(error.text, ":6:1: found no changes"));
+}
+
 static void parameters_make_every_combination(void **state)
 {
     static const char *const values[] = {"volts=1.5, seed=1", "volts=1.5, seed=2",
@@ -316,6 +348,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(reads_a_whole_scenario, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(a_pattern_matches_by_bits, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(words_are_parameters_too, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(changes_are_a_file_that_extends_the_rig, open_arena,
+                                        close_arena),
         cmocka_unit_test_setup_teardown(parameters_make_every_combination, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(refuses_with_place_and_reason, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(refuses_expectations_of_no_form, open_arena, close_arena),
