@@ -2,10 +2,10 @@
 /* Writes and reads plans. */
 #include "app/sweep/plan.h"
 
+#include "base/config.h"
 #include "base/hash.h"
 #include "base/memory_file.h"
 #include "base/whole_file.h"
-#include "rig/find.h"
 
 #include <errno.h>
 #include <inttypes.h>

@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What a run has left and is read again, and may have been edited in between: an input that begins
- * with '<' is a JUnit file to be merged, any other is signals.csv behind a first line of the titles
- * wanted. Refused with its place, or finite numbers of which a plot is made.
+ * with '{' is a plan or a result of one of its cases, with '#' the sweep that plans are made of; any
+ * other is signals.csv behind a first line of the titles wanted. Refused with its place, or finite
+ * numbers of which a plot is made.
  */
-#include "app/scenario/jobs.h"
 #include "app/report/signals.h"
 #include "app/report/svg.h"
+#include "app/sweep/plan.h"
 #include "tests/fuzz/fuzz.h"
 
 #include <math.h>
@@ -84,35 +85,59 @@ static void read_signals(const char *text, size_t size, const char *path)
     check_signals(path, title, ntitle);
 }
 
-static void merge(const char *text, size_t size)
+/* Refused in a sentence that names the file. */
+static void check_refusal(enum error_code code, const char *path, const struct error *error)
 {
-    char from[128], to[128];
-    const char *files[1] = {from};
-    size_t tests = 0, failed = 0, again = 0;
-    struct error error = {0};
-
-    fuzz_write_file("from.xml", text, size);
-    snprintf(from, sizeof from, "%s/from.xml", fuzz_folder());
-    snprintf(to, sizeof to, "%s/to.xml", fuzz_folder());
-    if (scenario_junit_merge(files, 1, to, &tests, &failed, &error)) {
-        fuzz_require(error.code == ERROR_INPUT && has_line(error.text, from), "%s", error.text);
-        fuzz_tally.refused++;
+    if (!code) {
+        fuzz_tally.taken++;
         return;
     }
-    /* what was merged can be merged */
-    files[0] = to;
-    fuzz_require(scenario_junit_merge(files, 1, from, &again, &failed, &error) == ERROR_NONE, "%s",
-                 error.text);
-    fuzz_require(again == tests, "%zu tests, then %zu", tests, again);
-    fuzz_tally.taken++;
+    fuzz_require(error->code == ERROR_INPUT && fuzz_is_sentence(error->text) &&
+                     !strncmp(error->text, path, strlen(path)),
+                 "%s", error->text);
+    fuzz_tally.refused++;
+}
+
+/* A plan of cases and the result of one. */
+static void read_plan(const char *text, size_t size)
+{
+    struct arena *arena = fuzz_arena((size_t)64 << 20);
+    struct plan_result result;
+    struct error error = {0};
+    struct plan plan;
+    char path[128];
+
+    fuzz_write_file("plan.json", text, size);
+    snprintf(path, sizeof path, "%s/plan.json", fuzz_folder());
+    check_refusal(plan_read(path, 0, arena, &plan, &error), path, &error);
+    error = (struct error){0};
+    check_refusal(plan_read(path, 1, arena, &plan, &error), path, &error);
+    error = (struct error){0};
+    check_refusal(plan_read_result(path, arena, &result, &error), path, &error);
+}
+
+static void read_sweep(const char *text, size_t size)
+{
+    struct arena *arena = fuzz_arena((size_t)64 << 20);
+    struct error error = {0};
+    struct sweep sweep;
+    char path[128];
+
+    fuzz_write_file("sweep.yaml", text, size);
+    snprintf(path, sizeof path, "%s/sweep.yaml", fuzz_folder());
+    check_refusal(sweep_read(path, arena, &sweep, &error), path, &error);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     char path[128];
 
-    if (size > 0 && data[0] == '<') {
-        merge((const char *)data, size);
+    if (size > 0 && data[0] == '{') {
+        read_plan((const char *)data, size);
+        return 0;
+    }
+    if (size > 0 && data[0] == '#') {
+        read_sweep((const char *)data, size);
         return 0;
     }
     snprintf(path, sizeof path, "%s/signals.csv", fuzz_folder());
