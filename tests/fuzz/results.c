@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What a run has left and is read again, and may have been edited in between: an input that begins
- * with '{' is a plan or a result of one of its cases, with '#' the sweep that plans are made of; any
+ * with '{' is a plan or a result of one of its cases, with '#' the sweep plans are made of; any
  * other is signals.csv behind a first line of the titles wanted. Refused with its place, or finite
  * numbers of which a plot is made.
  */
