@@ -6,6 +6,7 @@
 #include "base/config.h"
 #include "model/robot_yaml.h"
 
+#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -37,6 +38,17 @@ void robot_merge_drive(const struct drive_yaml *change, struct drive_yaml *drive
 
 /* ---- the catalogue ---- */
 
+/* Whether a file is there (F_OK) or may be read (R_OK); what the system could not find out is an
+ * error. */
+static enum error_code drive_file_exists(struct robot_builder *b, const char *path, int mode,
+                                         bool *there)
+{
+    *there = access(path, mode) == 0;
+    return *there || errno == ENOENT || errno == ENOTDIR || errno == EACCES
+               ? ERROR_NONE
+               : error_set_file(b->error, errno, path, "cannot be looked for");
+}
+
 /* The file that a drive is from: a path from the robot's folder, or a name: of the folder drives
  * beside that, which goes first, or of the configuration trees. */
 static enum error_code find_drive_file(struct robot_builder *b, const struct drive_yaml *drive,
@@ -45,13 +57,15 @@ static enum error_code find_drive_file(struct robot_builder *b, const struct dri
     const struct yaml_mark *mark = &drive->file_mark;
     enum error_code code;
     char beside[288];
+    bool there = false;
 
     if (strpbrk(drive->file, "/.")) {
         return yaml_resolve_path(mark, drive->file, b->arena, path, b->error);
     }
     snprintf(beside, sizeof beside, "../drives/%s.yaml", drive->file);
     code = yaml_resolve_path(mark, beside, b->arena, path, b->error);
-    if (code || access(*path, F_OK) == 0) {
+    code = code ? code : drive_file_exists(b, *path, F_OK, &there);
+    if (code || there) {
         return code;
     }
     code = config_locate_from(CONFIG_DRIVE, drive->file, mark->file, b->arena, path, b->error);
@@ -67,6 +81,7 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
     struct drive_yaml taken;
     enum error_code code;
     const char *path;
+    bool there;
 
     if (!drive->file) {
         return ERROR_NONE;
@@ -77,7 +92,11 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
     }
 
     /* A file that cannot be opened is the fault of the line that names it */
-    if (access(path, R_OK)) {
+    code = drive_file_exists(b, path, R_OK, &there);
+    if (code) {
+        return code;
+    }
+    if (!there) {
         return yaml_error(
             b->error, &drive->file_mark,
             "found drive \"%.63s\", whose file %.150s cannot be read, expected a file", drive->file,
