@@ -84,6 +84,10 @@ END
     # the guest's /dev is made by hand, and no private one can be put in its place
     mkdir /run/units/coman-hil-vcan@.service.d
     printf '[Service]\nPrivateDevices=no\n' >/run/units/coman-hil-vcan@.service.d/guest.conf
+    # A service of the machine with Delegate=, running or not, gives every slice a processor
+    # controller, and this kernel no group with one any time for real-time threads
+    mkdir /run/units/service.d
+    printf '[Service]\nDelegate=no\n' >/run/units/service.d/guest.conf
     # basic.target of the distribution starts what this guest has no use for
     printf '[Unit]\nRequires=systemd-journald.service\nAfter=systemd-journald.service\n' \
         >/run/units/basic.target
