@@ -73,13 +73,19 @@ function setShadow(object) {
   });
 }
 
-export function makeBodies(hello, loadMesh, changed) {
+/** The material of a solid: a matt one where a processor has to draw, whose program is the shorter. */
+export function makeSkin(matt, roughness, metalness, other) {
+  return matt ? new THREE.MeshLambertMaterial(other)
+    : new THREE.MeshStandardMaterial({ roughness, metalness, ...other });
+}
+
+export function makeBodies(hello, loadMesh, changed, matt) {
   const { bodies, joints, shapes } = hello.scene;
-  const standard = (roughness, metalness) => new THREE.MeshStandardMaterial({ roughness, metalness });
+  const standard = (roughness, metalness) => makeSkin(matt, roughness, metalness);
   const material = { shell: standard(0.55, 0.05), metal: standard(0.4, 0.5),
     drum: standard(0.45, 0.35), free: standard(0.8, 0), world: standard(0.95, 0) };
-  const glass = new THREE.MeshStandardMaterial({ color: 0x2f81f7, transparent: true, opacity: 0.45,
-    roughness: 0.6, depthWrite: false });
+  const glass = makeSkin(matt, 0.6, 0, { color: 0x2f81f7, transparent: true, opacity: 0.45,
+    depthWrite: false });
   const group = new THREE.Group();
   const places = bodies.map((body, index) => {
     const object = new THREE.Group();

@@ -2,7 +2,7 @@
 // The three-dimensional view: the robot and what surrounds it, forces, centers.
 import * as THREE from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
-import { makeBodies } from './bodies.js';
+import { makeBodies, makeSkin } from './bodies.js';
 
 const COLORS = {
   light: { sky: 0xf4f6f9, ground: 0xe9ecf1, line: 0xc3cad4, strong: 0x9aa4b2 },
@@ -101,7 +101,7 @@ export class Scene {
     this.target = new THREE.Vector3();
     this.#makeLights();
     this.#makeGround();
-    this.robot = makeBodies(hello, loadMesh, () => { this.dirty = true; });
+    this.robot = makeBodies(hello, loadMesh, () => { this.dirty = true; }, this.plain);
     this.scene.add(this.robot.group);
     this.#makeMarks();
     new ResizeObserver(() => this.#resize()).observe(canvas.parentElement);
@@ -130,7 +130,7 @@ export class Scene {
     this.ground = new THREE.Group();
     this.ground.visible = Boolean(plane);
     this.floor = new THREE.Mesh(new THREE.CircleGeometry(GROUND_M, 64),
-      new THREE.MeshStandardMaterial({ roughness: 1, metalness: 0 }));
+      makeSkin(this.plain, 1, 0));
     this.floor.receiveShadow = true;
     this.ground.add(this.floor);
     if (plane) {
@@ -312,14 +312,16 @@ export class Scene {
     this.dirty = true;
   }
 
-  /** Whether the first picture has been drawn, not only ordered. */
-  #watchFirst() {
+  /** Whether the first picture is still being drawn: until then a second one would only delay it. */
+  #waitsForFirst() {
+    if (!this.drawn || this.firstDrawn) return false;
     const gl = this.renderer.getContext();
     this.fence ??= gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
-    if (gl.getSyncParameter(this.fence, gl.SYNC_STATUS) !== gl.SIGNALED) return;
+    if (gl.getSyncParameter(this.fence, gl.SYNC_STATUS) !== gl.SIGNALED) return true;
     gl.deleteSync(this.fence);
     this.#finishFirst();
+    return false;
   }
 
   /** Where pictures take long, as without a graphics card, less is drawn. */
@@ -333,8 +335,7 @@ export class Scene {
   /** Draws a state, when it or the way to look at it has changed. */
   draw(now, state) {
     this.controls.update();
-    if (this.drawn && !this.firstDrawn) this.#watchFirst();
-    if (this.preparing) return;
+    if (this.#waitsForFirst() || this.preparing) return;
     if (now - (this.drawnAt ?? -Infinity) < (this.period ?? 0)) return;
     if (state !== this.state) this.update(state);
     if (this.dirty) {
