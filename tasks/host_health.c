@@ -15,16 +15,23 @@ void host_fail_node(struct host *host, size_t bus, unsigned address, const char 
     }
 }
 
-/* ": over-current, under-voltage", or nothing */
-static const char *host_list_faults(const struct host *host, size_t axis, char text[96])
+enum { FAULTS_TEXT = 128 };
+
+/* ": over-current, under-voltage", what a fault without a name may mean, or nothing */
+static const char *host_list_faults(const struct host *host, size_t axis, char text[FAULTS_TEXT])
 {
-    const char *const *name = host->line[host->config.axis[axis].bus].ops->fault_name;
+    const struct host_ops *ops = host->line[host->config.axis[axis].bus].ops;
+    uint32_t fault = host->joint[axis].fault;
     size_t used = 0;
 
     text[0] = '\0';
-    for (int bit = 0; bit < 32 && used < 95; bit++) {
-        if (host->joint[axis].fault >> bit & 1 && name[bit]) {
-            used += (size_t)snprintf(text + used, 96 - used, "%s%s", used ? ", " : ": ", name[bit]);
+    if (fault == 0 && ops->unnamed_fault) {
+        snprintf(text, FAULTS_TEXT, ": %s", ops->unnamed_fault);
+    }
+    for (int bit = 0; bit < 32 && used < FAULTS_TEXT - 1; bit++) {
+        if (fault >> bit & 1 && ops->fault_name[bit]) {
+            used += (size_t)snprintf(text + used, FAULTS_TEXT - used, "%s%s", used ? ", " : ": ",
+                                     ops->fault_name[bit]);
         }
     }
     return text;
@@ -33,7 +40,7 @@ static const char *host_list_faults(const struct host *host, size_t axis, char t
 enum host_phase host_fail_joint(struct host *host, size_t axis, const char *what)
 {
     const struct host_joint *joint = &host->joint[axis];
-    char names[96];
+    char names[FAULTS_TEXT];
 
     if (joint->motor == HOST_MOTOR_FAULT) {
         snprintf(host->message, sizeof host->message, "joint %s is in fault 0x%02X%s",

@@ -139,4 +139,7 @@ const struct host_ops host_icub = {
     .set_motor = host_icub_set_motor,
     .set_voltage = host_icub_set_voltage,
     .fault_name = fault_name,
+    .unnamed_fault =
+        "a strict board wants a position PID, and a calibration if the rig requires it, "
+        "which this host does not give",
 };

@@ -87,7 +87,7 @@ struct host {
     bool step_waits;      /* a STEP is out and its DONE has not come on every bus */
     bool step_refused;    /* it was not the tick that the simulator is at */
     bool lost;            /* HOST_FAILED: the boards are gone, or were restarted */
-    char message[160];
+    char message[192];
 };
 
 /* A start-up request to one board. */
@@ -112,6 +112,7 @@ struct host_ops {
     void (*set_voltage)(struct host *host, size_t axis);
     void (*end_period)(struct host *host, size_t bus);
     const char *const *fault_name; /* by bit, NULL = no such bit; 32 entries */
+    const char *unnamed_fault;     /* why a board may be in a fault that has no bit; or NULL */
 };
 
 extern const struct host_ops host_icub, host_foc, host_compact, host_cia402, host_described;

@@ -180,6 +180,18 @@ static void an_over_current_fault_fails_the_host(void **state)
     assert_false(host_lost(bench->host));
 }
 
+static void a_fault_without_a_bit_is_explained(void **state)
+{
+    struct bench *bench = *state;
+
+    assert_int_equal(start_up(bench, 100), HOST_READY);
+    say(bench, 0, 0x123, 8, (const uint8_t[]){0, 0x50, 0, 0xa0, 0, 0, 0, 0});
+    host_receive(bench->host, bench->now_ns);
+    assert_false(host_healthy(bench->host));
+    assert_non_null(
+        strstr(host_message(bench->host), "joint knee is in fault 0x00: a strict board"));
+}
+
 static void a_motor_that_goes_off_by_itself_fails_the_host(void **state)
 {
     struct bench *bench = *state;
@@ -254,6 +266,8 @@ int main(void)
                                         bench_tear_down),
         cmocka_unit_test_setup_teardown(faults_and_silence_are_reported, set_up, bench_tear_down),
         cmocka_unit_test_setup_teardown(an_over_current_fault_fails_the_host, set_up,
+                                        bench_tear_down),
+        cmocka_unit_test_setup_teardown(a_fault_without_a_bit_is_explained, set_up,
                                         bench_tear_down),
         cmocka_unit_test_setup_teardown(a_motor_that_goes_off_by_itself_fails_the_host, set_up,
                                         bench_tear_down),
