@@ -6,6 +6,7 @@
 
 int bench_contact(int argc, char **argv);
 int bench_dynamics(int argc, char **argv);
+int bench_latency(int argc, char **argv);
 int bench_paper(int argc, char **argv);
 int bench_pendulum(int argc, char **argv);
 

@@ -10,6 +10,7 @@ static const struct program_command benchmarks[] = {
      bench_contact},
     {"dynamics", "time of one evaluation of a robot's accelerations, the paper's Fig. 4",
      bench_dynamics},
+    {"latency", "from a command on a CAN interface to the frame that answers it", bench_latency},
     {"paper", "a report with every table and figure of the paper that can be reproduced",
      bench_paper},
     {"pendulum", "pendulums in relative and absolute coordinates, the paper's Table 1 and Fig. 3",

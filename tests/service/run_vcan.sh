@@ -60,7 +60,7 @@ task()
     controller=$!
 }
 
-echo 1..9
+echo 1..10
 
 name="two processes in lockstep record the very bytes of one process"
 "$program" run "$rig" --transport local --clock lockstep --task squat --ticks 300 \
@@ -159,3 +159,18 @@ refused 2 "one that is no CAN interface as well" "not a CAN interface" --bus tor
 ip link set can4 down
 refused 3 "one that is down has its own message" "can4 is down"
 ip link set can4 up
+
+name="latency: every command and every echo is answered, and counted"
+rig=$HIL_SOURCE_DIR/config/rigs/coman-foc-leg.yaml
+simulate leg --clock real
+timeout 60 "$HIL_BINARY_DIR/coman-hil-bench" latency "$rig" --joint LKneeSag --count 6 \
+    --priority 0 --out "$work/latency" >"$work/latency.out" 2>"$work/latency.err" </dev/null
+measured=$?
+kill -TERM "$simulator"
+wait "$simulator"
+simulated=$?
+counts=$(awk -F, 'NR > 1 { w += $2; e += $3; b += $4 } END { print w, e, b }' \
+    "$work/latency/latency.csv")
+if [ $measured = 0 ] && [ $simulated = 0 ] && [ "$counts" = "6 6 6" ] &&
+    grep -q "switches the motor of LKneeSag" "$work/latency.out"
+then ok "$name"; else not_ok "$name"; fi

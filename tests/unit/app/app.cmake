@@ -40,6 +40,7 @@ foreach(name report svg)
     hil_test(report_${name} SOURCES unit/app/report/${name}.c LIBS report LABELS unit)
 endforeach()
 
+hil_test(bench_latency_tap SOURCES unit/app/bench/latency_tap.c LIBS bench LABELS unit)
 hil_test(bench_pendulum_plain SOURCES unit/app/bench/pendulum_plain.c LIBS bench LABELS unit)
 
 foreach(name scenario expect limits signal)
