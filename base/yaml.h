@@ -86,7 +86,10 @@ struct yaml_schema {
                            * what the parent's defaults hold there */
     const char *alone; /* key of a text that may stand alone for the mapping ("drive: NAME"); then
                         * no key is required; NULL = there is none */
-    bool extendable;   /* of a file: the key "extends" names one that this one extends */
+    /* Of a file: the newest format that this program reads. The file may say its own by the key
+     * "format_version" (1 when it does not); a newer one is refused. 0 = files have no version. */
+    int format_version;
+    bool extendable; /* of a file: the key "extends" names one that this one extends */
     /* Of an extendable file: the path of one that is extended by a bare name, without slash and
      * dot, from the file from; NULL = there are no such names. */
     enum error_code (*locate)(const char *name, const char *from, struct arena *arena,

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* YAML files: their bytes, what they refer to, and those that extend others. */
 #include "base/hash.h"
+#include "base/text.h"
 #include "base/yaml_tree.h"
 
 #include <errno.h>
@@ -100,6 +101,32 @@ static void yaml_merge_maps(struct yaml_node *map, struct yaml_node *base)
     }
 }
 
+/* Takes the key format_version out of a document, if it has it and this program reads such. */
+static enum error_code yaml_check_format(struct yaml_reader *r, const struct yaml_schema *schema,
+                                         struct yaml_node *root)
+{
+    struct yaml_node **at, *value;
+    int64_t version;
+
+    if (root->kind != YAML_KIND_MAP || !*(at = yaml_find_key(root, "format_version"))) {
+        return ERROR_NONE;
+    }
+    value = (*at)->next;
+    *at = value->next;
+    root->count--;
+    if (value->kind != YAML_KIND_SCALAR || !yaml_is_number(value) ||
+        !text_to_int(value->text, 1, INT32_MAX, &version)) {
+        return yaml_unexpected(r, value, "a whole number of 1 or more");
+    }
+    if (version > schema->format_version) {
+        return yaml_error(r->error, &value->mark,
+                          "found format_version %d, expected %d at most: the file is for a newer "
+                          "coman-hil",
+                          (int)version, schema->format_version);
+    }
+    return ERROR_NONE;
+}
+
 /* The path of the file that a document extends. */
 static enum error_code yaml_find_extended(struct yaml_reader *r, const struct yaml_schema *schema,
                                           const struct yaml_node *reference, const char **path)
@@ -182,6 +209,9 @@ static enum error_code yaml_read_extended(struct yaml_reader *r, const char *nam
     }
     r->hash += hash_bytes(HASH_START, text, size);
     code = yaml_tree_read(r, text, size, root);
+    if (!code && schema->format_version > 0) {
+        code = yaml_check_format(r, schema, *root);
+    }
     return code || !schema->extendable ? code : yaml_follow_extends(r, schema, depth, *root);
 }
 

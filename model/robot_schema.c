@@ -519,7 +519,8 @@ const struct yaml_schema robot_file_schema = {.what = "a robot",
                                               .size = sizeof(struct robot_yaml),
                                               .fields = robot_fields,
                                               .field_count = ARRAY_COUNT(robot_fields),
-                                              .hash_offset = offsetof(struct robot_yaml, hash)};
+                                              .hash_offset = offsetof(struct robot_yaml, hash),
+                                              .format_version = 1};
 
 const char *robot_drive_key(enum drive_parameter parameter)
 {

@@ -634,6 +634,7 @@ const struct yaml_schema rig_file_schema = {
     .field_count = ARRAY_COUNT(rig_fields),
     .hash_offset = offsetof(struct raw_rig, hash),
     .defaults = &rig_defaults,
+    .format_version = 1,
     .extendable = true,
     .locate = rig_locate_from,
 };

@@ -44,6 +44,10 @@
 /* What a program that has ended writes beside the recording, about it. */
 #define RECORDER_SUMMARY "summary.json"
 
+/* Of a recording: "format_version" of its summary, which other programs write; 1 when it has none.
+ * A newer one is not read. */
+#define RECORDING_FORMAT_VERSION 1
+
 #define RECORDER_STALL_NS INT64_C(10000000000)
 
 /* What rows are written to; a sum. */

@@ -25,33 +25,53 @@ static void replay_page_stop(void *unused)
     sem_post(&replay_page_end);
 }
 
-/* The rig that the summary of the recording names: its file where that is still there, else one of
- * that name. */
+/* A recording of a newer program may hold what this one takes for something else. */
+static enum error_code replay_page_check_format(const char *path, const json_t *summary,
+                                                struct error *error)
+{
+    const json_t *version = json_object_get(summary, "format_version");
+
+    if (!version || (json_is_integer(version) && json_integer_value(version) >= 1 &&
+                     json_integer_value(version) <= RECORDING_FORMAT_VERSION)) {
+        return ERROR_NONE;
+    }
+    return error_set(error, ERROR_INPUT,
+                     "%s: found another format_version, expected 1 to %d: the recording is of a "
+                     "newer coman-hil",
+                     path, RECORDING_FORMAT_VERSION);
+}
+
+/* The rig of --rig, or the one that the summary of the recording names: its file where that is
+ * still there, else one of that name. */
 static enum error_code replay_page_find_rig(const struct replay_page_options *options,
                                             char rig[PATH_MAX], struct error *error)
 {
     char path[PATH_MAX];
     json_t *summary;
     const char *name, *file;
+    enum error_code code;
 
-    if (options->rig) {
-        snprintf(rig, PATH_MAX, "%s", options->rig);
-        return ERROR_NONE;
-    }
     snprintf(path, sizeof path, "%s/" RECORDER_SUMMARY, options->directory);
     summary = json_load_file(path, JSON_REJECT_DUPLICATES, NULL);
     name = json_string_value(json_object_get(summary, "rig"));
     file = json_string_value(json_object_get(summary, "rig_file"));
-    if (name) {
+    code = replay_page_check_format(path, summary, error);
+    if (code) {
+        goto done;
+    }
+    if (options->rig) {
+        snprintf(rig, PATH_MAX, "%s", options->rig);
+    } else if (name) {
         snprintf(rig, PATH_MAX, "%s", file && access(file, R_OK) == 0 ? file : name);
     } else {
-        error_set(error, ERROR_INPUT,
-                  "%s: found no summary that names the rig, as of a run that was killed, expected "
-                  "--rig RIG",
-                  options->directory);
+        code = error_set(error, ERROR_INPUT,
+                         "%s: found no summary that names the rig, as of a run that was killed, "
+                         "expected --rig RIG",
+                         options->directory);
     }
+done:
     json_decref(summary);
-    return name ? ERROR_NONE : ERROR_INPUT;
+    return code;
 }
 
 /* Serves it until it is told to end. */

@@ -441,7 +441,7 @@ static void json_write(const struct summary *summary, FILE *out)
 
     char file[PATH_MAX];
 
-    fprintf(out, "{\n  \"rig\": ");
+    fprintf(out, "{\n  \"format_version\": %d, \"rig\": ", RECORDING_FORMAT_VERSION);
     json_text_put(config->rig->name, out);
     fprintf(out, ", \"rig_file\": ");
     json_text_put(realpath(config->rig->file, file) ? file : config->rig->file, out);

@@ -215,4 +215,5 @@ const struct yaml_schema scenario_file_schema = {.what = "the scenario",
                                                  .size = sizeof(struct scenario),
                                                  .fields = scenario_fields,
                                                  .field_count = ARRAY_COUNT(scenario_fields),
-                                                 .defaults = &scenario_defaults};
+                                                 .defaults = &scenario_defaults,
+                                                 .format_version = 1};

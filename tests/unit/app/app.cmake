@@ -19,6 +19,10 @@ hil_script_test(cli_completion COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/unit/app
 hil_script_test(cli_tasks COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/tasks.sh
                 $<TARGET_FILE:coman-hil> LABELS unit)
 
+hil_script_test(cli_old_files COMMAND /usr/bin/python3
+                ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/old_files.py $<TARGET_FILE:coman-hil>
+                LABELS unit)
+
 hil_script_test(cli_protocol COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/protocol.sh
                 $<TARGET_FILE:coman-hil> LABELS unit)
 
