@@ -10,8 +10,9 @@
 static const char *object_type_name(enum cia402_type type)
 {
     static const char *const names[] = {
-        [CIA402_I8] = "i8",   [CIA402_I16] = "i16", [CIA402_I32] = "i32",  [CIA402_U8] = "u8",
-        [CIA402_U16] = "u16", [CIA402_U32] = "u32", [CIA402_TEXT] = "text"};
+        [CIA402_I8] = "i8",     [CIA402_I16] = "i16",      [CIA402_I32] = "i32",
+        [CIA402_U8] = "u8",     [CIA402_U16] = "u16",      [CIA402_U32] = "u32",
+        [CIA402_TEXT] = "text", [CIA402_DOMAIN] = "domain"};
 
     return names[type];
 }

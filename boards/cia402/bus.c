@@ -62,6 +62,29 @@ static void cia402_bus_receive_sdo(struct boards *boards, struct cia402_node *no
     boards_count_frame(boards, &node->board, verdict, frame);
 }
 
+/* Nodes without a Node-ID hear it, too. */
+static void cia402_bus_receive_lss(struct boards *boards, struct board_bus *bus,
+                                   const struct bus_frame *frame)
+{
+    enum board_verdict verdict = BOARD_MALFORMED;
+    struct board *listener = NULL;
+
+    for (size_t i = 0; i < boards->nboard; i++) {
+        struct board *board = boards->board[i];
+
+        if (board->bus != bus || board_is_deaf(board)) {
+            continue;
+        }
+        listener = board;
+        if (frame->len == CIA402_LSS_LENGTH) {
+            bool known = cia402_lss_receive(cia402_node_of(board), frame->data);
+
+            verdict = known ? BOARD_OBEYED : BOARD_UNKNOWN;
+        }
+    }
+    boards_count_frame(boards, listener, verdict, frame);
+}
+
 /* A heartbeat or a boot-up of another node. */
 static bool cia402_bus_hear(struct boards *boards, struct board_bus *bus,
                             const struct bus_frame *frame)
@@ -132,6 +155,10 @@ static bool cia402_bus_dispatch(struct boards *boards, struct board_bus *bus,
 
     if (frame->flags & FRAME_REMOTE) {
         return cia402_bus_receive_remote(boards, bus, frame);
+    }
+    if (frame->id == CIA402_LSS_REQUEST) {
+        cia402_bus_receive_lss(boards, bus, frame);
+        return true;
     }
     switch (frame->id & ~(unsigned)NODE_ID_MASK) {
     case CIA402_NMT:

@@ -63,6 +63,9 @@ static void eds_put_default(const struct cia402_node *node, const struct cia402_
         fprintf(out, "DefaultValue=%s\n", cia402_text(node, entry));
         return;
     }
+    if (entry->type == CIA402_DOMAIN) {
+        return; /* has none */
+    }
     value = cia402_value(node, entry);
     if (entry->object && eds_is_of_node(entry, value)) {
         fprintf(out, "DefaultValue=$NODEID+0x%" PRIX64 "\n",
@@ -210,7 +213,7 @@ static void eds_put_head(const struct cia402_node *node, const char *name, FILE 
     fprintf(out,
             "SimpleBootUpMaster=0\nSimpleBootUpSlave=1\nGranularity=8\n"
             "DynamicChannelsSupported=0\nGroupMessaging=0\nNrOfRXPDO=%u\nNrOfTXPDO=%u\n"
-            "LSS_Supported=0\n\n[DummyUsage]\nDummy0001=0\n",
+            "LSS_Supported=1\n\n[DummyUsage]\nDummy0001=0\n",
             cia402_pdos(node), cia402_pdos(node));
     for (int type = CIA402_I8; type <= CIA402_U32; type++) {
         fprintf(out, "Dummy%04X=1\n", type);

@@ -279,7 +279,7 @@ static void cia402_motor_control(struct board *board, struct ms_span span,
 {
     struct cia402_motor *motor = cia402_motor_of(board);
 
-    cia402_nmt_watch(&motor->node);
+    cia402_node_step(&motor->node, span);
     for (unsigned i = 0; i < motor->node.axes; i++) {
         struct cia402_axis *axis = &motor->axis[i];
 

@@ -11,6 +11,7 @@ static void cia402_node_store(struct cia402_node *node)
 {
     node->saved = node->settings;
     memcpy(node->saved_note, node->note, sizeof node->saved_note);
+    node->saved_data = node->data;
     for (unsigned k = 0; k < node->axes; k++) {
         node->axis[k].saved = node->axis[k].settings;
     }
@@ -23,6 +24,7 @@ static void cia402_node_load(struct cia402_node *node)
 {
     node->settings = node->saved;
     memcpy(node->note, node->saved_note, sizeof node->note);
+    node->data = node->saved_data;
     for (unsigned k = 0; k < node->axes; k++) {
         node->axis[k].settings = node->axis[k].saved;
     }
@@ -31,11 +33,14 @@ static void cia402_node_load(struct cia402_node *node)
     }
 }
 
-/* From initialisation into PRE-OPERATIONAL, or on by itself where the rig wants it. */
+/* From initialisation into PRE-OPERATIONAL, or on by itself where the rig wants it; not without a
+ * Node-ID. */
 static void cia402_node_start_communication(struct cia402_node *node)
 {
-    node->state =
-        node->board.config.transmit_at_start ? CIA402_OPERATIONAL : CIA402_PRE_OPERATIONAL;
+    cia402_lss_take_id(node);
+    node->state = node->nameless                         ? CIA402_BOOT_UP
+                  : node->board.config.transmit_at_start ? CIA402_OPERATIONAL
+                                                         : CIA402_PRE_OPERATIONAL;
     node->boot_up_due = true;
     node->guard_toggle = node->guarded = node->guard_lost = false;
     node->consumes = node->consumer_lost = false;
@@ -54,6 +59,7 @@ bool cia402_node_power_up(struct cia402_node *node)
         node->restore = false;
     }
     cia402_node_load(node);
+    cia402_lss_power_up(node, first);
     node->error_register = 0;
     node->emergencies = 0;
     cia402_node_start_communication(node);
@@ -98,13 +104,23 @@ enum cia402_abort cia402_node_write_restore(struct cia402_node *node,
     return CIA402_DONE;
 }
 
+void cia402_node_step(struct cia402_node *node, struct ms_span span)
+{
+    if (!node->nameless) {
+        cia402_nmt_watch(node);
+        cia402_block_step(node, span);
+    }
+}
+
 void cia402_node_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
     struct cia402_node *node = cia402_node_of(board);
 
     (void)span;
-    cia402_nmt_transmit(node, sink);
-    cia402_emcy_transmit(node, sink);
-    cia402_pdo_transmit(node, sink);
+    if (!node->nameless) {
+        cia402_nmt_transmit(node, sink);
+        cia402_emcy_transmit(node, sink);
+        cia402_pdo_transmit(node, sink);
+    }
     board->lost_in_status = board->lost_in_overflow = false;
 }

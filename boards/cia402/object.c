@@ -137,6 +137,12 @@ char *cia402_text(const struct cia402_node *node, const struct cia402_entry *ent
     return cia402_place(node, entry);
 }
 
+struct cia402_domain *cia402_domain(const struct cia402_node *node,
+                                    const struct cia402_entry *entry)
+{
+    return cia402_place(node, entry);
+}
+
 int64_t cia402_value(const struct cia402_node *node, const struct cia402_entry *entry)
 {
     return entry->object ? *cia402_field(node, entry) : entry->value;
@@ -223,6 +229,8 @@ static void cia402_set_initial(struct cia402_node *node, const struct cia402_obj
 
         if (object->type == CIA402_TEXT) {
             memset(cia402_text(node, &entry), 0, CIA402_TEXT_MAX + 1);
+        } else if (object->type == CIA402_DOMAIN) {
+            memset(cia402_domain(node, &entry), 0, sizeof(struct cia402_domain));
         } else {
             *cia402_field(node, &entry) = object->initial + plus;
         }

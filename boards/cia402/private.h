@@ -48,15 +48,45 @@ struct cia402_emergency {
     uint32_t faults;
 };
 
-/* A segmented transfer of the SDO server. */
+struct cia402_domain {
+    uint32_t size;
+    uint8_t data[CIA402_DOMAIN_MAX];
+};
+
+#define CIA402_SIZE_UNKNOWN UINT32_MAX
+
+/* A transfer of the SDO server in segments or blocks. */
 struct cia402_transfer {
-    enum { CIA402_NO_TRANSFER, CIA402_UPLOADS, CIA402_DOWNLOADS } kind;
+    enum {
+        CIA402_NO_TRANSFER,
+        CIA402_UPLOADS,
+        CIA402_DOWNLOADS,
+        CIA402_BLOCK_DOWNLOADS, /* this and what follows: blocks */
+        CIA402_BLOCK_DOWNLOAD_ENDS,
+        CIA402_BLOCK_UPLOAD_STARTS,
+        CIA402_BLOCK_UPLOADS,
+        CIA402_BLOCK_UPLOAD_WAITS, /* for the block to be acknowledged */
+        CIA402_BLOCK_UPLOAD_ENDS,
+    } kind;
     struct cia402_entry entry;
-    uint8_t data[CIA402_TEXT_MAX];
-    uint32_t size, done; /* size of a download: as announced, or UINT32_MAX */
+    uint8_t data[CIA402_DOMAIN_MAX + 6]; /* the last segment of a block has seven bytes */
+    uint32_t size, done; /* size of a download: as announced, or CIA402_SIZE_UNKNOWN */
     bool toggle;
     uint16_t index; /* as asked for, for abort messages */
     uint8_t sub;
+    uint8_t block;    /* segments of a block at most */
+    uint8_t sequence; /* segments of this block that were sent, or taken */
+    bool checked;     /* with a checksum */
+    int64_t heard_ns; /* the client, in a block transfer */
+};
+
+/* Layer setting services. */
+struct cia402_lss_slave {
+    bool configuring; /* state LSS configuration, else LSS waiting */
+    uint8_t selected; /* parts of the address that have matched, one after the other */
+    uint8_t scanned;  /* the part that a fastscan is at */
+    uint8_t next;     /* Node-ID of the next reset of communication */
+    uint8_t stored;   /* of the next power-up; both may be CIA402_NO_NODE_ID */
 };
 
 struct cia402_axis;
@@ -70,6 +100,7 @@ struct cia402_node {
     struct cia402_sensor *sensor; /* NULL: a drive */
     struct cia402_communication settings, saved;
     char note[CIA402_TEXT_MAX + 1], saved_note[CIA402_TEXT_MAX + 1];
+    struct cia402_domain data, saved_data;
     char device[CIA402_TEXT_MAX + 1], hardware[CIA402_TEXT_MAX + 1], software[CIA402_TEXT_MAX + 1];
     bool powered, restore; /* at the next reset the factory's settings */
 
@@ -90,6 +121,8 @@ struct cia402_node {
     int64_t syncs;        /* heard since the last transmission */
     struct cia402_channel rx[CIA402_PDOS], tx[CIA402_PDOS];
     struct cia402_transfer transfer;
+    struct cia402_lss_slave lss;
+    bool nameless; /* has no Node-ID: only its LSS works; the board's address is the last one */
 };
 
 static inline struct cia402_node *cia402_node_of(const struct board *board)
@@ -116,9 +149,11 @@ static inline int64_t cia402_counts(double value, double worth)
 enum cia402_abort cia402_find(const struct cia402_node *node, unsigned index, unsigned sub,
                               struct cia402_entry *entry);
 
-/* Where its value is; not of texts and counts. */
+/* Where its value is; not of texts, domains and counts. */
 int64_t *cia402_field(const struct cia402_node *node, const struct cia402_entry *entry);
 char *cia402_text(const struct cia402_node *node, const struct cia402_entry *entry);
+struct cia402_domain *cia402_domain(const struct cia402_node *node,
+                                    const struct cia402_entry *entry);
 
 int64_t cia402_value(const struct cia402_node *node, const struct cia402_entry *entry);
 enum cia402_abort cia402_write(struct cia402_node *node, const struct cia402_entry *entry,
@@ -138,6 +173,32 @@ void cia402_set_factory(struct cia402_node *node);
 
 /* sdo.c; a request of 8 bytes; returns why it was refused. */
 enum cia402_abort cia402_sdo_receive(struct cia402_node *node, const uint8_t *data);
+
+/* What sdo.c and sdo_block.c have in common: an answer; the end of a transfer with a reason, which
+ * is returned; a new transfer for the object of a request; the data of its object, and how they
+ * are told without blocks; whether data of a size may be written, and the writing. */
+void cia402_sdo_answer(struct cia402_node *node, const uint8_t *data);
+enum cia402_abort cia402_sdo_abort_transfer(struct cia402_node *node, enum cia402_abort reason);
+enum cia402_abort cia402_sdo_find(struct cia402_node *node, const uint8_t *request);
+enum cia402_abort cia402_sdo_load(struct cia402_node *node);
+enum cia402_abort cia402_sdo_upload_loaded(struct cia402_node *node, const uint8_t *request);
+bool cia402_sdo_is_writable(const struct cia402_entry *entry);
+enum cia402_abort cia402_sdo_check_size(const struct cia402_entry *entry, uint32_t size);
+enum cia402_abort cia402_sdo_store(struct cia402_node *node, const struct cia402_entry *entry,
+                                   const uint8_t *data, uint32_t size);
+
+/* sdo_block.c; requests of block transfers. While takes_all is true every request that is no abort
+ * is one of the download. What a tick does: segments of an upload, and the time-out. */
+bool cia402_block_takes_all(const struct cia402_node *node);
+enum cia402_abort cia402_block_receive_download(struct cia402_node *node, const uint8_t *request);
+enum cia402_abort cia402_block_receive_upload(struct cia402_node *node, const uint8_t *request);
+void cia402_block_step(struct cia402_node *node, struct ms_span span);
+
+/* lss.c; a request of 8 bytes, false: there is none such. The Node-ID that is next becomes that of
+ * the node, at a reset of its communication. */
+bool cia402_lss_receive(struct cia402_node *node, const uint8_t *data);
+void cia402_lss_power_up(struct cia402_node *node, bool first);
+void cia402_lss_take_id(struct cia402_node *node);
 
 /* pdo.c; a write to a mapping, then what is called when frames come or are due. */
 enum cia402_abort cia402_pdo_write_cob(struct cia402_node *node, const struct cia402_entry *entry,
@@ -182,6 +243,7 @@ enum cia402_abort cia402_write_cob(struct cia402_node *node, const struct cia402
 /* node.c */
 bool cia402_node_power_up(struct cia402_node *node); /* true: the first time */
 void cia402_node_reset_communication(struct cia402_node *node);
+void cia402_node_step(struct cia402_node *node, struct ms_span span); /* once a tick */
 void cia402_node_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
 enum cia402_abort cia402_node_write_store(struct cia402_node *node,
                                           const struct cia402_entry *entry, int64_t value);

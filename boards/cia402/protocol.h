@@ -15,6 +15,8 @@
  *   0x580 + n    SDO server   node   answers
  *   0x600 + n    SDO client   host   requests
  *   0x700 + n    heartbeat    node   u8 state; boot-up 0; as a remote frame node guarding
+ *   0x7e4        LSS          node   answers (CiA 305)
+ *   0x7e5        LSS          host   requests
  *
  * Axis k of a node, from 0, has the objects 0x6000 to 0x67ff at + 0x800 k, as CiA 402 has it, and
  * so the manufacturer's objects 0x4000 to 0x47ff; its PDOs are those from 1 + 64 k on.
@@ -47,6 +49,8 @@ enum cia402_cob {
     CIA402_SDO_REPLY = 0x580,
     CIA402_SDO_REQUEST = 0x600,
     CIA402_HEARTBEAT = 0x700,
+    CIA402_LSS_REPLY = 0x7e4,
+    CIA402_LSS_REQUEST = 0x7e5,
 };
 
 #define CIA402_COB_INVALID UINT32_C(0x80000000) /* bit 31 of a COB-ID object */
@@ -92,10 +96,14 @@ enum cia402_sdo {
     CIA402_UPLOAD = 0x40,
     CIA402_UPLOAD_SEGMENT = 0x60,
     CIA402_ABORT = 0x80,
+    CIA402_BLOCK_UPLOAD = 0xa0,
+    CIA402_BLOCK_DOWNLOAD = 0xc0,
     CIA402_UPLOAD_SEGMENT_REPLY = 0x00, /* answers */
     CIA402_DOWNLOAD_SEGMENT_REPLY = 0x20,
     CIA402_UPLOAD_REPLY = 0x40,
     CIA402_DOWNLOAD_REPLY = 0x60,
+    CIA402_BLOCK_DOWNLOAD_REPLY = 0xa0,
+    CIA402_BLOCK_UPLOAD_REPLY = 0xc0,
     CIA402_COMMAND_MASK = 0xe0,
     CIA402_TOGGLE = 0x10,
     CIA402_EXPEDITED = 0x02,
@@ -107,7 +115,11 @@ enum cia402_sdo {
 enum cia402_abort {
     CIA402_DONE = 0,
     CIA402_ABORT_TOGGLE = 0x05030000,
+    CIA402_ABORT_TIME_OUT = 0x05040000,
     CIA402_ABORT_COMMAND = 0x05040001,
+    CIA402_ABORT_BLOCK_SIZE = 0x05040002,
+    CIA402_ABORT_SEQUENCE = 0x05040003,
+    CIA402_ABORT_CRC = 0x05040004,
     CIA402_ABORT_ACCESS = 0x06010000,
     CIA402_ABORT_WRITE_ONLY = 0x06010001,
     CIA402_ABORT_READ_ONLY = 0x06010002,
@@ -124,6 +136,27 @@ enum cia402_abort {
     CIA402_ABORT_STORE = 0x08000020,
     CIA402_ABORT_STATE = 0x08000022,
     CIA402_ABORT_NO_DATA = 0x08000024,
+};
+
+/* ---- layer setting services, CiA 305 ---- */
+
+enum { CIA402_LSS_LENGTH = 8, CIA402_NO_NODE_ID = 255 /* of a node that has none yet */ };
+
+/* Byte 0 */
+enum cia402_lss {
+    CIA402_LSS_SWITCH_GLOBAL = 0x04,
+    CIA402_LSS_SET_NODE_ID = 0x11,
+    CIA402_LSS_SET_BIT_TIMING = 0x13,
+    CIA402_LSS_ACTIVATE_BIT_TIMING = 0x15,
+    CIA402_LSS_STORE = 0x17,
+    CIA402_LSS_SELECT_VENDOR = 0x40, /* product, revision and serial number follow */
+    CIA402_LSS_SELECT_SERIAL = 0x43,
+    CIA402_LSS_SELECTED = 0x44,   /* answer */
+    CIA402_LSS_IDENTIFIED = 0x4f, /* answer */
+    CIA402_LSS_FASTSCAN = 0x51,
+    CIA402_LSS_INQUIRE_VENDOR = 0x5a, /* product, revision and serial number follow */
+    CIA402_LSS_INQUIRE_SERIAL = 0x5d,
+    CIA402_LSS_INQUIRE_NODE_ID = 0x5e,
 };
 
 /* ---- drives ---- */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The SDO server (CiA 301, 7.2.4): expedited and segmented transfers in both directions, one at a
- * time; a new one ends the one before. Block transfers are refused as an unknown command.
+ * time; a new one ends the one before. Block transfers are those of sdo_block.c.
  */
 #include "boards/cia402/private.h"
 
@@ -11,9 +11,7 @@
 
 enum { EXPEDITED_MAX = 4, SEGMENT_MAX = 7 };
 
-#define SIZE_UNKNOWN UINT32_MAX
-
-static void cia402_sdo_answer(struct cia402_node *node, const uint8_t *data)
+void cia402_sdo_answer(struct cia402_node *node, const uint8_t *data)
 {
     board_queue(&node->board, (uint32_t)node->sdo_reply, CIA402_SDO_LENGTH, data);
 }
@@ -32,8 +30,7 @@ static enum cia402_abort cia402_sdo_abort(struct cia402_node *node, unsigned ind
     return reason;
 }
 
-static enum cia402_abort cia402_sdo_abort_transfer(struct cia402_node *node,
-                                                   enum cia402_abort reason)
+enum cia402_abort cia402_sdo_abort_transfer(struct cia402_node *node, enum cia402_abort reason)
 {
     return cia402_sdo_abort(node, node->transfer.index, node->transfer.sub, reason);
 }
@@ -50,25 +47,35 @@ static void cia402_sdo_confirm(struct cia402_node *node, const uint8_t *request,
 
 /* ---- uploads: the host reads ---- */
 
-static enum cia402_abort cia402_sdo_upload(struct cia402_node *node, const uint8_t *request)
+enum cia402_abort cia402_sdo_load(struct cia402_node *node)
 {
     struct cia402_transfer *transfer = &node->transfer;
-    const struct cia402_object *object = transfer->entry.object;
-    uint8_t size[4];
+    const struct cia402_entry *entry = &transfer->entry;
 
-    /* What is to be told */
-    if (object && object->index == 0x1003 && transfer->sub > node->history_count) {
-        return cia402_sdo_abort_transfer(node, CIA402_ABORT_NO_DATA);
+    if (entry->object && entry->object->index == 0x1003 && transfer->sub > node->history_count) {
+        return CIA402_ABORT_NO_DATA;
     }
-    if (transfer->entry.type == CIA402_TEXT) {
-        const char *text = cia402_text(node, &transfer->entry);
+    if (entry->type == CIA402_TEXT) {
+        const char *text = cia402_text(node, entry);
 
         transfer->size = (uint32_t)strlen(text);
         memcpy(transfer->data, text, transfer->size);
+    } else if (entry->type == CIA402_DOMAIN) {
+        const struct cia402_domain *domain = cia402_domain(node, entry);
+
+        transfer->size = domain->size;
+        memcpy(transfer->data, domain->data, transfer->size);
     } else {
-        transfer->size = cia402_type_bits(transfer->entry.type) / 8;
-        cia402_put(transfer->entry.type, cia402_value(node, &transfer->entry), transfer->data);
+        transfer->size = cia402_type_bits(entry->type) / 8;
+        cia402_put(entry->type, cia402_value(node, entry), transfer->data);
     }
+    return CIA402_DONE;
+}
+
+enum cia402_abort cia402_sdo_upload_loaded(struct cia402_node *node, const uint8_t *request)
+{
+    struct cia402_transfer *transfer = &node->transfer;
+    uint8_t size[4];
 
     /* At once, where it fits */
     if (transfer->size > 0 && transfer->size <= EXPEDITED_MAX) {
@@ -84,6 +91,14 @@ static enum cia402_abort cia402_sdo_upload(struct cia402_node *node, const uint8
     put_u32_le(size, transfer->size);
     cia402_sdo_confirm(node, request, CIA402_UPLOAD_REPLY | CIA402_SIZED, size, sizeof size);
     return CIA402_DONE;
+}
+
+static enum cia402_abort cia402_sdo_upload(struct cia402_node *node, const uint8_t *request)
+{
+    enum cia402_abort reason = cia402_sdo_load(node);
+
+    return reason ? cia402_sdo_abort_transfer(node, reason)
+                  : cia402_sdo_upload_loaded(node, request);
 }
 
 static enum cia402_abort cia402_sdo_upload_segment(struct cia402_node *node, const uint8_t *request)
@@ -106,21 +121,28 @@ static enum cia402_abort cia402_sdo_upload_segment(struct cia402_node *node, con
 
 /* ---- downloads: the host writes ---- */
 
-static enum cia402_abort cia402_sdo_check_size(const struct cia402_entry *entry, uint32_t size)
+bool cia402_sdo_is_writable(const struct cia402_entry *entry)
+{
+    return entry->object && (entry->object->access & CIA402_ACCESS_MASK) >= CIA402_RW;
+}
+
+enum cia402_abort cia402_sdo_check_size(const struct cia402_entry *entry, uint32_t size)
 {
     uint32_t right = cia402_type_bits(entry->type) / 8;
 
     if (entry->type == CIA402_TEXT) {
         return size > CIA402_TEXT_MAX ? CIA402_ABORT_TOO_LONG : CIA402_DONE;
     }
+    if (entry->type == CIA402_DOMAIN) {
+        return size > CIA402_DOMAIN_MAX ? CIA402_ABORT_TOO_LONG : CIA402_DONE;
+    }
     return size > right   ? CIA402_ABORT_TOO_LONG
            : size < right ? CIA402_ABORT_TOO_SHORT
                           : CIA402_DONE;
 }
 
-static enum cia402_abort cia402_sdo_store(struct cia402_node *node,
-                                          const struct cia402_entry *entry, const uint8_t *data,
-                                          uint32_t size)
+enum cia402_abort cia402_sdo_store(struct cia402_node *node, const struct cia402_entry *entry,
+                                   const uint8_t *data, uint32_t size)
 {
     enum cia402_abort reason = cia402_sdo_check_size(entry, size);
 
@@ -134,17 +156,24 @@ static enum cia402_abort cia402_sdo_store(struct cia402_node *node,
         memcpy(text, data, size);
         return CIA402_DONE;
     }
+    if (entry->type == CIA402_DOMAIN) {
+        struct cia402_domain *domain = cia402_domain(node, entry);
+
+        memset(domain, 0, sizeof *domain);
+        domain->size = size;
+        memcpy(domain->data, data, size);
+        return CIA402_DONE;
+    }
     return cia402_write(node, entry, cia402_get(entry->type, data));
 }
 
 static enum cia402_abort cia402_sdo_download(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
-    const struct cia402_object *object = transfer->entry.object;
     enum cia402_abort reason = CIA402_DONE;
     bool sized = request[0] & CIA402_SIZED;
 
-    if (!object || (object->access & CIA402_ACCESS_MASK) < CIA402_RW) {
+    if (!cia402_sdo_is_writable(&transfer->entry)) {
         return cia402_sdo_abort_transfer(node, CIA402_ABORT_READ_ONLY);
     }
 
@@ -159,7 +188,7 @@ static enum cia402_abort cia402_sdo_download(struct cia402_node *node, const uin
         transfer->kind = CIA402_NO_TRANSFER;
     } else {
         transfer->kind = CIA402_DOWNLOADS;
-        transfer->size = sized ? get_u32_le(request + 4) : SIZE_UNKNOWN;
+        transfer->size = sized ? get_u32_le(request + 4) : CIA402_SIZE_UNKNOWN;
         reason = sized ? cia402_sdo_check_size(&transfer->entry, transfer->size) : CIA402_DONE;
     }
     if (reason) {
@@ -182,7 +211,7 @@ static enum cia402_abort cia402_sdo_download_segment(struct cia402_node *node,
     memcpy(transfer->data + transfer->done, request + 1, size);
     transfer->done += size;
     if (request[0] & CIA402_LAST) {
-        bool whole = transfer->size == SIZE_UNKNOWN || transfer->size == transfer->done;
+        bool whole = transfer->size == CIA402_SIZE_UNKNOWN || transfer->size == transfer->done;
         enum cia402_abort reason =
             whole ? cia402_sdo_store(node, &transfer->entry, transfer->data, transfer->done)
                   : CIA402_ABORT_LENGTH;
@@ -199,16 +228,21 @@ static enum cia402_abort cia402_sdo_download_segment(struct cia402_node *node,
 
 /* ---- requests ---- */
 
-static enum cia402_abort cia402_sdo_initiate(struct cia402_node *node, const uint8_t *request,
-                                             bool upload)
+enum cia402_abort cia402_sdo_find(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
-    enum cia402_abort reason;
 
     memset(transfer, 0, sizeof *transfer);
     transfer->index = get_u16_le(request + 1);
     transfer->sub = request[3];
-    reason = cia402_find(node, transfer->index, transfer->sub, &transfer->entry);
+    return cia402_find(node, transfer->index, transfer->sub, &transfer->entry);
+}
+
+static enum cia402_abort cia402_sdo_initiate(struct cia402_node *node, const uint8_t *request,
+                                             bool upload)
+{
+    enum cia402_abort reason = cia402_sdo_find(node, request);
+
     if (reason) {
         return cia402_sdo_abort_transfer(node, reason);
     }
@@ -234,6 +268,10 @@ static enum cia402_abort cia402_sdo_segment(struct cia402_node *node, const uint
 
 enum cia402_abort cia402_sdo_receive(struct cia402_node *node, const uint8_t *data)
 {
+    /* Byte 0 of a segment of a block may be anything but this, which would be its number 0 */
+    if (data[0] != CIA402_ABORT && cia402_block_takes_all(node)) {
+        return cia402_block_receive_download(node, data);
+    }
     switch (data[0] & CIA402_COMMAND_MASK) {
     case CIA402_DOWNLOAD:
         return cia402_sdo_initiate(node, data, false);
@@ -243,6 +281,10 @@ enum cia402_abort cia402_sdo_receive(struct cia402_node *node, const uint8_t *da
         return cia402_sdo_segment(node, data, false);
     case CIA402_UPLOAD_SEGMENT:
         return cia402_sdo_segment(node, data, true);
+    case CIA402_BLOCK_DOWNLOAD:
+        return cia402_block_receive_download(node, data);
+    case CIA402_BLOCK_UPLOAD:
+        return cia402_block_receive_upload(node, data);
     case CIA402_ABORT:
         node->transfer.kind = CIA402_NO_TRANSFER;
         return CIA402_DONE;

@@ -120,9 +120,8 @@ static void cia402_inertial_sample(struct board *board, const struct plant_senso
 static void cia402_sensor_control(struct board *board, struct ms_span span,
                                   struct plant_command *command)
 {
-    (void)span;
     (void)command;
-    cia402_nmt_watch(cia402_node_of(board));
+    cia402_node_step(cia402_node_of(board), span);
 }
 
 static const struct board_ops cia402_ft_ops = {

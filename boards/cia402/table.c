@@ -94,6 +94,8 @@ const struct cia402_object cia402_objects[] = {
     /* Ours */
     {0x2000, 0, 1, CIA402_OF_NODE, CIA402_TEXT, CIA402_RW, "User text", NO_UNIT, 0, ANY,
      NODE(note), NULL},
+    {0x2001, 0, 1, CIA402_OF_NODE, CIA402_DOMAIN, CIA402_RW, "User data", NO_UNIT, 0, ANY,
+     NODE(data), NULL},
     {0x2100, 0, 1, CIA402_OF_SENSOR, CIA402_U16, RO_MAP, "Saturated channels", NO_UNIT, 0, ANY,
      SENSOR(saturated), NULL},
     {0x2101, 0, 1, CIA402_OF_SENSOR, CIA402_U32, RO_MAP, "Faults", NO_UNIT, 0, ANY,

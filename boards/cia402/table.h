@@ -19,7 +19,8 @@ enum cia402_type {
     CIA402_U8 = 5,
     CIA402_U16 = 6,
     CIA402_U32 = 7,
-    CIA402_TEXT = 9, /* VISIBLE_STRING */
+    CIA402_TEXT = 9,    /* VISIBLE_STRING */
+    CIA402_DOMAIN = 15, /* bytes, as many as were written */
 };
 
 /* Whose object it is, and so what its field is in. */
@@ -57,8 +58,8 @@ struct cia402_object {
     double scale;     /* 0: 1 */
     int64_t initial;  /* at the first power-up, where the board's configuration says nothing */
     int64_t min, max; /* both 0: whatever the type holds */
-    size_t offset;    /* of the int64_t, or of the text, in what scope says; the next sub-index is
-                       * the next int64_t */
+    size_t offset;    /* of the int64_t, of the text, or of the struct cia402_domain, in what scope
+                       * says; the next sub-index is the next int64_t */
     /* Writes a value within the range; NULL: into the field. */
     enum cia402_abort (*write)(struct cia402_node *node, const struct cia402_entry *entry,
                                int64_t value);
@@ -72,12 +73,13 @@ struct cia402_entry {
     enum cia402_type type;
 };
 
-enum { CIA402_TEXT_MAX = 32 };
+/* Bytes of a text and of a domain at most. */
+enum { CIA402_TEXT_MAX = 32, CIA402_DOMAIN_MAX = 1024 };
 
 extern const struct cia402_object cia402_objects[];
 extern const size_t cia402_object_count;
 
-/* Bits of a type; 0: a text. Smallest and largest value that a row can have. */
+/* Bits of a type; 0: a text or a domain. Smallest and largest value that a row can have. */
 unsigned cia402_type_bits(enum cia402_type type);
 int64_t cia402_lowest(const struct cia402_object *object);
 int64_t cia402_highest(const struct cia402_object *object);

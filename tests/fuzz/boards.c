@@ -348,7 +348,8 @@ static void receive(struct fuzz_bench *bench, size_t bus, const struct bus_frame
  * dictionary that the first bytes choose. */
 static void make_request(struct bus_frame *frame, uint8_t which)
 {
-    static const uint8_t commands[] = {0x40, 0x2f, 0x2b, 0x23, 0x21, 0x60, 0x00, 0x22};
+    static const uint8_t commands[] = {0x40, 0x2f, 0x2b, 0x23, 0x21, 0x60, 0x00, 0x22,
+                                       0xa4, 0xa3, 0xa2, 0xa1, 0xc6, 0xc1, 0xc0, 0xa0};
     static const uint16_t pages[] = {0x1000, 0x1400, 0x1600, 0x1800, 0x1a00, 0x4000,
                                      0x6040, 0x6080, 0x4800, 0x6840, 0x1440, 0x1840,
                                      0x2000, 0x2100, 0x7130, 0x1010};
@@ -358,9 +359,37 @@ static void make_request(struct bus_frame *frame, uint8_t which)
         return; /* any request */
     }
     frame->len = 8;
-    frame->data[0] = (uint8_t)(commands[frame->data[0] & 7] | (frame->data[0] & 0x10));
+    frame->data[0] = (uint8_t)(commands[frame->data[0] & 0xf] | (frame->data[0] & 0x10));
+    if (frame->data[0] == 0xa2) {
+        return; /* what it acknowledges stands where others have the index */
+    }
     put_u16_le(frame->data + 1, index);
     frame->data[3] &= which & 0x40 ? 0xff : 3;
+}
+
+/* Brings an LSS request near to one that is obeyed: a command, and of those that select or scan the
+ * address of the node 1 of bus 0. */
+static void make_lss_request(struct bus_frame *frame, uint8_t which)
+{
+    static const uint8_t commands[] = {0x04, 0x11, 0x13, 0x15, 0x17, 0x40, 0x41, 0x42,
+                                       0x43, 0x51, 0x51, 0x5a, 0x5d, 0x5e, 0x11, 0x04};
+    static const uint32_t address[] = {0, 0x48494c00, 0x10000, 1};
+
+    if (which & 0x80) {
+        return;
+    }
+    frame->len = 8;
+    frame->data[0] = commands[frame->data[0] & 0xf];
+    if (frame->data[0] == 0x51) {
+        frame->data[5] = frame->data[5] & 0x40 ? 0x80 : frame->data[5] & 0x1f;
+        frame->data[6] &= 3;
+        frame->data[7] &= 3;
+        put_u32_le(frame->data + 1, address[frame->data[6]]);
+    } else if (frame->data[0] >= 0x40 && frame->data[0] <= 0x43) {
+        put_u32_le(frame->data + 1, address[frame->data[0] & 3]);
+    } else {
+        frame->data[1] = frame->data[1] & 0x80 ? 255 : frame->data[1] & 0x21;
+    }
 }
 
 /* A frame that some board is likely to take: the right identifier and length. */
@@ -372,7 +401,7 @@ static void receive_likely(struct fuzz_bench *bench, struct fuzz_bytes *bytes, u
     static const uint16_t compact[] = {0x020, 0x040, 0x041, 0x042, 0x680, 0x681, 0x682, 0x683,
                                        0x68d, 0x7e0, 0x7e1, 0x7c1, 0x060, 0x080, 0x6a1, 0x000};
     static const uint16_t cia402[] = {0x000, 0x080, 0x201, 0x301, 0x401, 0x501, 0x601, 0x601,
-                                      0x602, 0x60d, 0x701, 0x764, 0x202, 0x601, 0x601, 0x601};
+                                      0x602, 0x60d, 0x701, 0x764, 0x202, 0x7e5, 0x601, 0x7e5};
     struct bus_frame frame = {.id = what >> 4 & 1};
     const size_t bus = frame.id;
     const uint8_t which = fuzz_u8(bytes);
@@ -395,6 +424,8 @@ static void receive_likely(struct fuzz_bench *bench, struct fuzz_bytes *bytes, u
     fuzz_copy(bytes, frame.data, frame.len);
     if (MAPS_FREELY && bus == 0 && frame.id > 0x600 && frame.id < 0x700) {
         make_request(&frame, which);
+    } else if (MAPS_FREELY && bus == 0 && frame.id == 0x7e5) {
+        make_lss_request(&frame, which);
     }
     receive(bench, bus, &frame);
 }

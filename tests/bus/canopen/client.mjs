@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // usage: node client.mjs COMAN-HIL: a CANopen master made of the npm package canopen, at the bus of
 // the torso of coman-cia402: it reads the EDS, compares every object of the node with it, writes,
-// is refused, starts and resets the node, maps its PDOs, sends SYNC and turns a motor. Prints TAP.
+// is refused, starts and resets the node, maps its PDOs, sends SYNC, turns a motor, moves data in
+// blocks and gives the node another Node-ID. Prints TAP.
 import { execFileSync, spawn } from "node:child_process";
 import { mkdtempSync, readdirSync, rmSync } from "node:fs";
 import { connect } from "node:net";
@@ -10,10 +11,11 @@ import { join } from "node:path";
 import { createRequire } from "node:module";
 
 const require = createRequire(import.meta.url);
-const { DataType, Device, Eds, NmtState } = require("canopen");
+const { DataType, Device, Eds, LssMode, NmtState } = require("canopen");
 
 const program = process.argv[2];
 const NODE = 1;
+const FREE = 30; // a Node-ID that no node has
 const MASTER = 0x7f;
 const PATIENCE = 20000; // ms; a busy machine takes its time
 const work = mkdtempSync(join(tmpdir(), "hil-canopen-"));
@@ -132,7 +134,7 @@ const files = join(work, "eds");
 execFileSync("mkdir", [files]);
 execFileSync(program, ["eds", "coman-cia402", "-o", files]);
 const { child, port } = startSimulator();
-console.log("1..9");
+console.log("1..11");
 
 await point("the library takes the EDS of every node", (check) => {
   for (const file of readdirSync(files)) {
@@ -144,10 +146,11 @@ await point("the library takes the EDS of every node", (check) => {
 
 const eds = Eds.fromFile(join(files, `coman-cia402-torso_0x01.eds`));
 const master = new Device({ eds: new Eds(), id: MASTER });
-const heard = { states: [], beats: 0, emergencies: [], pdos: 0 };
+const heard = { states: [], beats: 0, emergencies: [], pdos: 0, boots: [] };
 const bus = await openBus(await port, "torso", (message) => {
   heard.beats += message.id === 0x700 + NODE;
   heard.pdos += message.id === 0x180 + NODE;
+  if (message.id >> 7 === 0x700 >> 7 && message.data[0] === 0) heard.boots.push(message.id & 0x7f);
   master.receive(message);
 });
 master.on("message", (message) => bus.send(message));
@@ -333,6 +336,58 @@ await point("an RPDO that is too short raises EMCY 0x8210", async (check) => {
   bus.send({ id: 0x200 + NODE, data: Buffer.from([0]) });
   check(await until(() => heard.emergencies.some(({ em }) => (em.code ?? em) === 0x8210)),
     JSON.stringify(heard.emergencies));
+});
+
+await point("blocks carry data there and back, with the library's checksum", async (check) => {
+  const type = DataType.DOMAIN;
+  for (const size of [1, 6, 7, 8, 888, 889, 890, 1024]) {
+    const data = Buffer.from(Array.from({ length: size }, (_, i) => (7 * i + size) & 0xff));
+    const blocks = { ...where(0x2001, 0), dataType: type, blockTransfer: true, blockInterval: 0 };
+    await master.sdo.download({ ...blocks, data });
+    check(data.equals(await master.sdo.upload(blocks)), `${size} bytes, by blocks`);
+    check(data.equals(await read(0x2001, 0, type)), `${size} bytes, by segments`);
+  }
+  const long = { ...where(0x2000, 0), blockTransfer: true, blockInterval: 0, data: Buffer.alloc(33) };
+  const code = await refusal(master.sdo.download(long));
+  check(code === 0x06070012, `33 bytes of text get ${code?.toString(16)}`);
+});
+
+await point("LSS finds the node, asks it and gives it another Node-ID", async (check) => {
+  const subs = [1, 2, 3, 4];
+  const address = await Promise.all(subs.map((sub) => read(0x1018, sub, DataType.UNSIGNED32)));
+  const [vendorId, productCode, revisionNumber, serialNumber] = address;
+  const identity = { vendorId, productCode, revisionNumber, serialNumber, timeout: PATIENCE };
+  const { lss } = master;
+
+  // another Node-ID from the next reset of communication on
+  await lss.switchModeSelective(identity);
+  check((await lss.inquireVendorId(PATIENCE)) === vendorId, "vendor");
+  check((await lss.inquireProductCode(PATIENCE)) === productCode, "product");
+  check((await lss.inquireRevisionNumber(PATIENCE)) === revisionNumber, "revision");
+  check((await lss.inquireSerialNumber(PATIENCE)) === serialNumber, "serial number");
+  check((await refusal(lss.configureBitTiming(0, 0, PATIENCE))) === 1, "a bit rate");
+  check((await refusal(lss.configureNodeId(99, PATIENCE))) === 1, "Node-ID 99");
+  await lss.configureNodeId(FREE, PATIENCE);
+  await lss.storeConfiguration(PATIENCE);
+  master.nmt.resetCommunication(NODE);
+  master.eds.addSdoClientParameter(FREE, 0x600 + FREE, 0x580 + FREE);
+  check(await until(() => heard.boots.includes(FREE)), `boot-ups of ${heard.boots}`);
+  const renamed = { serverId: FREE, subIndex: 4, dataType: DataType.UNSIGNED32, timeout: PATIENCE };
+  check((await master.sdo.upload({ ...renamed, index: 0x1018 })) === serialNumber, "as node 30");
+
+  // without any it is found by its address, bit by bit
+  await lss.switchModeSelective(identity);
+  await lss.configureNodeId(255, PATIENCE);
+  master.nmt.resetCommunication(FREE);
+  const found = await lss.fastscan({ timeout: 600 });
+  check(found?.productCode === productCode && found?.serialNumber === serialNumber,
+    JSON.stringify(found));
+  await lss.configureNodeId(NODE, PATIENCE);
+  await lss.storeConfiguration(PATIENCE);
+  heard.boots.length = 0;
+  lss.switchModeGlobal(LssMode.OPERATION);
+  check(await until(() => heard.boots.includes(NODE)), `boot-ups of ${heard.boots}`);
+  check((await read(0x1018, 4, DataType.UNSIGNED32)) === serialNumber, "as node 1 again");
 });
 
 master.stop();

@@ -12,7 +12,7 @@ hil_test(boards_foc_history SOURCES unit/boards/foc/history.c LIBS boards LABELS
 foreach(name bus ft_board inertial_board motor_board motor_history node)
     hil_test(boards_compact_${name} SOURCES unit/boards/compact/${name}.c LIBS boards LABELS unit)
 endforeach()
-foreach(name modes nmt pdo sdo state table)
+foreach(name block lss modes nmt pdo sdo state table)
     hil_test(boards_cia402_${name} SOURCES unit/boards/cia402/${name}.c LIBS boards LABELS unit)
 endforeach()
 foreach(name board load)

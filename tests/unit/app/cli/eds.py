@@ -49,7 +49,7 @@ def check_variable(where, keys):
     if keys["PDOMapping"] not in ("0", "1"):
         yield f"{where}: PDOMapping"
     kind = int(keys["DataType"], 16)
-    if kind == 9:
+    if kind in (9, 15):
         return
     bits, signed = TYPES[kind]
     low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)

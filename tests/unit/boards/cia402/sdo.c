@@ -102,8 +102,6 @@ static void an_abort_or_a_new_request_ends_a_transfer(void **state)
 static const struct refusal {
     const char *what, *request, *answer;
 } refusals[] = {
-    {"block download", "C2 17 10 00 02 00 00 00", "80 17 10 00 01 00 04 05"},
-    {"block upload", "A0 08 10 00 7F 00 00 00", "80 08 10 00 01 00 04 05"},
     {"no such command", "E0 08 10 00 00 00 00 00", "80 08 10 00 01 00 04 05"},
     {"no object", "40 00 30 00 00 00 00 00", "80 00 30 00 00 00 02 06"},
     {"no object in another axis", "40 40 70 00 00 00 00 00", "80 40 70 00 00 00 02 06"},
