@@ -220,8 +220,11 @@ static const struct yaml_field drive_file_fields[] = {
      .offset = offsetof(struct drive_file_yaml, drive),
      .schema = &drive_own_schema},
 };
-const struct yaml_schema drive_file_schema =
-    SCHEMA("a drive's file", struct drive_file_yaml, drive_file_fields);
+const struct yaml_schema drive_file_schema = {.what = "a drive's file",
+                                              .size = sizeof(struct drive_file_yaml),
+                                              .fields = drive_file_fields,
+                                              .field_count = ARRAY_COUNT(drive_file_fields),
+                                              .format_version = 1};
 
 #define CYLINDER(index, word, lowest, most)                                                        \
     {                                                                                              \

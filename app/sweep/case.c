@@ -70,6 +70,8 @@ enum error_code plan_read_result(const char *path, struct arena *arena, struct p
                                  struct error *error)
 {
     json_t *file = json_load_file(path, JSON_REJECT_DUPLICATES, NULL), *margin = NULL;
+    const json_t *version = json_object_get(file, "format_version");
+    bool newer = json_integer_value(version) > PLAN_FORMAT_VERSION;
     const char *plan, *hash, *binary, *status, *state, *message;
     json_int_t number;
     bool good =
@@ -79,6 +81,7 @@ enum error_code plan_read_result(const char *path, struct arena *arena, struct p
                              "margin", &margin, "failed_s", &result->failed_s, "message", &message);
     int s = 0;
 
+    good = good && !newer && (!version || json_integer_value(version) >= 1);
     good = good && strlen(plan) < PLAN_HASH && strlen(hash) < PLAN_HASH && strlen(binary) < 64 &&
            number > 0;
     while (good && s < 3 && strcmp(status, status_word[s]) != 0) {
@@ -96,8 +99,9 @@ enum error_code plan_read_result(const char *path, struct arena *arena, struct p
         result->message = arena_strdup(arena, message);
     }
     json_decref(file);
-    return good && s < 3 && result->message
-               ? ERROR_NONE
+    return good && s < 3 && result->message ? ERROR_NONE
+           : newer
+               ? plan_newer(path, error)
                : error_set(error, ERROR_INPUT,
                            "%.200s: found no result, expected one as test --case writes it", path);
 }
@@ -111,11 +115,12 @@ static enum error_code plan_write_result(const struct plan *plan, const struct p
     FILE *out;
 
     snprintf(state, sizeof state, "%016" PRIx64, result->state_hash);
-    text = json_pack("{s:I, s:s, s:s, s:s, s:s, s:s, s:f, s:o, s:f, s:s}", "case",
-                     (json_int_t)result->number, "plan", result->plan, "hash", result->hash,
-                     "binary", result->binary, "status", status_word[result->status], "state_hash",
-                     state, "virtual_s", result->virtual_s, "margin", margin, "failed_s",
-                     result->failed_s, "message", result->message);
+    text =
+        json_pack("{s:i, s:I, s:s, s:s, s:s, s:s, s:s, s:f, s:o, s:f, s:s}", "format_version",
+                  PLAN_FORMAT_VERSION, "case", (json_int_t)result->number, "plan", result->plan,
+                  "hash", result->hash, "binary", result->binary, "status",
+                  status_word[result->status], "state_hash", state, "virtual_s", result->virtual_s,
+                  "margin", margin, "failed_s", result->failed_s, "message", result->message);
 
     /* Two of the same case may run at once: each writes a file of its own, and the last to take the
      * name has the same bytes */

@@ -237,10 +237,10 @@ static enum error_code plan_save(const struct planner *planner, const char *path
     sum = hash_bytes(sum, sweep->name, strlen(sweep->name));
     sum = sweep->program ? hash_bytes(sum, sweep->program, strlen(sweep->program)) : sum;
     snprintf(id, sizeof id, "%016" PRIx64, sum);
-    head =
-        json_pack("{s:i, s:s, s:s, s:I, s:s, s:s}", "plan", 1, "name", sweep->name, "description",
-                  sweep->description ? sweep->description : "", "cases", (json_int_t)planner->ncase,
-                  "program", sweep->program ? sweep->program : "", "id", id);
+    head = json_pack("{s:i, s:s, s:s, s:I, s:s, s:s}", "plan", PLAN_FORMAT_VERSION, "name",
+                     sweep->name, "description", sweep->description ? sweep->description : "",
+                     "cases", (json_int_t)planner->ncase, "program",
+                     sweep->program ? sweep->program : "", "id", id);
     if (!head || json_dumpf(head, file.out, JSON_PRESERVE_ORDER)) {
         code = plan_no_memory(error);
     }
@@ -317,6 +317,14 @@ static enum error_code plan_unexpected(const char *path, size_t line, const char
                      path, line, what);
 }
 
+enum error_code plan_newer(const char *path, struct error *error)
+{
+    return error_set(error, ERROR_INPUT,
+                     "%.200s:1: found a newer format, expected %d at most: a newer coman-hil has "
+                     "written the file",
+                     path, PLAN_FORMAT_VERSION);
+}
+
 /* One case from its line; false when it is none, or there is no memory. */
 static bool plan_take_case(const char *text, size_t number, const char *folder, struct arena *arena,
                            struct plan_case *out)
@@ -352,18 +360,20 @@ static bool plan_take_case(const char *text, size_t number, const char *folder, 
     return good;
 }
 
-static bool plan_take_head(const char *text, struct arena *arena, struct plan *plan)
+/* The first line; *newer: it is of a plan that a newer program has written. */
+static bool plan_take_head(const char *text, struct arena *arena, struct plan *plan, bool *newer)
 {
     json_t *line = json_loads(text, JSON_REJECT_DUPLICATES, NULL);
+    const json_t *version = json_object_get(line, "plan");
     const char *name, *description, *program, *id;
-    json_int_t version, cases;
+    json_int_t cases;
     bool good = line &&
-                !json_unpack(line, "{s:I, s:s, s:s, s:I, s:s, s:s}", "plan", &version, "name",
-                             &name, "description", &description, "cases", &cases, "program",
-                             &program, "id", &id) &&
-                version == 1 && cases >= 1 && cases <= SWEEP_CASES_MAX &&
-                strlen(id) == PLAN_HASH - 1;
+                !json_unpack(line, "{s:s, s:s, s:I, s:s, s:s}", "name", &name, "description",
+                             &description, "cases", &cases, "program", &program, "id", &id) &&
+                json_integer_value(version) == PLAN_FORMAT_VERSION && cases >= 1 &&
+                cases <= SWEEP_CASES_MAX && strlen(id) == PLAN_HASH - 1;
 
+    *newer = json_integer_value(version) > PLAN_FORMAT_VERSION;
     if (good) {
         plan->name = arena_strdup(arena, name);
         plan->description = arena_strdup(arena, description);
@@ -409,14 +419,15 @@ enum error_code plan_read(const char *path, size_t number, struct arena *arena, 
     char *line = malloc(LINE_MAX_BYTES);
     FILE *in = fopen(path, "r");
     enum error_code code = ERROR_NONE;
+    bool newer = false;
 
     *plan = (struct plan){.path = path};
     if (!in || !line) {
         code = in ? plan_no_memory(error) : error_set_file(error, errno, path, "cannot be read");
         goto done;
     }
-    if (!fgets(line, LINE_MAX_BYTES, in) || !plan_take_head(line, arena, plan)) {
-        code = plan_unexpected(path, 1, "head", error);
+    if (!fgets(line, LINE_MAX_BYTES, in) || !plan_take_head(line, arena, plan, &newer)) {
+        code = newer ? plan_newer(path, error) : plan_unexpected(path, 1, "head", error);
         goto done;
     }
     if (number > plan->ncase) {

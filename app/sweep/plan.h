@@ -21,7 +21,12 @@
 
 #include <limits.h>
 
-enum { PLAN_HASH = 17 /* bytes of a hash as text, with the end */, PLAN_NAMES_MAX = 64 };
+enum {
+    PLAN_HASH = 17, /* bytes of a hash as text, with the end */
+    PLAN_NAMES_MAX = 64,
+    PLAN_FORMAT_VERSION = 1, /* "plan" of a plan, "format_version" of a result, where it is 1 when
+                              * there is none; files of a newer one are refused */
+};
 
 struct plan_case {
     size_t number;           /* from 1 */
@@ -45,6 +50,9 @@ struct plan {
 /* Makes the plan of a sweep's file. ncase receives how many cases it has. ERROR_INPUT carries
  * file:line:column. */
 enum error_code plan_write(const char *sweep, const char *path, size_t *ncase, struct error *error);
+
+/* The error of a file in a newer format. */
+enum error_code plan_newer(const char *path, struct error *error);
 
 /* Reads a plan: one case, or all with number 0. Everything lives in arena. */
 enum error_code plan_read(const char *path, size_t number, struct arena *arena, struct plan *plan,

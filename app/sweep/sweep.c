@@ -61,7 +61,8 @@ const struct yaml_schema sweep_file_schema = {.what = "the sweep",
                                               .fields = sweep_fields,
                                               .field_count = ARRAY_COUNT(sweep_fields),
                                               .hash_offset = offsetof(struct sweep, hash),
-                                              .defaults = &sweep_defaults};
+                                              .defaults = &sweep_defaults,
+                                              .format_version = 1};
 
 /* ---- checks ---- */
 

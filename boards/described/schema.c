@@ -269,4 +269,5 @@ const struct yaml_schema described_file_schema = {
     .fields = described_fields,
     .field_count = ARRAY_COUNT(described_fields),
     .defaults = &described_defaults,
+    .format_version = 1,
 };

@@ -11,8 +11,12 @@ from typing import Any, Sequence
 from .errors import ControlError, SimulatorError, SimulatorTimeout
 
 
+PROTOCOL = 1  # of the control socket, the newest that this package speaks
+
+
 class Control:
-    """A connection to the control socket.
+    """A connection to the control socket. Raises SimulatorError where nobody listens, and for a
+    simulator whose protocol is newer than this package's.
 
     rows: what came of subscriptions, {"time_s", "tick", "values"}, the newest 100,000."""
 
@@ -28,6 +32,16 @@ class Control:
         except OSError as error:
             self._socket.close()
             raise SimulatorError(f"{path}: {error.strerror or error}") from None
+        try:
+            hello = self.request("hello")
+        except SimulatorError:
+            self._socket.close()
+            raise
+        if hello.get("protocol", 1) > PROTOCOL:
+            self._socket.close()
+            raise SimulatorError(f"{path}: found protocol {hello['protocol']}, expected {PROTOCOL} "
+                                 f"at most: coman-hil {hello.get('version', '')} is newer than "
+                                 "this package")
 
     def close(self) -> None:
         self._socket.close()

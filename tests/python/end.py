@@ -35,6 +35,25 @@ def waits_until(condition):
     return condition()
 
 
+def test_a_newer_protocol_of_the_control_socket_is_refused():
+    from coman_hil import Control, SimulatorError
+    with tempfile.TemporaryDirectory() as folder, socket.socket(socket.AF_UNIX) as server:
+        path = os.path.join(folder, "newer")
+        server.bind(path)
+        server.listen(1)
+
+        def answer():
+            with server.accept()[0] as client:
+                client.recv(4096)
+                client.sendall(b'{"id": 1, "ok": true, "version": "9.0.0", "protocol": 2}\n')
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        with raises(SimulatorError, "newer: found protocol 2, expected 1", "coman-hil 9.0.0"):
+            Control(path, 20)
+        thread.join(20)
+
+
 def test_an_end_leaves_nothing():
     from coman_hil import Simulator
     with Simulator(RIG) as sim:

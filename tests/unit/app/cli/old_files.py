@@ -40,20 +40,35 @@ def replay(recording, rig):
         return player.wait(30), " | ".join(text.splitlines())
 
 
-def copy_with(version):
-    """A copy of the old files that say this version, in a folder of its own."""
-    folder = os.path.join(WORK.name, f"v{version}")
-    shutil.copytree(OLD, folder)
-    for kind in ("rigs/arm.yaml", "robots/arm.yaml", "scenarios/stall.yaml"):
-        with open(os.path.join(folder, kind), encoding="utf-8") as file:
-            text = file.read()
-        with open(os.path.join(folder, kind), "w", encoding="utf-8") as file:
-            file.write(text.replace("\nname:", f"\nformat_version: {version}\nname:", 1))
-    path = os.path.join(folder, "recording/summary.json")
+# The files that can say their version
+YAML = ("rigs/arm.yaml", "rigs/own.yaml", "robots/arm.yaml", "robots/driven.yaml",
+        "drives/geared.yaml", "protocols/pair.yaml", "scenarios/stall.yaml",
+        "scenarios/swept.yaml", "sweeps/volts.yaml")
+JSON = ("recording/summary.json", "sweeps/volts.plan.results/1.json",
+        "sweeps/volts.plan.results/2.json")
+
+
+def set_version(folder, kind, version):
+    """The file of a folder says this version."""
+    path = os.path.join(folder, kind)
     with open(path, encoding="utf-8") as file:
-        summary = json.load(file)
+        text = file.read()
+    if kind in YAML:
+        text = text.replace("\nname:", f"\nformat_version: {version}\nname:", 1)
+    elif kind in JSON:
+        text = json.dumps(json.loads(text) | {"format_version": version})
+    else:
+        text = text.replace('{"plan": 1,', f'{{"plan": {version},', 1)
     with open(path, "w", encoding="utf-8") as file:
-        json.dump(summary | {"format_version": version}, file)
+        file.write(text)
+
+
+def copy_with(name, version, *kinds):
+    """A copy of the old files, of which these say this version, in a folder of its own."""
+    folder = os.path.join(WORK.name, name)
+    shutil.copytree(OLD, folder)
+    for kind in kinds:
+        set_version(folder, kind, version)
     return folder
 
 
@@ -69,21 +84,71 @@ def test_loads(folder, which):
     check(status == 0, f"a recording {which} is a stimulus", text[-300:])
     status, text = run("plot", folder + "/recording/signals.csv", "--signal", "q_yaw_rad")
     check(status == 0 and "<svg" in text[:300], f"a recording {which} is drawn")
+    status, text = run("check", folder + "/rigs/own.yaml")
+    check(status == 0 and "robot       driven" in text, f"a drive and a protocol {which} load",
+          text[:300])
+    status, text = run("run", folder + "/rigs/arm.yaml", "--clock", "free", "--control", "none",
+                       "--transport", "local", "--quiet", "--task", "follow", "--duration", "4",
+                       "--trajectory", folder + "/trajectories/wave.csv")
+    check(status == 0, f"a trajectory {which} is followed", text[-300:])
 
 
-def test_newer(folder, whole):
-    place = r"arm\.yaml:2:17: found format_version 2, expected 1 at most: the file is for a newer"
-    status, text = run("check", folder + "/rigs/arm.yaml")
-    check(status == 2 and re.search("rigs/" + place, text), "a newer rig is refused", text)
-    status, text = run("check", folder + "/robots/arm.yaml")
-    check(status == 2 and re.search("robots/" + place, text), "a newer robot is refused", text)
-    shutil.copytree(whole + "/rigs", folder + "/rigs", dirs_exist_ok=True)
-    status, text = run("test", folder + "/scenarios/stall.yaml")
-    check(status == 2 and "stall.yaml:2:17: found format_version 2" in text,
-          "a newer scenario is refused", text)
-    status, text = replay(folder + "/recording", whole + "/rigs/arm.yaml")
+def test_case():
+    """The hash of a case that was planned before is still that of its files."""
+    folder = copy_with("case", 1)
+    os.remove(folder + "/sweeps/volts.plan.results/1.json")
+    status, text = run("test", "--case", "1", folder + "/sweeps/volts.plan")
+    check(status == 0 and "case 1 passed" in text, "a case of an old plan runs", text)
+
+
+def test_sweep(which, *kinds):
+    """A plan and its results are merged, and a sweep gives the same plan, whatever they say."""
+    folder = copy_with("sweep-" + which.replace(" ", "-"), 1, *kinds)
+    status, text = run("test", "--merge", folder + "/sweeps/volts.plan")
+    check(status == 0 and "2 passed" in text, f"a plan and its results {which} are merged", text)
+    with open(folder + "/sweeps/volts.plan", encoding="utf-8") as file:
+        old = [json.loads(line) for line in file]
+    status, text = run("test", "--plan", folder + "/sweeps/volts.yaml", "--output",
+                       folder + "/sweeps/again.plan")
+    with open(folder + "/sweeps/again.plan", encoding="utf-8") as file:
+        new = [json.loads(line) for line in file]
+    check(status == 0 and [case.get("values") for case in new] ==
+          [case.get("values") for case in old], f"a sweep {which} is planned again", text)
+
+
+# What is run with a file of a newer format, and the place that the refusal names
+NEWER = (
+    ("rigs/arm.yaml", ("check", "rigs/arm.yaml"), "rigs/arm.yaml:2:17"),
+    ("robots/arm.yaml", ("check", "robots/arm.yaml"), "robots/arm.yaml:2:17"),
+    ("robots/arm.yaml", ("check", "rigs/arm.yaml"), "robots/arm.yaml:2:17"),
+    ("drives/geared.yaml", ("check", "rigs/own.yaml"), "drives/geared.yaml:2:17"),
+    ("protocols/pair.yaml", ("check", "rigs/own.yaml"), "protocols/pair.yaml:2:17"),
+    ("protocols/pair.yaml", ("protocol", "protocols/pair.yaml"), "protocols/pair.yaml:2:17"),
+    ("scenarios/stall.yaml", ("test", "scenarios/stall.yaml"), "scenarios/stall.yaml:2:17"),
+    ("sweeps/volts.yaml", ("test", "--plan", "sweeps/volts.yaml", "--output", "new.plan"),
+     "sweeps/volts.yaml:2:17"),
+    ("sweeps/volts.plan", ("test", "--case", "1", "sweeps/volts.plan"), "sweeps/volts.plan:1"),
+    ("sweeps/volts.plan", ("test", "--merge", "sweeps/volts.plan"), "sweeps/volts.plan:1"),
+    ("sweeps/volts.plan.results/2.json", ("test", "--merge", "sweeps/volts.plan"),
+     "volts.plan.results/2.json:1"),
+)
+
+
+def test_newer():
+    for i, (kind, command, place) in enumerate(NEWER):
+        folder = copy_with(f"newer-{i}", 2, kind)
+        words = [os.path.join(folder, word) if "/" in word or word == "new.plan" else word
+                 for word in command]
+        status, text = run(*words)
+        check(status == 2 and place + ": found" in text and "newer coman-hil" in text,
+              f"{command[0]} refuses a newer {kind}", text)
+    folder = copy_with("newer-recording", 2, "recording/summary.json")
+    status, text = replay(folder + "/recording", folder + "/rigs/arm.yaml")
     check(status == 2 and "the recording is of a newer" in text, "a newer recording is refused",
           text)
+
+
+def test_wrong(folder):
     with open(folder + "/rigs/none.yaml", "w", encoding="utf-8") as file:
         file.write("format_version: one\nextends: arm.yaml\n")
     status, text = run("check", folder + "/rigs/none.yaml")
@@ -98,9 +163,12 @@ def test_newer(folder, whole):
           "an old file does not extend a newer one", text)
 
 
-print("1..16")
+print("1..33")
 test_loads(OLD, "from before versions")
-first = copy_with(1)
-test_loads(first, "of version 1")
-test_newer(copy_with(2), OLD)
+test_loads(copy_with("first", 1, *YAML, *JSON), "of version 1")
+test_sweep("from before versions")
+test_case()
+test_sweep("of version 1", *YAML, *JSON)
+test_newer()
+test_wrong(copy_with("wrong", 1))
 sys.exit(tap.failed > 0)
