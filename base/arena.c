@@ -99,9 +99,14 @@ __attribute__((no_sanitize("address"))) static void arena_touch_pages(const stru
     }
 }
 
-enum error_code arena_seal(struct arena *arena, bool lock, struct error *error)
+void arena_close(struct arena *arena)
 {
     arena->sealed = true;
+}
+
+enum error_code arena_seal(struct arena *arena, bool lock, struct error *error)
+{
+    arena_close(arena);
     arena_touch_pages(arena);
     if (lock && mlock(arena->memory, arena->used)) {
         return error_set_errno(error, errno, "cannot lock %zu bytes in memory", arena->used);

@@ -36,6 +36,9 @@ char *arena_strdup(struct arena *arena, const char *text);
  * copied as a whole; it matters to the address sanitizer only. RT-safe. */
 void arena_join(void *memory, size_t size);
 
+/* Refuses further allocation, and no more. RT-safe. */
+void arena_close(struct arena *arena);
+
 /* Refuses further allocation and touches every page in use; with lock also mlocks them. An error
  * of mlock is reported, the arena is sealed all the same. Not RT-safe. */
 enum error_code arena_seal(struct arena *arena, bool lock, struct error *error);

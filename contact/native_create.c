@@ -5,6 +5,7 @@
  */
 #include "base/portable_math.h"
 #include "contact/native_private.h"
+#include "contact/solid_store.h"
 #include "base/instruction_set.h"
 #include "base/vec3.h"
 
@@ -229,16 +230,10 @@ static enum error_code surface_make_solid(const struct contact_config *config, s
 
     /* Made ready */
     if (!s->solid) {
-        struct solid *solid = arena_alloc(arena, 1, sizeof *solid);
-
-        if (!solid) {
-            return native_no_memory(error);
-        }
-        code = solid_make(mesh, arena, solid, error);
+        code = solid_store_find(mesh, arena, &s->solid, error);
         if (code != ERROR_NONE) {
             return code;
         }
-        s->solid = solid;
     }
 
     surface_bound_mesh(mesh, s);
@@ -279,7 +274,6 @@ static enum error_code surface_make_field(const struct contact_config *config, s
                                           struct error *error)
 {
     struct native_surface *s = &surface[index];
-    struct field *field;
 
     for (size_t i = 0; i < config->nsurface && !s->field; i++) {
         s->field = surface[i].solid == s->solid ? surface[i].field : NULL;
@@ -287,12 +281,7 @@ static enum error_code surface_make_field(const struct contact_config *config, s
     if (s->field) {
         return ERROR_NONE;
     }
-    field = arena_alloc(arena, 1, sizeof *field);
-    if (!field) {
-        return native_no_memory(error);
-    }
-    s->field = field;
-    return field_make(s->solid, config->surface[index].name, arena, field, error);
+    return solid_store_find_field(s->solid, config->surface[index].name, arena, &s->field, error);
 }
 
 /* No ball in a solid is larger than half of its least extent. */

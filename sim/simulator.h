@@ -61,8 +61,10 @@ struct simulator_config {
     /* NULL = none. With it the run goes on when a task has ended, but in lockstep, where the task's
      * STEP frames drive it. */
     const struct simulator_observer *observer;
-    bool steering; /* takes requests (rt/steering.h); reserves memory for checkpoints */
-    size_t guests; /* how often simulator_join will be called */
+    bool steering;  /* takes requests (rt/steering.h); reserves memory for checkpoints */
+    bool untouched; /* pages come at their first use, which costs least where nobody measures ticks;
+                       else all are there when the run begins */
+    size_t guests;  /* how often simulator_join will be called */
     const struct gateway_config *gateway; /* host and port; NULL = none */
     const char *record;                   /* directory, NULL = none */
     bool overwrite;

@@ -21,8 +21,8 @@
 
 struct test_options {
     const char **file; /* NULL ends */
-    const char *junit, *output, *program;
-    int64_t jobs, seed, number;
+    const char *junit, *output, *program, *cases;
+    int64_t jobs, seed;
     bool mutate, plan, merge, list;
 };
 
@@ -69,8 +69,9 @@ static bool test_parse_options(int argc, char **argv, struct test_options *out, 
         {"--junit", OPTION_STRING, "FILE", "write the results as JUnit XML", .value = &o.junit},
         {"--plan", OPTION_FLAG, NULL, "run nothing: make the plan of a sweep's file",
          .value = &o.plan},
-        {"--case", OPTION_INT, "K", "run case K of a plan, unless it has a result", .min = 1.0,
-         .max = 1e5, .value = &o.number},
+        {"--case", OPTION_STRING, "CASES",
+         "run one case of a plan, or those of a range as 1-500, unless they have results",
+         .value = &o.cases},
         {"--merge", OPTION_FLAG, NULL,
          "run nothing: write PLAN.xml, PLAN.csv and PLAN.html of a plan's results",
          .value = &o.merge},
@@ -163,6 +164,8 @@ static void add_jobs(struct test_runs *plan, struct scenario *scenario, size_t n
 
         job->scenario = scenario;
         job->mutation = m;
+        job->seed_given = options->seed >= 0;
+        job->seed = (uint64_t)options->seed;
         if (m < 0) {
             used = snprintf(job->record, sizeof job->record, "%s/%s",
                             options->output ? options->output : "test-results", scenario->name);
@@ -296,15 +299,17 @@ static void test_list_cases(const struct test_runs *plan)
     }
 }
 
-static int run_plan(struct test_runs *plan, const struct test_options *options)
+static size_t test_parallel(const struct test_options *options)
 {
     long processors = sysconf(_SC_NPROCESSORS_ONLN);
+
+    return options->jobs ? (size_t)options->jobs : processors > 0 ? (size_t)processors : 1;
+}
+
+static int run_plan(struct test_runs *plan, const struct test_options *options)
+{
     struct scenario_jobs_options jobs = {
-        .parallel = options->jobs    ? (size_t)options->jobs
-                    : processors > 0 ? (size_t)processors
-                                     : 1,
-        .seed_given = options->seed >= 0,
-        .seed = (uint64_t)options->seed,
+        .parallel = test_parallel(options),
         .program = options->program,
         .ended = on_end,
         .context = plan,
@@ -358,18 +363,19 @@ static int test_run_plan(const struct test_options *options)
 {
     struct error error;
 
-    if (options->plan + (options->number > 0) + options->merge > 1 || options->file[1] ||
+    if (options->plan + (options->cases != NULL) + options->merge > 1 || options->file[1] ||
         options->mutate || options->list || options->junit || options->program ||
-        options->seed >= 0 || options->jobs || (options->merge && options->output)) {
+        options->seed >= 0 || (options->jobs && !options->cases) ||
+        (options->merge && options->output)) {
         error_set(&error, ERROR_INPUT,
                   "found options that do not belong together, expected --plan SWEEP --output PLAN, "
-                  "--case K PLAN or --merge PLAN");
+                  "--case CASES PLAN or --merge PLAN");
         return command_fail("test", &error);
     }
-    return options->plan ? test_plan_sweep(options->file[0], options->output)
-           : options->number
-               ? test_plan_case(options->file[0], (size_t)options->number, options->output)
-               : test_plan_merge(options->file[0]);
+    return options->plan    ? test_plan_sweep(options->file[0], options->output)
+           : options->cases ? test_plan_cases(options->file[0], options->cases,
+                                              test_parallel(options), options->output)
+                            : test_plan_merge(options->file[0]);
 }
 
 int cmd_test(int argc, char **argv)
@@ -380,7 +386,7 @@ int cmd_test(int argc, char **argv)
     if (!test_parse_options(argc, argv, &options, &status)) {
         return status;
     }
-    if (options.plan || options.number || options.merge) {
+    if (options.plan || options.cases || options.merge) {
         status = test_run_plan(&options);
     } else {
         status = test_run_scenarios(&options);

@@ -6,6 +6,7 @@
 #include "base/options.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 
 /* Of address space. */
 #define MEMORY ((size_t)1 << 30)
@@ -26,26 +27,66 @@ int test_plan_sweep(const char *sweep, const char *output)
     return STATUS_OK;
 }
 
-int test_plan_case(const char *path, size_t number, const char *output)
+/* K or FIRST-LAST, from 1. */
+static enum error_code test_read_range(const char *text, size_t range[2], struct error *error)
+{
+    const char *at = text;
+
+    for (int i = 0; i < 2; i++) {
+        char *end = NULL;
+
+        range[i] = *at >= '1' && *at <= '9' ? strtoul(at, &end, 10) : 0;
+        if (range[i] < 1 || range[i] > SWEEP_CASES_MAX || range[i] < range[0] ||
+            (*end && (i || *end != '-'))) {
+            return error_set(error, ERROR_INPUT,
+                             "found cases %.40s, expected a number or two as 1-500, each from 1 to "
+                             "%d",
+                             text, SWEEP_CASES_MAX);
+        }
+        at = *end ? end + 1 : at; /* one number is both */
+    }
+    return ERROR_NONE;
+}
+
+static void test_case_ended(void *context, const struct plan_case *one,
+                            const struct plan_result *result, const struct error *why)
 {
     static const char *const word[] = {"passed", "failed", "broken"};
+    int *status = context;
+
+    if (!result) {
+        *status = command_fail("test", why);
+        return;
+    }
+    printf("case %zu %s%s%s\n", one->number, word[result->status], *result->message ? ": " : "",
+           result->message);
+    fflush(stdout);
+}
+
+int test_plan_cases(const char *path, const char *cases, size_t parallel, const char *output)
+{
+    int status = STATUS_OK;
+    const struct plan_run_options options = {
+        .parallel = parallel, .record = output, .ended = test_case_ended, .context = &status};
     struct plan plan;
-    struct plan_result result;
     struct arena arena;
     struct error error;
-    enum error_code code = arena_init(&arena, MEMORY, &error);
+    size_t range[2];
+    enum error_code code = test_read_range(cases, range, &error);
 
+    if (!code && output && range[1] > range[0]) {
+        code =
+            error_set(&error, ERROR_INPUT,
+                      "found --output with cases %.40s, expected one: it has a recording", cases);
+    }
+    code = code ? code : arena_init(&arena, MEMORY, &error);
     if (code) {
         return command_fail("test", &error);
     }
-    code = plan_read(path, number, &arena, &plan, &error);
-    code = code ? code : plan_run_case(&plan, output, &result, &arena, &error);
-    if (!code) {
-        printf("case %zu %s%s%s\n", number, word[result.status], *result.message ? ": " : "",
-               result.message);
-    }
+    code = plan_read(path, range[0], range[1], &arena, &plan, &error);
+    code = code ? code : plan_run_cases(&plan, &options, &error);
     arena_fini(&arena);
-    return code ? command_fail("test", &error) : STATUS_OK;
+    return code ? command_fail("test", &error) : status;
 }
 
 int test_plan_merge(const char *path)

@@ -9,9 +9,10 @@
 /* --plan: output is the plan's file. */
 int test_plan_sweep(const char *sweep, const char *output);
 
-/* --case: STATUS_OK when there is a result, whatever the verdict, so that an engine repeats only
- * what has none. output: run again, and record a failure there; NULL = no. */
-int test_plan_case(const char *plan, size_t number, const char *output);
+/* --case: cases is a number or a range, FIRST-LAST; so many at a time. STATUS_OK when there are
+ * results, whatever the verdicts, so that an engine repeats only what has none. output: run one
+ * again, and record a failure there; NULL = no. */
+int test_plan_cases(const char *plan, const char *cases, size_t parallel, const char *output);
 
 /* --merge: STATUS_FAILED when some case did not pass. */
 int test_plan_merge(const char *plan);

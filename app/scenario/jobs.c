@@ -54,10 +54,10 @@ static void job_run_here(const struct scenario_job *job, const struct scenario_j
 {
     struct scenario_options options = {
         .mutation = job->mutation,
-        .seed_given = jobs->seed_given,
-        .seed = jobs->seed,
+        .seed_given = job->seed_given,
+        .seed = job->seed,
         .program = jobs->program,
-        .scratch = jobs->scratch,
+        .scratch = job->scratch,
     };
     struct scenario_outcome *again;
 

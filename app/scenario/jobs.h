@@ -15,18 +15,18 @@ enum { RESULT_NAME = 512, RESULT_MESSAGE = 2048 };
 /* One run to be made. */
 struct scenario_job {
     struct scenario *scenario;
-    int mutation;          /* index, -1 = none */
+    int mutation;    /* index, -1 = none */
+    bool seed_given; /* else the scenario's or the rig's own */
+    uint64_t seed;
+    const char *scratch;   /* folder of the program's own; NULL = none */
     char record[PATH_MAX]; /* directory for the recorded repeat of a run that fails; "" = none */
     struct scenario_outcome outcome;
     double seconds; /* of the process */
 };
 
 struct scenario_jobs_options {
-    size_t parallel; /* processes at a time */
-    bool seed_given;
-    uint64_t seed;
+    size_t parallel;     /* processes at a time */
     const char *program; /* command of scenarios with host: program; NULL = none */
-    const char *scratch; /* folder of the program's own, for one job at a time; NULL = none */
     /* Called for each job in the order of the array, as soon as it and all before it have ended. */
     void (*ended)(void *context, const struct scenario_job *job);
     void *context;

@@ -239,6 +239,7 @@ static enum error_code create_simulator(struct run *run, const struct scenario_o
         .ticks = scenario_run_ticks(run),
         .task = scenario->task,
         .observer = observer,
+        .untouched = true,
         .guests = 2,
         .gateway = scenario->host == SCENARIO_HOST_PROGRAM ? &gateway : NULL,
         .record = options->record,

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs one case of a plan, and writes and reads its result. */
+/* Runs cases of a plan, and writes and reads their results. */
 #include "app/sweep/plan.h"
 
 #include "base/whole_file.h"
+#include "contact/solid_store.h"
 
 #include <elf.h>
 #include <errno.h>
@@ -16,6 +17,12 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
+
+enum { BATCH = 64 }; /* cases that are read and begun together */
+
+/* Of address space: for what a batch reads, and for a rig. */
+#define BATCH_MEMORY ((size_t)1 << 30)
+#define RIG_MEMORY ((size_t)1 << 30)
 
 static const char *const status_word[] = {"passed", "failed", "broken"};
 
@@ -164,18 +171,11 @@ static enum error_code plan_read_scenario(const struct plan_case *one, struct ar
     return code;
 }
 
-static void plan_keep_job(void *context, const struct scenario_job *job)
-{
-    (void)context;
-    (void)job;
-}
-
 /* What a job came to, in a result. */
-static enum error_code plan_judge(const struct plan *plan, const struct scenario_job *job,
-                                  struct plan_result *result, struct arena *arena,
-                                  struct error *error)
+static enum error_code plan_judge(const struct plan *plan, const struct plan_case *one,
+                                  const struct scenario_job *job, struct plan_result *result,
+                                  struct arena *arena, struct error *error)
 {
-    const struct plan_case *one = &plan->list[0];
     const struct scenario_outcome *outcome = &job->outcome;
     struct scenario_result *verdict = arena_alloc(arena, 1, sizeof *verdict);
     char hash[PLAN_HASH];
@@ -232,47 +232,18 @@ static int plan_remove_entry(const char *path, const struct stat *status, int ty
     return remove(path);
 }
 
-/* Runs the case in a process, with a scratch folder for the program under test, which is gone
- * afterwards. */
-static enum error_code plan_execute(const struct plan *plan, const char *record,
-                                    struct scenario_job *job, struct error *error)
-{
-    const struct plan_case *one = &plan->list[0];
-    char scratch[PATH_MAX + 64], folder[PATH_MAX];
-    struct scenario_jobs_options options = {.parallel = 1,
-                                            .seed_given = true,
-                                            .seed = one->seed,
-                                            .program = plan->program,
-                                            .ended = plan_keep_job};
-    enum error_code code;
-
-    snprintf(job->record, sizeof job->record, "%s", record ? record : "");
-    if (plan->program) {
-        plan_results_folder(plan, folder);
-        snprintf(scratch, sizeof scratch, "%s/scratch-%zu-XXXXXX", folder, one->number);
-        if (!mkdtemp(scratch)) {
-            return error_set_file(error, errno, scratch, "cannot be made");
-        }
-        options.scratch = scratch;
-    }
-    code = scenario_jobs_run(job, 1, &options, error);
-    if (plan->program) {
-        nftw(scratch, plan_remove_entry, 16, FTW_DEPTH | FTW_PHYS);
-    }
-    return code;
-}
-
 /* A result that is there already counts when it is of this plan and program. */
-static enum error_code plan_check_result(const struct plan *plan, const struct plan_result *result,
-                                         const char *path, struct error *error)
+static enum error_code plan_check_result(const struct plan *plan, const struct plan_case *one,
+                                         const struct plan_result *result, const char *path,
+                                         struct error *error)
 {
     char binary[64];
 
     plan_find_binary(binary);
-    if (strcmp(result->plan, plan->id) != 0 || result->number != plan->list[0].number) {
+    if (strcmp(result->plan, plan->id) != 0 || result->number != one->number) {
         return error_set(error, ERROR_INPUT,
                          "%.200s: found case %zu of plan %s, expected case %zu of plan %s", path,
-                         result->number, result->plan, plan->list[0].number, plan->id);
+                         result->number, result->plan, one->number, plan->id);
     }
     if (strcmp(result->binary, binary) != 0) {
         return error_set(error, ERROR_INPUT,
@@ -283,44 +254,206 @@ static enum error_code plan_check_result(const struct plan *plan, const struct p
     return ERROR_NONE;
 }
 
-enum error_code plan_run_case(const struct plan *plan, const char *record,
-                              struct plan_result *result, struct arena *arena, struct error *error)
-{
-    struct scenario_job *job = arena_alloc(arena, 1, sizeof *job);
-    struct plan_result old;
-    char path[PATH_MAX];
-    bool there;
-    enum error_code code = ERROR_NONE;
+/* ---- several cases ---- */
 
-    plan_results_folder(plan, path);
-    if (!job || (mkdir(path, 0777) && errno != EEXIST)) {
-        return job ? error_set_file(error, errno, path, "cannot be made")
-                   : error_set(error, ERROR_MEMORY, "no memory left for a case");
+/* One of them: its result is there, is to be made by a job, or is why there is none. */
+struct plan_slot {
+    const struct plan_case *one;
+    struct scenario_job *job; /* NULL = there is nothing to run */
+    bool there;               /* a result was written before */
+    struct plan_result result;
+    struct error why; /* code 0 = none */
+};
+
+/* Some cases that are run together. */
+struct plan_batch {
+    const struct plan *plan;
+    const struct plan_run_options *options;
+    struct arena *arena;
+    size_t nslot, told, njob;
+    struct plan_slot *slot;
+    struct scenario_job *job;
+    struct plan_slot **slot_of; /* of each job */
+};
+
+/* Tells of all cases before the one at `until`, each once. */
+static void plan_tell(struct plan_batch *batch, size_t until)
+{
+    for (; batch->told < until; batch->told++) {
+        const struct plan_slot *slot = &batch->slot[batch->told];
+
+        batch->options->ended(batch->options->context, slot->one,
+                              slot->why.code ? NULL : &slot->result, &slot->why);
     }
+}
+
+static enum error_code plan_make_scratch(const struct plan *plan, struct plan_slot *slot,
+                                         struct arena *arena, struct error *error)
+{
+    char scratch[PATH_MAX + 64], folder[PATH_MAX];
+
+    if (!plan->program) {
+        return ERROR_NONE;
+    }
+    plan_results_folder(plan, folder);
+    snprintf(scratch, sizeof scratch, "%s/scratch-%zu-XXXXXX", folder, slot->one->number);
+    if (!mkdtemp(scratch)) {
+        return error_set_file(error, errno, scratch, "cannot be made");
+    }
+    slot->job->scratch = arena_strdup(arena, scratch);
+    if (!slot->job->scratch) {
+        rmdir(scratch);
+        return error_set(error, ERROR_MEMORY, "no memory left for a case");
+    }
+    return ERROR_NONE;
+}
+
+static void plan_remove_scratch(struct scenario_job *job)
+{
+    if (job->scratch) {
+        nftw(job->scratch, plan_remove_entry, 16, FTW_DEPTH | FTW_PHYS);
+        job->scratch = NULL;
+    }
+}
+
+/* Looks for the result of a case, else prepares its run. */
+static enum error_code plan_prepare_case(struct plan_batch *batch, struct plan_slot *slot,
+                                         struct error *error)
+{
+    const struct plan *plan = batch->plan;
+    const char *record = batch->options->record;
+    struct scenario_job *job = &batch->job[batch->njob];
+    char path[PATH_MAX];
+    enum error_code code;
 
     /* Done is done */
-    plan_result_path(plan, plan->list[0].number, path);
-    there = !access(path, F_OK);
-    if (there && ((code = plan_read_result(path, arena, &old, error)) ||
-                  (code = plan_check_result(plan, &old, path, error)))) {
+    plan_result_path(plan, slot->one->number, path);
+    slot->there = !access(path, F_OK);
+    if (slot->there && ((code = plan_read_result(path, batch->arena, &slot->result, error)) ||
+                        (code = plan_check_result(plan, slot->one, &slot->result, path, error)))) {
         return code;
     }
-    if (there && !record) {
-        *result = old;
+    if (slot->there && !record) {
         return ERROR_NONE;
     }
 
     job->mutation = -1;
-    if ((code = plan_read_scenario(&plan->list[0], arena, &job->scenario, error)) ||
-        (code = plan_execute(plan, record, job, error)) ||
-        (code = plan_judge(plan, job, result, arena, error))) {
+    job->seed_given = true;
+    job->seed = slot->one->seed;
+    snprintf(job->record, sizeof job->record, "%s", record ? record : "");
+    code = plan_read_scenario(slot->one, batch->arena, &job->scenario, error);
+    slot->job = job;
+    code = code ? code : plan_make_scratch(plan, slot, batch->arena, error);
+    if (code) {
+        slot->job = NULL;
         return code;
     }
-    if (there && (old.state_hash != result->state_hash || old.status != result->status)) {
+    batch->slot_of[batch->njob++] = slot;
+    return ERROR_NONE;
+}
+
+/* The result of a job that has ended: written, or compared with the one that is there. */
+static enum error_code plan_take_result(const struct plan_batch *batch, struct plan_slot *slot,
+                                        struct error *error)
+{
+    struct plan_result result;
+    enum error_code code =
+        plan_judge(batch->plan, slot->one, slot->job, &result, batch->arena, error);
+    char path[PATH_MAX];
+
+    if (code) {
+        return code;
+    }
+    if (slot->there &&
+        (slot->result.state_hash != result.state_hash || slot->result.status != result.status)) {
+        plan_result_path(batch->plan, result.number, path);
         return error_set(error, ERROR_SYSTEM,
                          "case %zu came out otherwise than in %.200s: the run does not depend on "
                          "its input alone",
-                         result->number, path);
+                         result.number, path);
     }
-    return there ? ERROR_NONE : plan_write_result(plan, result, error);
+    slot->result = result;
+    return slot->there ? ERROR_NONE : plan_write_result(batch->plan, &result, error);
+}
+
+static void plan_end_job(void *context, const struct scenario_job *job)
+{
+    struct plan_batch *batch = context;
+    struct plan_slot *slot = batch->slot_of[job - batch->job];
+
+    plan_remove_scratch(slot->job);
+    plan_take_result(batch, slot, &slot->why);
+    plan_tell(batch, (size_t)(slot - batch->slot) + 1);
+}
+
+/* Makes the solids of the first case's rig, which the processes of all then find; what is wrong
+ * with that rig is for the case to say. */
+static void plan_make_solids(const struct plan_batch *batch)
+{
+    const struct rig *rig;
+    struct arena arena;
+    struct error unused;
+
+    if (batch->njob > 1 && !arena_init(&arena, RIG_MEMORY, &unused)) {
+        scenario_load_rig(batch->job[0].scenario, &arena, &rig, &unused);
+        arena_fini(&arena);
+    }
+}
+
+static enum error_code plan_run_batch(struct plan_batch *batch, const struct plan_case *list,
+                                      struct error *error)
+{
+    const struct scenario_jobs_options options = {.parallel = batch->options->parallel,
+                                                  .program = batch->plan->program,
+                                                  .ended = plan_end_job,
+                                                  .context = batch};
+    enum error_code code;
+
+    batch->slot = arena_alloc(batch->arena, batch->nslot, sizeof *batch->slot);
+    batch->job = arena_alloc(batch->arena, batch->nslot, sizeof *batch->job);
+    batch->slot_of = arena_alloc(batch->arena, batch->nslot, sizeof *batch->slot_of);
+    if (!batch->slot || !batch->job || !batch->slot_of) {
+        return error_set(error, ERROR_MEMORY, "no memory left for %zu cases", batch->nslot);
+    }
+    for (size_t i = 0; i < batch->nslot; i++) {
+        batch->slot[i].one = &list[i];
+        plan_prepare_case(batch, &batch->slot[i], &batch->slot[i].why);
+    }
+    plan_make_solids(batch);
+    code = scenario_jobs_run(batch->job, batch->njob, &options, error);
+    for (size_t j = 0; j < batch->njob; j++) {
+        plan_remove_scratch(&batch->job[j]);
+    }
+    if (!code) {
+        plan_tell(batch, batch->nslot);
+    }
+    return code;
+}
+
+enum error_code plan_run_cases(const struct plan *plan, const struct plan_run_options *options,
+                               struct error *error)
+{
+    char path[PATH_MAX];
+    enum error_code code = solid_store_open(error);
+
+    plan_results_folder(plan, path);
+    if (!code && mkdir(path, 0777) && errno != EEXIST) {
+        code = error_set_file(error, errno, path, "cannot be made");
+    }
+    for (size_t from = 0; !code && from < plan->nlist; from += BATCH) {
+        struct arena arena;
+        struct plan_batch batch = {.plan = plan,
+                                   .options = options,
+                                   .arena = &arena,
+                                   .nslot =
+                                       plan->nlist - from < BATCH ? plan->nlist - from : BATCH};
+
+        code = arena_init(&arena, BATCH_MEMORY, error);
+        if (!code) {
+            code = plan_run_batch(&batch, &plan->list[from], error);
+            arena_fini(&arena);
+        }
+    }
+    solid_store_close();
+    return code;
 }

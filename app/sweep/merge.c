@@ -233,7 +233,7 @@ enum error_code plan_merge(const char *path, size_t *ncase, size_t *failed, stru
         return code;
     }
     *failed = 0;
-    if ((code = plan_read(path, 0, &arena, &plan, error)) ||
+    if ((code = plan_read(path, 0, 0, &arena, &plan, error)) ||
         (code = plan_collect(&plan, &arena, &result, error))) {
         goto done;
     }

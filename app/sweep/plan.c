@@ -387,8 +387,8 @@ static bool plan_take_head(const char *text, struct arena *arena, struct plan *p
 }
 
 /* The lines of the cases; only those asked for are looked into. */
-static enum error_code plan_read_lines(FILE *in, char *line, size_t number, struct arena *arena,
-                                       struct plan *plan, struct error *error)
+static enum error_code plan_read_lines(FILE *in, char *line, size_t first, size_t last,
+                                       struct arena *arena, struct plan *plan, struct error *error)
 {
     char folder[PATH_MAX];
     const char *slash = strrchr(plan->path, '/');
@@ -401,20 +401,20 @@ static enum error_code plan_read_lines(FILE *in, char *line, size_t number, stru
             return plan_unexpected(plan->path, count + 1, "end of a line", error);
         }
         if (count > plan->ncase ||
-            ((number == 0 || number == count) &&
+            ((!last || (count >= first && count <= last)) &&
              !plan_take_case(line, count, folder, arena, &plan->list[plan->nlist++]))) {
             return plan_unexpected(plan->path, count + 1, "case", error);
         }
-        if (number == count) {
+        if (count == last) {
             return ERROR_NONE;
         }
     }
-    return count == plan->ncase && !number ? ERROR_NONE
-                                           : plan_unexpected(plan->path, count + 2, "case", error);
+    return count == plan->ncase && !last ? ERROR_NONE
+                                         : plan_unexpected(plan->path, count + 2, "case", error);
 }
 
-enum error_code plan_read(const char *path, size_t number, struct arena *arena, struct plan *plan,
-                          struct error *error)
+enum error_code plan_read(const char *path, size_t first, size_t last, struct arena *arena,
+                          struct plan *plan, struct error *error)
 {
     char *line = malloc(LINE_MAX_BYTES);
     FILE *in = fopen(path, "r");
@@ -430,14 +430,14 @@ enum error_code plan_read(const char *path, size_t number, struct arena *arena, 
         code = newer ? plan_newer(path, error) : plan_unexpected(path, 1, "head", error);
         goto done;
     }
-    if (number > plan->ncase) {
+    if (last > plan->ncase || first > last) {
         code = error_set(error, ERROR_INPUT, "%.200s: found case %zu, expected 1 to %zu", path,
-                         number, plan->ncase);
+                         last, plan->ncase);
         goto done;
     }
-    plan->list = arena_alloc(arena, number ? 1 : plan->ncase, sizeof *plan->list);
-    code =
-        plan->list ? plan_read_lines(in, line, number, arena, plan, error) : plan_no_memory(error);
+    plan->list = arena_alloc(arena, last ? last - first + 1 : plan->ncase, sizeof *plan->list);
+    code = plan->list ? plan_read_lines(in, line, first, last, arena, plan, error)
+                      : plan_no_memory(error);
 done:
     if (in) {
         fclose(in);

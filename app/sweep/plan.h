@@ -54,9 +54,10 @@ enum error_code plan_write(const char *sweep, const char *path, size_t *ncase, s
 /* The error of a file in a newer format. */
 enum error_code plan_newer(const char *path, struct error *error);
 
-/* Reads a plan: one case, or all with number 0. Everything lives in arena. */
-enum error_code plan_read(const char *path, size_t number, struct arena *arena, struct plan *plan,
-                          struct error *error);
+/* Reads a plan with the cases from first to last; with 0 and 0 all of them. Everything lives in
+ * arena. ERROR_INPUT when it has no such cases. */
+enum error_code plan_read(const char *path, size_t first, size_t last, struct arena *arena,
+                          struct plan *plan, struct error *error);
 
 /* The hash of a case whose scenario was read with its values. */
 void plan_hash_case(const struct scenario *scenario, uint64_t rig_hash, uint64_t seed,
@@ -75,12 +76,23 @@ struct plan_result {
     const char *message;
 };
 
-/* Runs one case and writes its result, unless there is one already. With record, a folder, it runs
- * in any case, must give the result that there is, and leaves a recording there when it fails.
- * ERROR_INPUT when the scenario or the rig is not that of the plan; ERROR_SYSTEM when there is no
- * result: the process died or took too long. */
-enum error_code plan_run_case(const struct plan *plan, const char *record,
-                              struct plan_result *result, struct arena *arena, struct error *error);
+struct plan_run_options {
+    size_t parallel;    /* processes at a time */
+    const char *record; /* a folder; NULL = none */
+    /* Called for each case, in their order, as soon as it and all before it have ended. Without a
+     * result it is NULL and why says the reason: ERROR_INPUT when the scenario or the rig is not
+     * that of the plan, ERROR_SYSTEM when the process died or took too long. */
+    void (*ended)(void *context, const struct plan_case *one, const struct plan_result *result,
+                  const struct error *why);
+    void *context;
+};
+
+/* Runs the cases that were read and writes their results, but for those that have one already. Each
+ * runs in a process of its own, forked from this one, and gives what it gives alone. With record
+ * they run in any case, must give the result that there is, and leave a recording there when they
+ * fail. An error is one of this process: then some cases have not run. */
+enum error_code plan_run_cases(const struct plan *plan, const struct plan_run_options *options,
+                               struct error *error);
 
 /* The path of the folder with the results, or of a file in it. */
 void plan_results_folder(const struct plan *plan, char path[PATH_MAX]);

@@ -109,9 +109,9 @@ static void read_plan(const char *text, size_t size)
 
     fuzz_write_file("plan.json", text, size);
     snprintf(path, sizeof path, "%s/plan.json", fuzz_folder());
-    check_refusal(plan_read(path, 0, arena, &plan, &error), path, &error);
+    check_refusal(plan_read(path, 0, 0, arena, &plan, &error), path, &error);
     error = (struct error){0};
-    check_refusal(plan_read(path, 1, arena, &plan, &error), path, &error);
+    check_refusal(plan_read(path, 1, 1, arena, &plan, &error), path, &error);
     error = (struct error){0};
     check_refusal(plan_read_result(path, arena, &result, &error), path, &error);
 }

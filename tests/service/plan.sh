@@ -25,7 +25,7 @@ run()
 
 says() { grep -q -e "$1" "$work/out"; }
 
-echo 1..10
+echo 1..13
 
 run 0 --plan sweep.yaml --output a.plan && says '^6 cases$' &&
     run 0 --plan sweep.yaml --output b.plan && cmp -s a.plan b.plan && [ "$(wc -l <a.plan)" -eq 7 ]
@@ -61,6 +61,25 @@ run 0 --case 1 other.plan && cp other.plan.results/1.json b.plan.results &&
     run 2 --merge b.plan && says '1.json: found a result of plan' &&
     run 2 --case 1 b.plan && says '1.json: found case 1 of plan'
 result $? "a result of another plan is refused"
+
+cp a.plan range.plan
+run 0 --case 2 range.plan && run 0 --case 1-6 --jobs 2 range.plan &&
+    [ "$(cut -d' ' -f1,2 out | tr '\n' ' ')" = "case 1 case 2 case 3 case 4 case 5 case 6 " ] &&
+    diff -r a.plan.results range.plan.results
+result $? "a range gives the bytes that each case gives alone, and tells of them in order"
+
+rm range.plan.results/[135].json
+sed -i 's/"plan": "[0-9a-f]*"/"plan": "0000000000000000"/' range.plan.results/4.json
+run 2 --case 3-5 range.plan && says '^case 3 passed$' && says '4.json: found case 4 of plan 0' &&
+    says '^case 5 passed$' && [ -e range.plan.results/5.json ] && [ ! -e range.plan.results/1.json ]
+result $? "a case of a range that has no result leaves the others theirs"
+
+run 2 --case 3-2 a.plan && says 'found cases 3-2' && run 2 --case 0-2 a.plan &&
+    run 2 --case 2- a.plan && run 2 --case 1,2 a.plan && run 2 --case 1-7 a.plan &&
+    says 'found case 7, expected 1 to 6' && run 2 --case 1-2 --output d a.plan &&
+    says 'found --output with cases 1-2' && run 2 --case 1-100001 a.plan &&
+    run 2 --merge --jobs 2 a.plan
+result $? "a range that is none is refused"
 
 sed -i 's/"binary": "[0-9a-f]*"/"binary": "00"/' a.plan.results/6.json
 run 2 --merge a.plan && says '6.json: found a result of program 00' && run 2 --case 6 a.plan &&
