@@ -1,7 +1,8 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# Instructions that a case of a sweep takes besides its ticks, when it runs in a range, by callgrind:
-# a figure that does not depend on how busy the machine is; and the memory it takes. Prints TAP.
+# Instructions that a case of a sweep takes besides its ticks, when it runs in a range, by
+# callgrind: a figure that does not depend on how busy the machine is; and the memory it takes.
+# Prints TAP.
 program=$1
 budget=48000000 # instructions; 44 million when this was written, 149 alone
 memory=40000    # kB
@@ -10,7 +11,8 @@ dir=$(mktemp -d) || exit 1
 trap 'rm -rf "$dir"' EXIT
 cp "$HIL_SOURCE_DIR"/examples/sweep/*.yaml "$dir" && cd "$dir" || exit 1
 sed -i 's/^samples: .*/samples: 3/' sweep.yaml
-sed -i 's/^duration_s: .*/duration_s: 0.02/; s/\[-0.4, 0.4\]/[-0.4, 0.4], within_s: 0.01/' squat.yaml
+sed -i 's/^duration_s: .*/duration_s: 0.02/; s/\[-0.4, 0.4\]/[-0.4, 0.4], within_s: 0.01/' \
+    squat.yaml
 "$program" test --plan sweep.yaml --output a.plan >/dev/null || exit 1
 status=0
 
