@@ -45,6 +45,7 @@ set(HIL_CONFIG
     rigs/grasp-paper.yaml
     rigs/grasp-soft.yaml
     rigs/grasp.yaml
+    rigs/hyq-leg.yaml
     rigs/walk-bump-3cm.yaml
     rigs/walk-bump-9cm.yaml
     rigs/walk-flat.yaml

@@ -165,7 +165,7 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
         return code;
     }
     joint = &b->robot->joint[axis->joint];
-    if (!joint->sea.present) {
+    if (!robot_joint_is_driven(joint)) {
         return yaml_error(b->error, &name->mark,
                           "found joint \"%s\", which has no drive, expected a driven joint",
                           name->name);
@@ -180,7 +180,7 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     /* What the board knows of its drive */
     axis->lower_rad = joint->lower;
     axis->upper_rad = joint->upper;
-    axis->gear = joint->sea.N;
+    axis->gear = joint->hydraulic.present ? 1.0 : joint->sea.N;
     axis->winding_ohm = joint->sea.R;
     axis->winding_h = joint->sea.L;
     axis->bemf_v_s_rad = joint->sea.Kw;
@@ -561,7 +561,7 @@ enum error_code rig_check_drives(struct rig_builder *b)
     /* What has no board is listed */
     for (size_t j = 0; j < b->robot->njoint; j++) {
         const struct robot_joint *joint = &b->robot->joint[j];
-        bool listed = !joint->sea.present || b->driver[j];
+        bool listed = !robot_joint_is_driven(joint) || b->driver[j];
 
         for (size_t i = 0; i < raw->nundriven; i++) {
             listed = listed || !strcmp(raw->undriven[i].name, joint->name);

@@ -27,7 +27,7 @@ static bool rig_collect_fault_names(const struct rig *rig, const bool *wire, str
     /* Of the robot, then of its buses and boards */
     for (size_t j = 0; j < robot->njoint; j++) {
         joint[j] = robot->joint[j].name;
-        driven[j] = robot->joint[j].sea.present;
+        driven[j] = robot_joint_is_driven(&robot->joint[j]);
     }
     for (size_t f = 0; f < robot->nft; f++) {
         ft[f] = robot->ft[f].name;

@@ -180,7 +180,7 @@ static enum error_code rig_build_host_axis(struct rig_builder *b, const struct b
         .torque_period_ns = source->board ? llround(source->board->period_s * 1e9) : 0,
         .drive =
             {
-                .gear = joint->sea.N,
+                .gear = joint->hydraulic.present ? 1.0 : joint->sea.N,
                 .spring_nm_rad = joint->sea.Ks,
                 .winding_ohm = joint->sea.R,
                 .winding_h = joint->sea.L,

@@ -18,7 +18,7 @@ static void check_print_robot(const struct robot *robot, const char *variant)
     size_t drives = 0;
 
     for (size_t j = 0; j < robot->njoint; j++) {
-        drives += robot->joint[j].sea.present;
+        drives += robot_joint_is_driven(&robot->joint[j]);
     }
     printf("robot       %s, variant %s, %s\n", robot->name, *variant ? variant : "default",
            robot->file);
