@@ -81,7 +81,7 @@ int cmd_import(int argc, char **argv)
                                                        {"compact-fd", IMPORT_COMPACT_FD},
                                                        {NULL, 0}};
     static struct import_request r;
-    static struct option_list lock, packages;
+    static struct option_list lock, packages, drives;
     static int prismatic, personality;
     static const struct option_spec options[] = {
         {"-o", OPTION_STRING, "DIR", "folder to write into; it is made when it is not there",
@@ -106,6 +106,11 @@ int cmd_import(int argc, char **argv)
         {"--repair-inertia", OPTION_FLAG, NULL,
          "raise moments of inertia that no body can have; refused by default",
          .value = &r.options.repair_inertia},
+        {"--drive", OPTION_LIST, "[JOINTS=]NAME",
+         "drive of the catalogue for all joints, or for those whose names JOINTS matches (* and "
+         "?); "
+         "may be given more than once",
+         .value = &drives},
         {"--package-path", OPTION_LIST, "DIR",
          "folder that holds the packages of package:// names; may be given more than once",
          .value = &packages},
@@ -136,6 +141,8 @@ int cmd_import(int argc, char **argv)
     r.options.free_slides = prismatic != 0;
     r.options.lock = lock.item;
     r.options.nlock = lock.count;
+    r.options.drive = drives.item;
+    r.options.ndrive = drives.count;
     r.packages = (struct import_packages){packages.item, packages.count};
     return import_run_request(&spec, &r);
 }

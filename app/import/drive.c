@@ -2,6 +2,7 @@
 /* Assumed drives and gains; the rules are in drive.h. */
 #include "app/import/drive.h"
 
+#include "app/import/catalogue.h"
 #include "base/count.h"
 #include "base/vec3.h"
 #include "model/dynamics.h"
@@ -155,6 +156,44 @@ static double drive_choose_supply(const struct robot *robot, const double *stren
     return 1000.0;
 }
 
+/* The supply of the catalogue's drives where there are some, else that of the assumed ones. */
+static double drive_agree_supply(const struct import_robot *from, double assumed_v)
+{
+    double supply_v = 0.0;
+
+    for (size_t j = 0; j < from->robot->njoint; j++) {
+        supply_v = from->drive[j] ? fmax(supply_v, from->drive[j]->supply_v) : supply_v;
+    }
+    return supply_v > 0.0 ? supply_v : assumed_v;
+}
+
+/* A joint gets its drive of the catalogue; what that cannot do is told. */
+static void drive_take(const struct import_robot *from, size_t j, double bears, double supply_v,
+                       struct import_notes *notes)
+{
+    const struct robot_drive *drive = from->drive[j];
+    const struct import_joint *source = from->source[j];
+    const char *file = from->model->file;
+    double most = import_drive_torque(drive);
+
+    from->robot->joint[j].sea = drive->sea;
+    import_note_add(notes, IMPORT_ASSUMED, file, source->line,
+                    "drive of joint \"%.63s\": %.63s of the catalogue, %.3g N m, %.3g rad/s at %g "
+                    "V; the file's effort %g and velocity %g are not used",
+                    source->name, drive->name, most, drive->speed, drive->supply_v, source->effort,
+                    source->velocity);
+    if (most < bears) {
+        import_note_add(notes, IMPORT_CHANGED, file, source->line,
+                        "joint \"%.63s\" bears %.3g N m in a pose, its drive %.63s gives %.3g",
+                        source->name, bears, drive->name, most);
+    }
+    if (drive->supply_v > 0.0 && drive->supply_v != supply_v) {
+        import_note_add(notes, IMPORT_CHANGED, file, source->line,
+                        "joint \"%.63s\" has a drive for %g V, %.63s, on a supply of %g V",
+                        source->name, drive->supply_v, drive->name, supply_v);
+    }
+}
+
 enum error_code import_assume_drives(struct import_robot *from, struct arena *arena,
                                      struct import_notes *notes, double *supply_v,
                                      struct error *error)
@@ -181,9 +220,13 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
         most = fmax(most, load[j]);
     }
     for (size_t j = 0; j < robot->njoint; j++) {
-        drive_choose_limits(from, j, load[j], most, bears[j], notes, &strength[j], &speed[j]);
+        if (from->drive[j]) {
+            strength[j] = import_drive_torque(from->drive[j]);
+        } else {
+            drive_choose_limits(from, j, load[j], most, bears[j], notes, &strength[j], &speed[j]);
+        }
     }
-    *supply_v = drive_choose_supply(robot, strength, speed);
+    *supply_v = drive_agree_supply(from, drive_choose_supply(robot, strength, speed));
 
     /* The drives of what turns */
     for (size_t j = 0; j < robot->njoint; j++) {
@@ -192,6 +235,10 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
 
         joint->torque_limit = strength[j];
         if (joint->type != JOINT_REVOLUTE) {
+            continue;
+        }
+        if (from->drive[j]) {
+            drive_take(from, j, bears[j], *supply_v, notes);
             continue;
         }
         drive_assume(source, strength[j], speed[j], *supply_v, joint);

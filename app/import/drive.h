@@ -21,8 +21,9 @@
 
 #include "app/import/reduce.h"
 
-/* Fills drives and strengths of all joints of the robot, which is finished (robot_finish).
- * *supply_v is what feeds them all with at most 25 A each at full strength, 24 V or more. */
+/* Fills drives and strengths of all joints of the robot, which is finished (robot_finish). Joints
+ * with a drive of the catalogue (catalogue.h) get that. *supply_v is the highest that those are
+ * made for; without any, what feeds all with at most 25 A each at full strength, 24 V or more. */
 enum error_code import_assume_drives(struct import_robot *from, struct arena *arena,
                                      struct import_notes *notes, double *supply_v,
                                      struct error *error);

@@ -2,6 +2,7 @@
 /* The steps of an import, one after the other. */
 #include "app/import/import.h"
 
+#include "app/import/catalogue.h"
 #include "app/import/drive.h"
 #include "app/import/mjcf.h"
 #include "app/import/shapes.h"
@@ -65,7 +66,8 @@ static enum error_code import_make_robot(const struct import_model *model,
     if (robot_finish(robot->robot, error)) {
         return error_prefix(error, "%.200s", model->file);
     }
-    return import_assume_drives(robot, arena, notes, supply_v, error);
+    code = import_pick_drives(options, arena, robot, error);
+    return code ? code : import_assume_drives(robot, arena, notes, supply_v, error);
 }
 
 enum error_code import_model_text(const char *name, const char *text, size_t size,

@@ -20,7 +20,9 @@ struct import_options {
     bool free_slides;        /* prismatic joints move without a drive, else they are fixed */
     const char *const *lock; /* names of joints to be fixed */
     size_t nlock;
-    bool repair_inertia; /* impossible tensors are made possible, else refused */
+    bool repair_inertia;      /* impossible tensors are made possible, else refused */
+    const char *const *drive; /* of the catalogue: NAME or JOINTS=NAME (catalogue.h) */
+    size_t ndrive;
 };
 
 /* A robot of ours and where its parts come from. */
@@ -32,6 +34,9 @@ struct import_robot {
     int *body;                  /* by link of the model; -1: the world that a base floats in */
     struct import_place *place; /* of the link in that body */
     bool *fixed;                /* by joint of the model: it does not move */
+    /* By joint of the robot, from the catalogue; NULL = its drive is assumed */
+    const struct robot_drive **drive;
+    const char **drive_file; /* as a robot file names it */
 };
 
 enum error_code import_reduce(const struct import_model *model,

@@ -114,7 +114,9 @@ static void write_joint(FILE *out, const struct import_robot *from, size_t j)
     if (from->source[j]->type == IMPORT_CONTINUOUS) {
         fputs("    stops: {enabled: false}\n", out);
     }
-    if (joint->sea.present) {
+    if (from->drive_file[j]) {
+        fprintf(out, "    drive: \"%s\"\n", from->drive_file[j]);
+    } else if (joint->sea.present) {
         write_drive(out, &joint->sea);
     }
 }

@@ -40,7 +40,7 @@ inertia='<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
     echo '</robot>'
 } >"$folder/arm.urdf"
 
-echo 1..10
+echo 1..15
 for personality in icub foc compact compact-fd; do
     out=$folder/$personality
     "$program" import "$folder/arm.urdf" -o "$out" --personality $personality >"$folder/log" 2>&1 &&
@@ -66,4 +66,27 @@ sed 's/revolute/planar/' "$folder/arm.urdf" >"$folder/planar.urdf"
 [ $? -eq 2 ] && grep -q 'planar.urdf:5: found planar joint "joint1"' "$folder/log" &&
     [ ! -e "$folder/none" ]
 result $? what_is_refused_has_a_place_and_leaves_nothing
+# Drives of the catalogue: for all joints, then others for some, by the last that matches
+out=$folder/drives
+"$program" import "$folder/arm.urdf" -o "$out" --drive harmonic-fha25c-100 \
+    --drive 'joint[56]=cubemars-ak80-6' >"$folder/log" 2>&1 &&
+    [ "$(grep -c 'drive: "harmonic-fha25c-100"' "$out/robots/arm.yaml")" -eq 4 ] &&
+    [ "$(grep -c 'drive: "cubemars-ak80-6"' "$out/robots/arm.yaml")" -eq 2 ] &&
+    ! grep -q 'Ks_nm_rad' "$out/robots/arm.yaml"
+result $? drives_of_the_catalogue_are_taken_by_name_and_by_joint
+grep -q 'drive of joint "joint5": cubemars-ak80-6 of the catalogue' "$out/arm-import.txt" &&
+    grep -q 'joint "joint5" has a drive for 24 V' "$out/arm-import.txt" &&
+    grep -q '^supply_v: 141' "$out/rigs/arm.yaml"
+result $? the_report_says_which_joint_got_which_drive
+"$program" import "$folder/arm.urdf" -o "$out" --drive harmonic-fha25c-100 >"$folder/log" 2>&1 &&
+    "$program" run "$out/rigs/arm.yaml" --task hold --clock free --transport local --quiet \
+        >"$folder/log" 2>&1 && grep -q 'held for 10.0 s' "$folder/log"
+result $? an_arm_with_drives_of_the_catalogue_holds_its_pose
+"$program" import "$folder/arm.urdf" -o "$folder/none" --drive cubemars-ak80-9 >"$folder/log" 2>&1
+[ $? -eq 2 ] && grep -q 'cubemars-ak80-9.*cubemars-ak80-6' "$folder/log" && [ ! -e "$folder/none" ]
+result $? a_drive_that_is_not_there_is_refused_with_the_nearest
+"$program" import "$folder/arm.urdf" -o "$folder/none" --drive joint7=cheetah-3 >"$folder/log" 2>&1
+[ $? -eq 2 ] && grep -q 'found "joint7=cheetah-3", expected a joint that turns.*nearest is "joint' \
+    "$folder/log" && [ ! -e "$folder/none" ]
+result $? a_pattern_of_no_joint_is_refused_with_the_nearest
 exit $((failures > 0))

@@ -1,0 +1,128 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Drives of the catalogue for the joints of an import; see the header. */
+#include "app/import/catalogue.h"
+
+#include "base/config.h"
+#include "base/text.h"
+
+#include <fnmatch.h>
+#include <limits.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* One --drive, taken apart. */
+struct drive_pick {
+    const char *option;  /* as it was given */
+    const char *pattern; /* of joints */
+    const char *file;    /* as a robot file names the drive */
+    const struct robot_drive *drive;
+};
+
+double import_drive_torque(const struct robot_drive *drive)
+{
+    if (drive->peak_torque > 0.0) {
+        return drive->peak_torque;
+    }
+    return drive->torque > 0.0 ? drive->torque : drive->sea.Kt * drive->supply_v / drive->sea.R;
+}
+
+/* The file that the option means; a path becomes absolute, since the robot file is elsewhere. */
+static enum error_code drive_pick_locate(struct drive_pick *pick, struct arena *arena,
+                                         const char **path, struct error *error)
+{
+    char whole[PATH_MAX];
+    enum error_code code;
+
+    if (strpbrk(pick->file, "/.")) {
+        if (!realpath(pick->file, whole)) {
+            return error_set(error, ERROR_INPUT,
+                             "--drive: found \"%.200s\", expected a drive of the catalogue or its "
+                             "file: no such file",
+                             pick->file);
+        }
+        *path = pick->file = arena_strdup(arena, whole);
+        return *path ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory for the drives");
+    }
+    code = config_locate_from(CONFIG_DRIVE, pick->file, "", arena, path, error);
+    return code ? error_prefix(error, "--drive") : ERROR_NONE;
+}
+
+static enum error_code drive_pick_read(const char *option, struct arena *arena,
+                                       struct drive_pick *pick, struct error *error)
+{
+    const char *equals = strchr(option, '='), *path;
+    enum error_code code;
+
+    *pick = (struct drive_pick){.option = option, .pattern = "*", .file = option};
+    if (equals) {
+        char *pattern = arena_strdup(arena, option);
+
+        if (!pattern) {
+            return error_set(error, ERROR_MEMORY, "no memory for the drives");
+        }
+        pattern[equals - option] = '\0';
+        pick->pattern = pattern;
+        pick->file = equals + 1;
+    }
+    if (!*pick->pattern || !*pick->file) {
+        return error_set(error, ERROR_INPUT,
+                         "--drive: found \"%.200s\", expected NAME or JOINTS=NAME", option);
+    }
+    code = drive_pick_locate(pick, arena, &path, error);
+    return code ? code : robot_load_drive(path, arena, &pick->drive, error);
+}
+
+/* No joint that turns has such a name. */
+static enum error_code drive_pick_refuse(const struct drive_pick *pick, const struct robot *robot,
+                                         struct arena *arena, struct error *error)
+{
+    const char **name = arena_alloc(arena, robot->njoint + 1, sizeof *name), *near;
+    size_t count = 0;
+
+    if (!name) {
+        return error_set(error, ERROR_MEMORY, "no memory for the drives");
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        if (robot->joint[j].type == JOINT_REVOLUTE) {
+            name[count++] = robot->joint[j].name;
+        }
+    }
+    near = text_nearest(pick->pattern, name, count);
+    return error_set(error, ERROR_INPUT,
+                     "--drive: found \"%.200s\", expected a joint that turns before the =%s%.63s%s",
+                     pick->option, near ? "; the nearest is \"" : "", near ? near : "",
+                     near ? "\"" : "");
+}
+
+enum error_code import_pick_drives(const struct import_options *options, struct arena *arena,
+                                   struct import_robot *to, struct error *error)
+{
+    const struct robot *robot = to->robot;
+
+    to->drive = arena_alloc(arena, robot->njoint + 1, sizeof *to->drive);
+    to->drive_file = arena_alloc(arena, robot->njoint + 1, sizeof *to->drive_file);
+    if (!to->drive || !to->drive_file) {
+        return error_set(error, ERROR_MEMORY, "no memory for the drives");
+    }
+    for (size_t i = 0; i < options->ndrive; i++) {
+        struct drive_pick pick;
+        bool matched = false;
+        enum error_code code = drive_pick_read(options->drive[i], arena, &pick, error);
+
+        if (code) {
+            return code;
+        }
+        for (size_t j = 0; j < robot->njoint; j++) {
+            if (robot->joint[j].type == JOINT_REVOLUTE &&
+                fnmatch(pick.pattern, robot->joint[j].name, 0) == 0) {
+                to->drive[j] = pick.drive;
+                to->drive_file[j] = pick.file;
+                matched = true;
+            }
+        }
+        if (!matched) {
+            return drive_pick_refuse(&pick, robot, arena, error);
+        }
+    }
+    return ERROR_NONE;
+}
