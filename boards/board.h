@@ -88,6 +88,9 @@ struct board_axis_config {
      * names a STRAIN board; 0 = no such sensor */
     double torque_full_scale_nm;
     double gear; /* rotor revolutions a link revolution; BOARD_FOC tells rotor angles */
+    /* The bridge moves a servo valve (docs/hydraulics.md), which is a source of speed: there is no
+     * current, and no mode that would control one; bemf_v_s_rad is the voltage for a rad/s */
+    bool valve;
     /* BOARD_COMPACT, BOARD_CIA402, BOARD_DESCRIBED: the motor that the factory has tuned the loops
      * for, its back-EMF per link-side rad/s; winding_ohm 0 = not tuned, the gains are 0 until the
      * host sets them */

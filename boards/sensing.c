@@ -308,6 +308,7 @@ const struct plant_sensors *sensing_sample(struct sensing *s, int64_t now_ns,
     }
     s->measured.time_ns = now_ns;
     s->measured.supply_v = truth->supply_v;
+    s->measured.oil_pa = truth->oil_pa;
     s->measured.njoint = truth->njoint;
     s->measured.nft = truth->nft;
     for (size_t j = 0; j < s->config.njoint; j++) {

@@ -23,6 +23,7 @@ set(HIL_CONFIG
     protocols/compact.yaml
     protocols/mini-cheetah.yaml
     protocols/odrive.yaml
+    protocols/servo-valve.yaml
     rigs/coman-bench.yaml
     rigs/coman-cia402.yaml
     rigs/coman-compact-imu.yaml
@@ -46,6 +47,7 @@ set(HIL_CONFIG
     rigs/grasp-soft.yaml
     rigs/grasp.yaml
     rigs/hyq-leg.yaml
+    rigs/hyq.yaml
     rigs/walk-bump-3cm.yaml
     rigs/walk-bump-9cm.yaml
     rigs/walk-flat.yaml
@@ -57,6 +59,7 @@ set(HIL_CONFIG
     rigs/walkman.yaml
     robots/coman.yaml
     robots/hyq-leg.yaml
+    robots/hyq.yaml
     robots/walkman.yaml
     scenarios/babbling_idiot.yaml
     scenarios/board_reboot_in_squat.yaml

@@ -31,6 +31,28 @@ double hydraulic_length(const struct robot_hydraulic *cylinder, double q, double
     return length;
 }
 
+double hydraulic_direction(const struct robot_hydraulic *cylinder, double lower, double upper)
+{
+    double lever;
+
+    hydraulic_length(cylinder, 0.5 * (lower + upper), &lever);
+    return lever < 0.0 ? -1.0 : 1.0;
+}
+
+double hydraulic_speed_constant(const struct robot_hydraulic *cylinder,
+                                const struct robot_hydraulic_supply *supply, double lower,
+                                double upper)
+{
+    const double A1 = cylinder->A1, A2 = cylinder->A2, drop = supply->pressure - supply->back;
+    const double cubes = A1 * A1 * A1 + A2 * A2 * A2;
+    double lever, out, in;
+
+    hydraulic_length(cylinder, 0.5 * (lower + upper), &lever);
+    out = cylinder->K * sqrt(drop * A1 / cubes);
+    in = cylinder->K * sqrt(drop * A2 / cubes);
+    return cylinder->valve_v * fabs(lever) / (0.5 * (out + in));
+}
+
 enum error_code hydraulic_check(const struct robot_hydraulic *cylinder, double lower, double upper,
                                 struct error *error)
 {
@@ -350,6 +372,31 @@ void hydraulic_rest(const struct robot_hydraulic *cylinder, const struct robot_h
     state[HYDRAULIC_SPOOL] = state[HYDRAULIC_SPOOL_RATE] = 0.0;
     state[HYDRAULIC_P1] = p1;
     state[HYDRAULIC_P2] = p1 * cylinder->A1 / cylinder->A2;
+}
+
+bool hydraulic_rest_loaded(const struct robot_hydraulic *cylinder,
+                           const struct robot_hydraulic_supply *s, double q, double torque,
+                           double *state)
+{
+    double free[HYDRAULIC_STATE], lever, force, p1, p2;
+
+    hydraulic_length(cylinder, q, &lever);
+    force = torque / lever;
+    hydraulic_rest(cylinder, s, free);
+    p2 = free[HYDRAULIC_P2] - 0.5 * force / cylinder->A2;
+    p2 = fmin(fmax(p2, s->back), s->pressure);
+    p1 = (force + p2 * cylinder->A2) / cylinder->A1;
+    if (p1 < s->back || p1 > s->pressure) {
+        p1 = fmin(fmax(p1, s->back), s->pressure);
+        p2 = (p1 * cylinder->A1 - force) / cylinder->A2;
+    }
+    if (!(p2 >= s->back && p2 <= s->pressure)) {
+        return false;
+    }
+    state[HYDRAULIC_SPOOL] = state[HYDRAULIC_SPOOL_RATE] = 0.0;
+    state[HYDRAULIC_P1] = p1;
+    state[HYDRAULIC_P2] = p2;
+    return true;
 }
 
 static double gas_volume(const struct robot_hydraulic_supply *s, double pressure)

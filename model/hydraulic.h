@@ -12,7 +12,8 @@
  * with leakage past the piston, oil that is sucked back from the return where a chamber falls below
  * it, and friction F = b x' + F_c x' / sqrt(x'^2 + v_c^2). The piston stands at x = l(q) - closed,
  * l^2 = a^2 + b^2 - 2 a b cos(q + offset): a triangle of the joint and the cylinder's two pins.
- * A positive voltage opens the supply to the piston side. Supply: pump, accumulator (p V^n
+ * A positive opening leads the supply to the piston side; a positive voltage opens to the side that
+ * turns the joint positively, the hoses being joined that way. Supply: pump, accumulator (p V^n
  * constant, n = 1.4), relief valve.
  *
  * SI units, pressures above the air's. Pure functions. RT-safe.
@@ -49,6 +50,16 @@ struct hydraulic_power {
 /* Length between the pins, m, and its derivative dx/dq, m/rad. */
 double hydraulic_length(const struct robot_hydraulic *cylinder, double q, double *lever);
 
+/* The sign of dx/dq over a joint's range, 1 or -1: the way a positive voltage has to push the
+ * piston for the joint to turn positively. */
+double hydraulic_direction(const struct robot_hydraulic *cylinder, double lower, double upper);
+
+/* Voltage for each rad/s at which the joint turns without load in the middle of that range, the
+ * mean of both ways, V s/rad. */
+double hydraulic_speed_constant(const struct robot_hydraulic *cylinder,
+                                const struct robot_hydraulic_supply *supply, double lower,
+                                double upper);
+
 /* Whether the numbers are possible for a joint of that range; the error says which are not. */
 enum error_code hydraulic_check(const struct robot_hydraulic *cylinder, double lower, double upper,
                                 struct error *error);
@@ -75,6 +86,13 @@ void hydraulic_advance(const struct robot_hydraulic *cylinder, const struct hydr
 /* Pressures at rest without force on the joint, between supply and return. */
 void hydraulic_rest(const struct robot_hydraulic *cylinder, const struct robot_hydraulic_supply *s,
                     double *state);
+
+/* Pressures at rest with that torque on the joint, the same way from those without as far as supply
+ * and return let them; false, and the state as it was, where no pressures between the two give it.
+ */
+bool hydraulic_rest_loaded(const struct robot_hydraulic *cylinder,
+                           const struct robot_hydraulic_supply *s, double q, double torque,
+                           double *state);
 
 /* Powers of the supply: pump = relief (lost) + flow to the valves + the rate of its energy. */
 struct hydraulic_supply_power {

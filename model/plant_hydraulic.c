@@ -10,6 +10,14 @@ static double *cylinder_state(const struct plant *plant, double *state, size_t c
     return state + plant->at.hydraulic + HYDRAULIC_STATE * c;
 }
 
+/* Of the piston under a positive voltage. */
+static double cylinder_direction(const struct plant *plant, size_t c)
+{
+    const struct robot_joint *joint = &plant->config.robot->joint[plant->hydraulic_joint[c]];
+
+    return hydraulic_direction(&joint->hydraulic, joint->lower, joint->upper);
+}
+
 struct hydraulic_port plant_hydraulic_port(const struct plant *plant, const double *state, size_t c)
 {
     const size_t j = plant->hydraulic_joint[c];
@@ -36,13 +44,27 @@ void plant_hydraulic_reset(struct plant *plant)
     plant->state[plant_hydraulic_supply(plant)] = robot->hydraulic_supply.pressure;
 }
 
+bool plant_hydraulic_load(struct plant *plant, size_t c, double torque)
+{
+    const struct robot *robot = plant->config.robot;
+    const size_t j = plant->hydraulic_joint[c];
+
+    plant->valve_voltage[c] = 0.0;
+    plant->command.motor[j].bridge_on = true;
+    plant->command.motor[j].voltage_v = 0.0;
+    return hydraulic_rest_loaded(&robot->joint[j].hydraulic, &robot->hydraulic_supply,
+                                 plant_joint_position(plant, plant->state, j), torque,
+                                 cylinder_state(plant, plant->state, c));
+}
+
 void plant_hydraulic_hold(struct plant *plant)
 {
     for (size_t c = 0; c < plant->nhydraulic; c++) {
-        const struct motor_command *motor = &plant->command.motor[plant->hydraulic_joint[c]];
+        const size_t j = plant->hydraulic_joint[c];
+        const struct motor_command *motor = &plant->command.motor[j];
         const bool driven = motor->bridge_on && !isnan(motor->voltage_v);
 
-        plant->valve_voltage[c] = driven ? motor->voltage_v : 0.0;
+        plant->valve_voltage[c] = driven ? motor->voltage_v * cylinder_direction(plant, c) : 0.0;
     }
 }
 
@@ -53,6 +75,24 @@ double plant_hydraulic_torque(const struct plant *plant, const double *state, si
     return hydraulic_torque(
         &plant->config.robot->joint[j].hydraulic, state + plant->at.hydraulic + HYDRAULIC_STATE * c,
         plant_joint_position(plant, state, j), plant_joint_rate(plant, state, j));
+}
+
+void plant_hydraulic_sample(struct plant *plant)
+{
+    for (size_t c = 0; c < plant->nhydraulic; c++) {
+        const size_t j = plant->hydraulic_joint[c];
+        const double valve_v = plant->config.robot->joint[j].hydraulic.valve_v;
+        const double *y = cylinder_state(plant, plant->state, c);
+        struct motor_sense *motor = &plant->sensors.motor[j];
+
+        motor->torque_nm = plant_hydraulic_torque(plant, plant->state, c);
+        motor->voltage_v =
+            fmax(fmin(plant->valve_voltage[c], valve_v), -valve_v) * cylinder_direction(plant, c);
+        motor->pressure_pa[0] = y[HYDRAULIC_P1];
+        motor->pressure_pa[1] = y[HYDRAULIC_P2];
+        motor->valve_opening = fmax(fmin(y[HYDRAULIC_SPOOL], 1.0), -1.0);
+    }
+    plant->sensors.oil_pa = plant->state[plant_hydraulic_supply(plant)];
 }
 
 double plant_hydraulic_energy(const struct plant *plant, const double *state)

@@ -43,6 +43,9 @@ struct motor_sense {
     double voltage_v; /* applied, after saturation */
     double
         winding_c; /* temperature, deg C; where the drive's effects or boards/sensing.h model it */
+    /* Of a hydraulic joint, whose motor angle is the joint's and whose current is 0: */
+    double pressure_pa[2]; /* of the piston's and the rod's side, above the air's */
+    double valve_opening;  /* -1 to 1 of its full opening, positive towards the piston's side */
 };
 
 struct ft_sense {
@@ -60,6 +63,7 @@ struct imu_sense {
 struct plant_sensors {
     int64_t time_ns;
     double supply_v;
+    double oil_pa; /* pressure of the hydraulic joints' supply; 0 without them */
     size_t njoint, nft;
     struct motor_sense *motor;
     struct ft_sense *ft;

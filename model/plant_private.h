@@ -218,6 +218,12 @@ struct hydraulic_port plant_hydraulic_port(const struct plant *plant, const doub
 void plant_hydraulic_reset(struct plant *plant);
 void plant_hydraulic_hold(struct plant *plant);
 double plant_hydraulic_torque(const struct plant *plant, const double *state, size_t c);
+void plant_hydraulic_sample(struct plant *plant);
+
+/* Its valve closed and its pressures such that joint c stands under that torque; false where supply
+ * and return do not suffice. */
+bool plant_hydraulic_load(struct plant *plant, size_t c, double torque);
+
 double plant_hydraulic_energy(const struct plant *plant, const double *state);
 
 /* Adds the powers of a cylinder to the accounts. */

@@ -111,11 +111,8 @@ static void sample_motors(struct plant *plant)
 
         motor[j] = (struct motor_sense){.q = q, .qd = qd, .qm = q, .qmd = qd};
     }
-    for (size_t c = 0; c < plant->nhydraulic; c++) {
-        size_t j = plant->hydraulic_joint[c];
-
-        motor[j].torque_nm = plant_hydraulic_torque(plant, plant->state, c);
-        motor[j].voltage_v = plant->valve_voltage[c];
+    if (plant->nhydraulic > 0) {
+        plant_hydraulic_sample(plant);
     }
     for (size_t d = 0; d < plant->ndrive; d++) {
         size_t j = plant->drive_joint[d];

@@ -210,7 +210,7 @@ static bool lean_on_stops(struct settle *s)
     for (size_t j = 0; j < robot->njoint; j++) {
         const struct robot_joint *joint = &robot->joint[j];
         double *q = &plant->state[plant->at.v - robot->njoint + j];
-        double left = joint->sea.present ? 0.0 : drive_torque(s, j), past;
+        double left = robot_joint_is_driven(joint) ? 0.0 : drive_torque(s, j), past;
 
         if (fabs(left) <= LEANING * robot->total_mass * gravity || joint->stop.stiffness == 0.0) {
             continue;
@@ -237,7 +237,7 @@ static enum error_code check_joint_load(const struct settle *s, size_t j, double
     const struct robot_joint *joint = &robot->joint[j];
     double gravity = sqrt(vec3_dot(robot->gravity, robot->gravity));
 
-    if (!joint->sea.present && fabs(tau) > ACCEPTED * robot->total_mass * gravity) {
+    if (!robot_joint_is_driven(joint) && fabs(tau) > ACCEPTED * robot->total_mass * gravity) {
         return error_set(error, ERROR_INPUT, "joint %s has no drive, and %.3g N m would move it",
                          joint->name, tau);
     }
@@ -250,7 +250,8 @@ static enum error_code check_joint_load(const struct settle *s, size_t j, double
     return ERROR_NONE;
 }
 
-/* Deflects the springs and lets the motors carry what eqs (2) to (4) need at rest; expects
+/* Deflects the springs and lets the motors carry what eqs (2) to (4) need at rest, and presses the
+ * oil; expects
  * plant->ext to be that of the equilibrium. */
 static enum error_code load_drives(struct settle *s, struct error *error)
 {
@@ -280,6 +281,18 @@ static enum error_code load_drives(struct settle *s, struct error *error)
         plant->bridge_on[d] = true;
         plant->command.motor[j].bridge_on = true;
         plant->command.motor[j].voltage_v = plant->voltage[d];
+    }
+
+    /* Closed valves keep what presses the pistons */
+    for (size_t c = 0; c < plant->nhydraulic; c++) {
+        size_t j = plant->hydraulic_joint[c];
+        double tau = drive_torque(s, j);
+
+        if (!plant_hydraulic_load(plant, c, tau)) {
+            return error_set(error, ERROR_INPUT,
+                             "joint %s needs %.3g N m, more than its cylinder gives there",
+                             robot->joint[j].name, tau);
+        }
     }
     return ERROR_NONE;
 }

@@ -6,6 +6,7 @@
 #include "boards/compact/protocol.h"
 #include "boards/described/protocol.h"
 #include "boards/foc/protocol.h"
+#include "model/hydraulic.h"
 #include "rig/builder_private.h"
 
 #include <math.h>
@@ -180,12 +181,29 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     /* What the board knows of its drive */
     axis->lower_rad = joint->lower;
     axis->upper_rad = joint->upper;
-    axis->gear = joint->hydraulic.present ? 1.0 : joint->sea.N;
+    axis->valve = joint->hydraulic.present;
+    axis->gear = axis->valve ? 1.0 : joint->sea.N;
     axis->winding_ohm = joint->sea.R;
     axis->winding_h = joint->sea.L;
-    axis->bemf_v_s_rad = joint->sea.Kw;
+    axis->bemf_v_s_rad =
+        axis->valve ? hydraulic_speed_constant(&joint->hydraulic, &b->robot->hydraulic_supply,
+                                               joint->lower, joint->upper)
+                    : joint->sea.Kw;
     axis->torque_nm_a = joint->sea.Kt;
     return ERROR_NONE;
+}
+
+/* Our host must be able to switch a valve on. */
+static enum error_code board_check_valve(struct rig_builder *b, const struct described_protocol *of,
+                                         const struct yaml_name *name)
+{
+    if (described_law_suits_valve(described_state_law(of, of->host.on_state, 0))) {
+        return ERROR_NONE;
+    }
+    return yaml_error(b->error, &name->mark,
+                      "found hydraulic joint \"%s\", expected one with a motor: protocol %s "
+                      "switches on into a law of current or torque",
+                      name->name, of->name);
 }
 
 static enum error_code board_build_motor(struct rig_builder *b, const struct raw_board *raw,
@@ -204,6 +222,9 @@ static enum error_code board_build_motor(struct rig_builder *b, const struct raw
 
         board->axis[i].joint = -1;
         code = board_build_axis(b, raw, i < raw->naxis ? &raw->axis[i] : &spare, &board->axis[i]);
+        if (!code && board->axis[i].valve && b->bus[board->bus].described) {
+            code = board_check_valve(b, b->bus[board->bus].described, &raw->axis[i]);
+        }
         if (code) {
             return code;
         }

@@ -180,14 +180,15 @@ static enum error_code rig_build_host_axis(struct rig_builder *b, const struct b
         .torque_period_ns = source->board ? llround(source->board->period_s * 1e9) : 0,
         .drive =
             {
-                .gear = joint->hydraulic.present ? 1.0 : joint->sea.N,
+                .valve = from->valve,
+                .gear = from->gear,
                 .spring_nm_rad = joint->sea.Ks,
                 .winding_ohm = joint->sea.R,
                 .winding_h = joint->sea.L,
                 .current_limit_a = from->current_limit_a,
                 .poles = (int)b->raw->motors.rotor_poles,
                 .torque_nm_a = joint->sea.Kt,
-                .bemf_v_s_rad = joint->sea.Kw,
+                .bemf_v_s_rad = from->bemf_v_s_rad,
             },
         .lower_rad = from->lower_rad,
         .upper_rad = from->upper_rad,

@@ -12,6 +12,7 @@ enum {
     SIGNALS_BASE = 7,
     SIGNALS_PER_FREE = 7,
     SIGNALS_SENSED_JOINT = 4,
+    SIGNALS_HYDRAULIC_JOINT = 3,
     SIGNALS_PER_FT = 6,
     SIGNALS_PER_IMU = 13,
     SIGNALS_PER_BUS = 2
@@ -77,6 +78,26 @@ static double *signals_fill_sensed(const struct simulator *simulator, double *to
     return signals_fill_sensors(robot, seen, to);
 }
 
+/* Pressures and valves of the hydraulic joints, and the pressure of their supply. */
+static double *signals_fill_hydraulics(const struct simulator *simulator, double *to)
+{
+    const struct robot *robot = simulator->config.rig->robot;
+    const struct plant_sensors *sensors = plant_sensors(simulator->plant);
+
+    if (robot->hydraulic_supply.pressure == 0.0) {
+        return to;
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        if (robot->joint[j].hydraulic.present) {
+            *to++ = sensors->motor[j].pressure_pa[0];
+            *to++ = sensors->motor[j].pressure_pa[1];
+            *to++ = sensors->motor[j].valve_opening;
+        }
+    }
+    *to++ = sensors->oil_pa;
+    return to;
+}
+
 size_t simulator_contact_column(const struct simulator *simulator, size_t contact)
 {
     return simulator->config.rig->robot->njoint * SIGNALS_PER_JOINT + contact * SIGNALS_PER_CONTACT;
@@ -119,6 +140,7 @@ double *simulator_fill_signals(const struct simulator *simulator, double *to)
         to += SIGNALS_PER_FREE;
     }
     to = signals_fill_sensed(simulator, to);
+    to = signals_fill_hydraulics(simulator, to);
 
     /* What an inline task estimates and plans; one in a thread of its own is not looked at */
     if (simulator->task_inline) {
@@ -226,6 +248,23 @@ static void title_add_sensed(struct title_list *list, const struct robot *robot)
     title_add_sensors(list, robot, true);
 }
 
+/* Those of hydraulic joints and of their supply. */
+static void title_add_hydraulics(struct title_list *list, const struct robot *robot)
+{
+    static const char *const joint[SIGNALS_HYDRAULIC_JOINT] = {
+        "piston_pressure_*_pa", "rod_pressure_*_pa", "valve_opening_*"};
+
+    if (robot->hydraulic_supply.pressure == 0.0) {
+        return;
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        if (robot->joint[j].hydraulic.present) {
+            title_add_group(list, joint, SIGNALS_HYDRAULIC_JOINT, robot->joint[j].name);
+        }
+    }
+    title_add(list, "hydraulic_supply_pa", "");
+}
+
 /* Those of the robot's joints, of contact, of poses and of sensors: the columns of signals.csv. */
 static void title_add_recorded(struct title_list *list, const struct rig *rig)
 {
@@ -260,6 +299,7 @@ static void title_add_recorded(struct title_list *list, const struct rig *rig)
         title_add_group(list, free_body, SIGNALS_PER_FREE, rig->free[i].name);
     }
     title_add_sensed(list, rig->robot);
+    title_add_hydraulics(list, rig->robot);
 }
 
 /* Those of a task that the loop steps. */
@@ -276,6 +316,7 @@ static bool signals_make_titles(struct simulator *simulator)
     static const char *const bus[SIGNALS_PER_BUS] = {"rx_*_frames", "tx_*_frames"};
     const struct rig *rig = simulator->config.rig;
     size_t count = rig->robot->njoint * (SIGNALS_PER_JOINT + SIGNALS_SENSED_JOINT) +
+                   rig->robot->njoint * SIGNALS_HYDRAULIC_JOINT + 1 +
                    2 * (rig->robot->nft * SIGNALS_PER_FT + SIGNALS_PER_IMU) +
                    rig->contact.nbody * SIGNALS_PER_CONTACT + rig->nlisted_pair * SIGNALS_PER_PAIR +
                    (rig->robot->floating ? SIGNALS_BASE : 0) + rig->nfree * SIGNALS_PER_FREE +

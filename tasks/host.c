@@ -75,13 +75,13 @@ static enum error_code host_map_axis(struct host *host, size_t index, struct err
     }
 
     /* The motor: one joint an axis; a 2FOC host needs the gear and the spring for the link's
-     * angle */
+     * angle, which a valve's encoder has */
     if (axis->axis >= host->line[axis->bus].ops->axes || node->axis[axis->axis] >= 0) {
         return error_set(error, ERROR_INPUT, "host: joint %s shares its axis", axis->joint);
     }
     node->axis[axis->axis] = (int)index;
     if (host->line[axis->bus].ops == &host_foc &&
-        !(axis->drive.gear > 0 && axis->drive.spring_nm_rad > 0)) {
+        !(axis->drive.gear > 0 && (axis->drive.spring_nm_rad > 0 || axis->drive.valve))) {
         return error_set(error, ERROR_INPUT, "host: joint %s has no gear or no spring",
                          axis->joint);
     }

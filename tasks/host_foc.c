@@ -59,7 +59,9 @@ static void host_foc_read_feedback(struct host *host, const struct host_node *no
     joint->motor_rad =
         get_i32_le(frame->data + 4) * (2 * M_PI / FOC_ICUBDEG_PER_REV) / axis->drive.gear;
     joint->motor_time_ns = host->now_ns;
-    joint->joint_rad = joint->motor_rad - joint->torque_nm / axis->drive.spring_nm_rad;
+    joint->joint_rad = axis->drive.valve
+                           ? joint->motor_rad
+                           : joint->motor_rad - joint->torque_nm / axis->drive.spring_nm_rad;
     joint->joint_time_ns = host->now_ns;
 }
 

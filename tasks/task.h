@@ -21,6 +21,7 @@
 /* What 2FOC boards need from their host: it tells them the motor and its limits, and computes the
  * link's angle from the rotor's. */
 struct host_drive {
+    bool valve;           /* a servo valve (docs/hydraulics.md): no current, no spring */
     double gear;          /* rotor turns a link turn */
     double spring_nm_rad; /* of the series spring */
     double winding_ohm, winding_h;

@@ -442,6 +442,11 @@ unsigned cia402_axis_mode_status(const struct cia402_axis *axis)
 enum cia402_abort cia402_axis_write_mode(struct cia402_node *node, const struct cia402_entry *entry,
                                          int64_t value)
 {
+    bool torque = value == CIA402_TORQUE || value == CIA402_CYCLIC_TORQUE;
+
+    if (torque && node->board.config.axis[entry->unit].valve) {
+        return CIA402_ABORT_VALUE;
+    }
     switch (value) {
     case CIA402_VOLTAGE_MODE:
     case CIA402_NO_MODE:

@@ -13,6 +13,9 @@ enum {
         OPENS_BRIDGE | CIA402_FAULT_TEMPERATURE | CIA402_FAULT_FOLLOWING | CIA402_FAULT_CONNECTION,
     FRAMES_MAX = 2 + CIA402_EMERGENCIES + CIA402_PDOS,
     POSITION_GAIN = 400, /* 40/s */
+    /* 12/s: behind a valve the load swings on the oil at some 10 Hz, hardly damped */
+    VALVE_POSITION_GAIN = 120,
+    TORQUE_MODES = 1 << (CIA402_TORQUE - 1) | 1 << (CIA402_CYCLIC_TORQUE - 1),
     TEMPERATURE_MAX_C = 125,
 };
 
@@ -20,6 +23,9 @@ enum {
  * the delay of a millisecond's steps still bears, and a load is taken over in some 50 ms */
 #define VELOCITY_KP 1.0
 #define VELOCITY_KI 40.0
+
+/* A valve takes the speed at once; what it covers when closed is found within 0.5 s */
+#define VALVE_VELOCITY_KI 2.0
 
 /* Code of EMCY and 0x603f, and bit of the error register. */
 static const struct {
@@ -49,8 +55,16 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
     p->position_limit[0] = cia402_counts(config->lower_rad, CIA402_POSITION_RAD);
     p->position_limit[1] = cia402_counts(config->upper_rad, CIA402_POSITION_RAD);
     p->timeout_ms = control_clamp(board->command_timeout_ns / MS, 0, UINT16_MAX);
-    p->position_gain = POSITION_GAIN;
+    p->position_gain = config->valve ? VALVE_POSITION_GAIN : POSITION_GAIN;
+    axis->valve = config->valve;
     axis->rated_current_ma = p->current_limit_ma;
+    if (config->valve) {
+        p->current_gain[2] = cia402_counts(config->bemf_v_s_rad, 1e-3);
+        p->velocity_gain[1] = cia402_counts(VALVE_VELOCITY_KI * config->bemf_v_s_rad, 1e-3);
+        axis->rated_torque_mnm = cia402_counts(config->torque_full_scale_nm, 1e-3);
+        axis->supported_modes &= ~TORQUE_MODES;
+        return;
+    }
     axis->rated_torque_mnm = cia402_counts(config->current_limit_a * config->bemf_v_s_rad, 1e-3);
     if (config->winding_ohm > 0.0) {
         current_loop_tune(config->winding_ohm, config->winding_h, &kp, &ki);
@@ -112,6 +126,12 @@ static void cia402_axis_sample(struct cia402_axis *axis, const struct board_axis
         axis->torque_nm = sense->torque_nm;
     }
     control_quantize(sense->winding_c, &axis->temperature);
+    axis->valve_opening = cia402_counts(sense->valve_opening, 1e-3);
+    for (int side = 0; side < 2; side++) {
+        int64_t counts = cia402_counts(sense->pressure_pa[side], CIA402_PRESSURE_BAR * 1e5);
+
+        axis->pressure[side] = control_clamp(counts, 0, UINT16_MAX);
+    }
 
     /* The rotor's speed is a running mean */
     if (ms > 0) {
@@ -133,6 +153,11 @@ static void cia402_axis_publish(struct cia402_axis *axis, double supply_v)
     axis->current_ma = cia402_counts(axis->current_a, 1e-3);
     axis->current = cia402_counts(axis->current_a / rated_a, 1e-3);
     axis->torque = axis->current; /* both in thousandths of what belongs together */
+    if (axis->valve) {
+        double rated_nm = fmax((double)axis->rated_torque_mnm, 1.0) * 1e-3;
+
+        axis->torque = cia402_counts(axis->torque_nm / rated_nm, 1e-3);
+    }
     axis->spring_torque = cia402_counts(axis->torque_nm, CIA402_SPRING_NM);
     axis->temperature_c = axis->temperature;
     axis->supply_mv = cia402_counts(supply_v, 1e-3);

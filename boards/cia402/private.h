@@ -287,6 +287,7 @@ struct cia402_axis {
     int64_t rated_current_ma, rated_torque_mnm;
     int64_t link_encoder, motor_encoder, deflection, spring_torque, voltage, current_ma,
         temperature_c, supply_mv, faults;
+    int64_t pressure[2], valve_opening; /* of a hydraulic axis, else 0 */
 
     enum cia402_state state;
     enum cia402_mode mode; /* that works */
@@ -310,6 +311,7 @@ struct cia402_axis {
     /* Loops and sensors */
     double integral_v, velocity_integral_v, voltage_v, overload_ms;
     double motor_rad, before_rad, velocity_rad_s, current_a, torque_nm;
+    bool valve;   /* its torque is measured on the cylinder: board_axis_config */
     int64_t home; /* of the motor encoder where the position is 0 */
     int32_t temperature;
     bool bad_motor, bad_link, bad_torque;

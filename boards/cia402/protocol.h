@@ -22,8 +22,12 @@
  * so the manufacturer's objects 0x4000 to 0x47ff; its PDOs are those from 1 + 64 k on.
  *
  * Units: positions 10 urad on the link side of the gear, velocities 10 urad/s, accelerations 10
- * urad/s2, voltages 2 mV, spring torques 10 mN m; torques and currents in thousandths of the rated
- * ones (0x6076, 0x6075), as CiA 402 has it.
+ * urad/s2, voltages 2 mV, spring torques 10 mN m, pressures 10 mbar; torques and currents in
+ * thousandths of the rated ones (0x6076, 0x6075), as CiA 402 has it.
+ *
+ * An axis with a servo valve (board_axis_config) has pressures and opening in 0x4008 and 0x4009, no
+ * torque modes, and no current; its motor encoder is the joint's, and its spring torque and its
+ * torque are those of the cylinder on the joint, rated at the full scale of the torque sensor.
  */
 #ifndef BOARDS_CIA402_PROTOCOL_H
 #define BOARDS_CIA402_PROTOCOL_H
@@ -63,6 +67,7 @@ enum { CIA402_SDO_LENGTH = 8, CIA402_EMCY_LENGTH = 8, CIA402_NMT_LENGTH = 2 };
 #define CIA402_POSITION_RAD 1e-5 /* velocities and accelerations too, rad/s and rad/s2 */
 #define CIA402_VOLTAGE_V 2e-3
 #define CIA402_SPRING_NM 10e-3
+#define CIA402_PRESSURE_BAR 0.01
 #define CIA402_FORCE_N 0.1
 #define CIA402_MOMENT_NM 10e-3
 #define CIA402_ACCELERATION_M_S2 5e-3

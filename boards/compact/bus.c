@@ -12,6 +12,7 @@ static void compact_bus_receive_mode(struct boards *boards, struct compact_bus *
     struct board *listener = NULL;
     enum board_verdict verdict = BOARD_OBEYED;
     int64_t values[FIELDS_MAX];
+    bool refused = false;
 
     fields_decode(compact_message(COMPACT_MODE)->fields, frame->data, frame->len, values);
     if (frame->len != COMPACT_MODE_LENGTH ||
@@ -28,10 +29,12 @@ static void compact_bus_receive_mode(struct boards *boards, struct compact_bus *
         listener = board;
         board_hear(board);
         if (verdict == BOARD_OBEYED) {
-            compact_axis_command_mode(board, bus->slot[slot].axis, (enum compact_mode)values[0]);
+            enum compact_mode mode = (enum compact_mode)values[0];
+
+            refused = !compact_axis_command_mode(board, bus->slot[slot].axis, mode) || refused;
         }
     }
-    boards_count_frame(boards, listener, verdict, frame);
+    boards_count_frame(boards, listener, refused ? BOARD_MALFORMED : verdict, frame);
 }
 
 static void compact_bus_receive_command(struct boards *boards, struct compact_bus *bus,

@@ -39,16 +39,20 @@ static void compact_axis_set_mode(struct board *board, struct compact_axis *axis
     }
 }
 
-void compact_axis_command_mode(struct board *board, unsigned index, enum compact_mode mode)
+bool compact_axis_command_mode(struct board *board, unsigned index, enum compact_mode mode)
 {
     struct compact_axis *axis = &compact_motor_of(board)->axis[index];
 
+    if (mode == COMPACT_CURRENT && board->config.axis[index].valve) {
+        return false;
+    }
     if (mode == COMPACT_OFF) {
         axis->latched = 0;
         compact_axis_set_mode(board, axis, COMPACT_OFF);
     } else if (axis->mode != COMPACT_FAULT) {
         compact_axis_set_mode(board, axis, mode);
     }
+    return true;
 }
 
 void compact_axis_command(struct board *board, unsigned index, int16_t set_point)

@@ -162,7 +162,8 @@ enum compact_result compact_motor_access_parameter(struct compact_node *node, un
 extern const struct board_settings compact_settings;
 
 /* A motor board's axis gets its mode or set-point. */
-void compact_axis_command_mode(struct board *board, unsigned axis, enum compact_mode mode);
+/* False: the axis has no such mode, and stays in its own. */
+bool compact_axis_command_mode(struct board *board, unsigned axis, enum compact_mode mode);
 void compact_axis_command(struct board *board, unsigned axis, int16_t set_point);
 
 /* First slot of a board; COMPACT_SLOTS when it has none. */

@@ -12,6 +12,7 @@ struct described_arrival {
     const struct bus_frame *frame;
     unsigned number;
     enum board_verdict verdict;
+    bool refused; /* some axis does not have the law that it asks for */
     struct board *listener;
     int64_t values[FIELDS_MAX];
 };
@@ -156,7 +157,7 @@ static void described_board_receive(struct board *board, unsigned first, unsigne
             obeyed = true;
         }
         if (axis < node->axes) {
-            described_axis_obey(board, axis, a->row, a->values);
+            a->refused = !described_axis_obey(board, axis, a->row, a->values) || a->refused;
         }
 
         /* An answer by slot comes of each axis, others once a board */
@@ -226,7 +227,7 @@ static void described_bus_receive(struct boards *boards, struct board_bus *of,
     } else {
         described_bus_receive_all(bus, &a);
     }
-    boards_count_frame(boards, a.listener, a.verdict, frame);
+    boards_count_frame(boards, a.listener, a.refused ? BOARD_MALFORMED : a.verdict, frame);
 }
 
 /* The axes of a new motor board take the next slots. */

@@ -36,6 +36,9 @@ const char *described_unit(enum described_meaning meaning)
     case DESCRIBED_AXIS_TORQUE:
     case DESCRIBED_DRIVE_TORQUE:
         return "Nm";
+    case DESCRIBED_PISTON_PRESSURE:
+    case DESCRIBED_ROD_PRESSURE:
+        return "bar";
     case DESCRIBED_TO_POSITION:
     case DESCRIBED_MOTOR_POSITION:
     case DESCRIBED_LINK_POSITION:

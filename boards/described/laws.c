@@ -8,6 +8,8 @@
  *   impedance  torque* = kp (p* - p) + kd (v* - v) + torque target
  *   torque     current* = torque* / torque constant
  *   current    PI loop with the back-EMF (boards/motor_control.h), within the current limit
+ *
+ * A servo valve is a source of speed: velocity* times its constant is the voltage.
  */
 #include "boards/described/private.h"
 
@@ -50,8 +52,12 @@ static double axis_velocity_law(const struct board *board, struct described_axis
                                 double wanted_rad_s)
 {
     const struct described_protocol *protocol = described_node_of(board)->protocol;
+    const struct board_axis_config *config = &board->config.axis[described_axis_index(board, axis)];
     double error = wanted_rad_s - axis->velocity_rad_s, most = axis_torque_most(board, axis);
 
+    if (config->valve) {
+        return config->bemf_v_s_rad * wanted_rad_s;
+    }
     axis->integral_nm += protocol->velocity_nm_rad * error * 1e-3;
     axis->integral_nm = fmax(fmin(axis->integral_nm, most), -most);
     return axis_torque_law(board, axis,

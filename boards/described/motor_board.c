@@ -17,9 +17,7 @@
 enum described_law described_axis_law(const struct described_protocol *protocol,
                                       const struct described_axis *axis)
 {
-    enum described_law law = protocol->state[axis->state].law;
-
-    return law == DESCRIBED_SELECTED ? protocol->law[axis->law].law : law;
+    return described_state_law(protocol, axis->state, axis->law);
 }
 
 static enum described_law axis_law(const struct board *board, const struct described_axis *axis)
@@ -112,11 +110,40 @@ static void described_axis_set_target(struct board *board, struct described_axis
     axis->target[meaning - DESCRIBED_SET_POINT] = value;
 }
 
-void described_axis_obey(struct board *board, unsigned index, const struct described_frame *frame,
+/* Whether the state or law that a frame commands is one that the axis has. */
+static bool described_axis_has_law(const struct board *board, unsigned index,
+                                   const struct described_frame *frame, const int64_t *values)
+{
+    const struct described_protocol *protocol = described_node_of(board)->protocol;
+    int law = described_motor_of(board)->axis[index].law, state = frame->enter;
+    bool suits = true;
+
+    if (!board->config.axis[index].valve) {
+        return true;
+    }
+    for (size_t i = 0; i < frame->nfield; i++) {
+        if (frame->field[i].meaning == DESCRIBED_LAW) {
+            law = described_find_state(protocol->law, protocol->nlaw, values[i], true);
+            suits = described_law_suits_valve(protocol->law[law].law);
+        } else if (frame->field[i].meaning == DESCRIBED_STATE) {
+            state = described_find_state(protocol->state, protocol->nstate, values[i], true);
+        }
+    }
+    if (state >= 0) {
+        suits = suits && described_law_suits_valve(described_state_law(protocol, state, law));
+    }
+    return suits;
+}
+
+bool described_axis_obey(struct board *board, unsigned index, const struct described_frame *frame,
                          const int64_t *values)
 {
     const struct described_protocol *protocol = described_node_of(board)->protocol;
     struct described_axis *axis = &described_motor_of(board)->axis[index];
+
+    if (!described_axis_has_law(board, index, frame, values)) {
+        return false;
+    }
 
     /* The law and the state first: they forget the targets of before */
     for (size_t i = 0; i < frame->nfield; i++) {
@@ -140,7 +167,7 @@ void described_axis_obey(struct board *board, unsigned index, const struct descr
         described_axis_forget(board, axis);
     }
     if (!frame->commands) {
-        return;
+        return true;
     }
     axis->commands++;
     axis->command_ns = board->boards->now_ns;
@@ -151,6 +178,7 @@ void described_axis_obey(struct board *board, unsigned index, const struct descr
             described_axis_set_target(board, axis, frame, i, values[i]);
         }
     }
+    return true;
 }
 
 /* ---- power-up ---- */
@@ -205,6 +233,9 @@ static void described_axis_sample(struct described_axis *axis,
         axis->torque_nm = sense->torque_nm;
     }
     control_quantize(sense->winding_c, &axis->temperature_c);
+    axis->pressure_bar[0] = sense->pressure_pa[0] * 1e-5;
+    axis->pressure_bar[1] = sense->pressure_pa[1] * 1e-5;
+    axis->valve_opening = sense->valve_opening;
 
     /* The rotor's speed is a running mean */
     if (ms > 0) {
@@ -450,6 +481,13 @@ static bool described_motor_source(const struct described_node *node, unsigned i
         return false;
     case DESCRIBED_AXIS_DUTY:
         *value = node->supply_v > 0.0 ? axis->voltage_v / node->supply_v : 0.0;
+        return false;
+    case DESCRIBED_PISTON_PRESSURE:
+    case DESCRIBED_ROD_PRESSURE:
+        *value = axis->pressure_bar[field->meaning - DESCRIBED_PISTON_PRESSURE];
+        return false;
+    case DESCRIBED_VALVE_OPENING:
+        *value = axis->valve_opening;
         return false;
     case DESCRIBED_TEMPERATURE:
         *value = axis->temperature_c;

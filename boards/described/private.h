@@ -100,6 +100,7 @@ struct described_axis {
     double integral_v, integral_nm, overload_ms, voltage_v;
     double motor_rad, link_rad, before_rad, velocity_rad_s, zero_rad;
     double current_a, torque_nm;
+    double pressure_bar[2], valve_opening;
     int32_t temperature_c;
     bool bad_motor, bad_link, bad_torque;
 };
@@ -131,8 +132,9 @@ static inline bool described_law_drives(enum described_law law)
     return law != DESCRIBED_OFF && law != DESCRIBED_FAULT;
 }
 
-/* A host's frame, whose counts are values and which has been checked, for an axis. */
-void described_axis_obey(struct board *board, unsigned axis, const struct described_frame *frame,
+/* A host's frame, whose counts are values and which has been checked, for an axis. False: it asks
+ * for a law that the axis does not have, and nothing changes. */
+bool described_axis_obey(struct board *board, unsigned axis, const struct described_frame *frame,
                          const int64_t *values);
 
 /* One millisecond of an axis: its bridge voltage (laws.c). */

@@ -61,6 +61,12 @@ enum described_law {
     DESCRIBED_SELECTED,  /* of a state: the law that the host has selected */
 };
 
+/* Whether an axis with a servo valve has that law: not those that control a current. */
+static inline bool described_law_suits_valve(enum described_law law)
+{
+    return law != DESCRIBED_CURRENT && law != DESCRIBED_TORQUE && law != DESCRIBED_IMPEDANCE;
+}
+
 /* What a field means. Targets are what a host says, sources what a board tells. */
 enum described_meaning {
     DESCRIBED_NOTHING,
@@ -93,7 +99,10 @@ enum described_meaning {
     DESCRIBED_DRIVE_TORQUE, /* of the motor: current times torque constant */
     DESCRIBED_AXIS_VOLTAGE,
     DESCRIBED_AXIS_DUTY,
-    DESCRIBED_COMMANDS, /* set-points taken */
+    DESCRIBED_PISTON_PRESSURE, /* of a hydraulic axis, as the two below */
+    DESCRIBED_ROD_PRESSURE,
+    DESCRIBED_VALVE_OPENING, /* -1 to 1 */
+    DESCRIBED_COMMANDS,      /* set-points taken */
     DESCRIBED_SLOT,
     /* of a board */
     DESCRIBED_FAULTS,
@@ -209,6 +218,15 @@ struct described_protocol {
         int on_state, off_state;
     } host;
 };
+
+/* What an axis does in a state with that law selected. */
+static inline enum described_law described_state_law(const struct described_protocol *protocol,
+                                                     int state, int law)
+{
+    enum described_law of = protocol->state[state].law;
+
+    return of == DESCRIBED_SELECTED ? protocol->law[law].law : of;
+}
 
 /* Reads a file; errors begin with file:line:column. Not RT-safe. */
 enum error_code described_load(const char *path, struct arena *arena,

@@ -22,7 +22,9 @@ static bool foc_board_command_mode(struct board *board, int64_t mode)
     struct foc_board *foc = foc_board_of(board);
     bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
 
-    if (!stop && !foc_is_control_mode(mode)) {
+    bool current = mode == ICUB_MODE_CURRENT || mode == ICUB_MODE_SPEED_CURRENT;
+
+    if (!stop && (!foc_is_control_mode(mode) || (current && board->config.axis[0].valve))) {
         return false;
     }
     if (foc->mode == ICUB_MODE_NOT_CONFIGURED) {

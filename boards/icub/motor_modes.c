@@ -134,7 +134,8 @@ bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64
         motor_axis_command_mode_strictly(board, axis, mode);
         return true;
     }
-    if (!stop && !motor_is_control_mode(mode)) {
+    if (!stop && (!motor_is_control_mode(mode) ||
+                  (mode == ICUB_MODE_CURRENT && motor_axis_config(board, axis)->valve))) {
         return false;
     }
     if (axis->mode == ICUB_MODE_IDLE) {

@@ -301,6 +301,77 @@ static void steps_of_voltage_agree_with_dopri5(void **state)
     assert_true(error[1] < error[0] / 4.0);
 }
 
+/* A cylinder on the other side of its joint pulls where the first pushes: a positive voltage turns
+ * either joint positively, by the same angle where the areas are equal. */
+static void a_positive_voltage_turns_the_joint_positively(void **state)
+{
+    struct robot_hydraulic c = hyq_cylinder();
+    struct oil_rig rig;
+    double q[2];
+
+    (void)state;
+    c.A2 = c.A1;
+    for (int side = 0; side < 2; side++) {
+        c.offset = side ? -0.5 * M_PI : 0.5 * M_PI;
+        assert_true(hydraulic_direction(&c, -0.85, 0.85) == (side ? -1.0 : 1.0));
+        oil_rig_begin(&rig, c, constant_supply());
+        oil_rig_start(&rig, 0.0);
+        rig.motor->voltage_v = 3.0;
+        step_oil(&rig, 20);
+        q[side] = rig.state[0];
+        assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
+        assert_near(plant_sensors(rig.plant)->motor[0].voltage_v, 3.0, 1e-12);
+        assert_true(plant_sensors(rig.plant)->motor[0].valve_opening * (side ? -1.0 : 1.0) > 0.25);
+        arena_fini(&rig.arena);
+    }
+    assert_true(q[0] > 0.05);
+    assert_near(q[1] / q[0], 1.0, 0.05); /* the levers turn the other way */
+}
+
+/* The constant by which position loops foresee a valve's voltage: without load the joint turns by
+ * it, slower out than in by the ratio that the areas give. */
+static void the_speed_constant_is_that_of_the_middle(void **state)
+{
+    const struct robot_hydraulic c = hyq_cylinder();
+    const struct robot_hydraulic_supply s = constant_supply();
+    const double constant = hydraulic_speed_constant(&c, &s, -0.85, 0.85);
+    struct oil_rig rig;
+    double mean = 0.0;
+
+    (void)state;
+    for (int way = -1; way <= 1; way += 2) {
+        oil_rig_begin(&rig, c, s);
+        oil_rig_start(&rig, -0.1 * way);
+        rig.motor->voltage_v = way;
+        while (rig.state[0] * way < 0.0) {
+            step_oil(&rig, 1);
+        }
+        mean += 0.5 * fabs(rig.state[1]);
+        arena_fini(&rig.arena);
+    }
+    assert_near(mean * constant, 1.0, 2e-2);
+}
+
+/* Settled pressures carry the load between supply and return, or say that they cannot. */
+static void loads_at_rest_are_carried_between_supply_and_return(void **state)
+{
+    const struct robot_hydraulic c = hyq_cylinder();
+    const struct robot_hydraulic_supply s = {.pressure = 160.0 * BAR, .back = 2.0 * BAR};
+    double y[HYDRAULIC_STATE] = {0.0, 0.0, 1.0, 2.0}, lever;
+
+    (void)state;
+    hydraulic_length(&c, 0.3, &lever);
+    for (double force = -1920.0; force < 3190.0; force += 10.0) {
+        assert_true(hydraulic_rest_loaded(&c, &s, 0.3, force * lever, y));
+        assert_near(y[HYDRAULIC_P1] * c.A1 - y[HYDRAULIC_P2] * c.A2, force, 1e-9);
+        for (int side = HYDRAULIC_P1; side <= HYDRAULIC_P2; side++) {
+            assert_true(y[side] >= s.back - 1e-6 && y[side] <= s.pressure + 1e-6);
+        }
+    }
+    assert_false(hydraulic_rest_loaded(&c, &s, 0.3, 3200.0 * lever, y));
+    assert_false(hydraulic_rest_loaded(&c, &s, 0.3, -1930.0 * lever, y));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -310,6 +381,9 @@ int main(void)
         cmocka_unit_test(the_speed_without_load_is_the_closed_form),
         cmocka_unit_test(a_closed_valve_makes_a_spring),
         cmocka_unit_test(steps_of_voltage_agree_with_dopri5),
+        cmocka_unit_test(a_positive_voltage_turns_the_joint_positively),
+        cmocka_unit_test(the_speed_constant_is_that_of_the_middle),
+        cmocka_unit_test(loads_at_rest_are_carried_between_supply_and_return),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -274,6 +274,30 @@ static void state_comes_every_50_ms_and_says_how_many_commands_came(void **state
     bench_stop(&bench);
 }
 
+/* A servo valve has no current: the voltage moves it, and the mode that would control one is
+ * malformed and changes nothing, also where it is asked of several axes. */
+static void a_valve_has_no_current_mode(void **state)
+{
+    struct board_bench bench;
+
+    (void)state;
+    configure(&bench);
+    bench.board[0].axis[0].valve = true;
+    bench_start(&bench);
+    bench_send(&bench, 0, compact_id(COMPACT_MODE, 0), "02 03 00 00 00");
+    bench_tick(&bench);
+    assert_int_equal(bench_counters(&bench).malformed, 1);
+    assert_false(bench.motor[0].bridge_on);
+    assert_true(bench.motor[1].bridge_on);
+    bench_send(&bench, 0, compact_id(COMPACT_MODE, 0), "01 01 00 00 00");
+    bench_send(&bench, 0, compact_id(COMPACT_COMMAND, 0), "E8 03");
+    bench_tick(&bench);
+    assert_int_equal(bench_counters(&bench).malformed, 1);
+    assert_true(bench.motor[0].bridge_on);
+    assert_near(bench.motor[0].voltage_v, 2.0, 1e-12);
+    bench_stop(&bench);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -286,6 +310,7 @@ int main(void)
         cmocka_unit_test(faults_open_the_bridge_until_the_host_says_off),
         cmocka_unit_test(beyond_a_limit_only_the_way_back_is_obeyed),
         cmocka_unit_test(state_comes_every_50_ms_and_says_how_many_commands_came),
+        cmocka_unit_test(a_valve_has_no_current_mode),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -276,6 +276,72 @@ static void a_fault_opens_the_bridge_and_its_bit_is_told(void **state)
     close_bench(&bench);
 }
 
+/* ---- servo valves ---- */
+
+static void a_valve_tells_its_pressures_and_takes_speeds_as_voltages(void **state)
+{
+    static const char valves[] = HIL_SOURCE_DIR "/config/protocols/servo-valve.yaml";
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, valves, 0);
+    bench_stop(base);
+    base->board[0].axis[0].valve = true;
+    base->board[0].axis[0].bemf_v_s_rad = 0.36;
+    base->board[0].transmit_at_start = true;
+    base->sense[0].pressure_pa[0] = 60.0e5;
+    base->sense[0].pressure_pa[1] = 160.0e5;
+    base->sense[0].torque_nm = -10.0;
+    bench_start(base);
+    bench_tick(base);
+    /* from the lowest bit on: 50000 in 20, -200 in 14, 1200 in 13, 3200 in 13 bits, a count */
+    {
+        const struct bus_frame *frame = bench_find(base, 0, 0x100);
+        const uint64_t want =
+            UINT64_C(50000) | UINT64_C(0x3f38) << 20 | UINT64_C(1200) << 34 | UINT64_C(3200) << 47;
+        uint64_t found = 0;
+
+        assert_non_null(frame);
+        for (int i = 0; i < 8; i++) {
+            found |= (uint64_t)frame->data[i] << 8 * i;
+        }
+        assert_int_equal(found & (UINT64_MAX >> 4), want);
+    }
+
+    /* 0.1 rad ahead at 12/s and 0.36 V s/rad */
+    bench_send(base, 0, 0x020, "02 01 00 00 00");
+    bench_send(base, 0, 0x040, "70 17");
+    bench_tick(base);
+    assert_true(base->motor[0].bridge_on);
+    assert_near(base->motor[0].voltage_v, 12.0 * 0.1 * 0.36, 1e-4);
+    close_bench(&bench);
+}
+
+static void a_valve_refuses_laws_of_current(void **state)
+{
+    static const char compact[] = HIL_SOURCE_DIR "/config/protocols/compact.yaml";
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, compact, 0);
+    bench_stop(base);
+    base->board[0].axis[0].valve = true;
+    bench_start(base);
+    bench_tick(base);
+    bench_send(base, 0, 0x020, "02 03 00 00 00");
+    bench_tick(base);
+    assert_false(base->motor[0].bridge_on);
+    assert_true(base->motor[2].bridge_on);
+    assert_int_equal(bench_counters(base).malformed, 1);
+    bench_send(base, 0, 0x020, "01 03 00 00 00");
+    bench_tick(base);
+    assert_true(base->motor[0].bridge_on);
+    assert_int_equal(bench_counters(base).malformed, 1);
+    close_bench(&bench);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -288,6 +354,8 @@ int main(void)
         cmocka_unit_test(an_odrive_holds_its_position_in_counts_of_turns),
         cmocka_unit_test(a_watchdog_disarms_until_errors_are_cleared),
         cmocka_unit_test(a_fault_opens_the_bridge_and_its_bit_is_told),
+        cmocka_unit_test(a_valve_tells_its_pressures_and_takes_speeds_as_voltages),
+        cmocka_unit_test(a_valve_refuses_laws_of_current),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -466,6 +466,28 @@ static void another_personality_on_another_bus_is_not_disturbed(void **state)
     bench_stop(&bench);
 }
 
+/* Of a servo valve: those modes that end in a voltage. */
+static void a_valve_has_no_modes_of_current(void **state)
+{
+    struct board_bench bench;
+
+    (void)state;
+    configure(&bench);
+    bench.board[0].axis[0].valve = true;
+    bench_start(&bench);
+    make_idle(&bench, 0x001);
+    enter(&bench, "09 06");
+    enter(&bench, "09 0B");
+    bench_tick(&bench);
+    assert_false(bench.motor[0].bridge_on);
+    assert_true(bench_counters(&bench).malformed + bench_counters(&bench).unknown == 2);
+    enter(&bench, "09 50");
+    bench_tick(&bench);
+    assert_true(bench.motor[0].bridge_on);
+    assert_true(bench_counters(&bench).malformed + bench_counters(&bench).unknown == 2);
+    bench_stop(&bench);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -489,6 +511,7 @@ int main(void)
         cmocka_unit_test(wrong_lengths_are_refused),
         cmocka_unit_test(restarting_forgets_the_configuration),
         cmocka_unit_test(another_personality_on_another_bus_is_not_disturbed),
+        cmocka_unit_test(a_valve_has_no_modes_of_current),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

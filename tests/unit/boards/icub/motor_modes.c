@@ -335,6 +335,27 @@ static void calibration_is_that_of_the_absolute_encoder(void **state)
     bench_stop(&bench);
 }
 
+/* Of a servo valve: all but the current mode; torque is that of its sensor. */
+static void a_valve_has_no_current_mode(void **state)
+{
+    struct board_bench bench;
+
+    (void)state;
+    bench_configure(&bench);
+    bench.board[0].axis[0].valve = true;
+    bench_start(&bench);
+    set_mode(&bench, ICUB_MODE_CURRENT);
+    assert_int_equal(mode_of(&bench), ICUB_MODE_IDLE);
+    assert_false(bench.motor[0].bridge_on);
+    set_mode(&bench, ICUB_MODE_TORQUE);
+    assert_int_equal(mode_of(&bench), ICUB_MODE_TORQUE);
+    set_mode(&bench, ICUB_MODE_CURRENT);
+    assert_int_equal(mode_of(&bench), ICUB_MODE_TORQUE);
+    set_mode(&bench, ICUB_MODE_OPEN_LOOP);
+    assert_int_equal(mode_of(&bench), ICUB_MODE_OPEN_LOOP);
+    bench_stop(&bench);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -350,6 +371,7 @@ int main(void)
         cmocka_unit_test(a_strict_board_prints_what_the_firmware_prints),
         cmocka_unit_test(modes_of_the_table_that_no_firmware_has_are_refused),
         cmocka_unit_test(calibration_is_that_of_the_absolute_encoder),
+        cmocka_unit_test(a_valve_has_no_current_mode),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
