@@ -33,9 +33,9 @@ static const char *signal_unit(const char *name)
     static const struct {
         const char *end, *unit;
     } units[] = {
-        {"_rad", "rad"}, {"_nm", "N m"}, {"_rad_s", "rad/s"},   {"_a", "A"},
-        {"_v", "V"},     {"_n", "N"},    {"_m", "m"},           {"_m_s2", "m/s2"},
-        {"_c", "deg C"}, {"_t", "T"},    {"_frames", "frames"}, {"_s", "s"},
+        {"_rad", "rad"},       {"_nm", "N m"}, {"_rad_s", "rad/s"}, {"_a", "A"},     {"_v", "V"},
+        {"_n", "N"},           {"_m", "m"},    {"_m_s2", "m/s2"},   {"_c", "deg C"}, {"_t", "T"},
+        {"_frames", "frames"}, {"_s", "s"},    {"_pa", "Pa"},
     };
     size_t size = strlen(name);
     const char *unit = "";

@@ -31,6 +31,7 @@ static const struct unit {
     {"_a", "current, A"},
     {"_v", "voltage, V"},
     {"_t", "magnetic flux density, T"},
+    {"_pa", "pressure, Pa"},
 };
 
 struct plot_options {
