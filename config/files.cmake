@@ -84,6 +84,7 @@ set(HIL_CONFIG
     scenarios/real_drives_squat.yaml
     scenarios/spring_break.yaml
     scenarios/stale_torque_source.yaml
+    scenarios/stand_push_step.yaml
     scenarios/stand_pushed.yaml
     scenarios/start_up_discovery.yaml
     scenarios/start_up_on_a_lossy_bus.yaml

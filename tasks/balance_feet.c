@@ -30,9 +30,9 @@ static bool balance_foot_flat(const struct balance *balance, const struct estima
     const struct balance_config *config = &balance->config;
 
     return foot->force_n[2] > config->flat_n &&
-           foot->cop_m[0] < config->sole_front_m - config->sole_margin_m &&
-           foot->cop_m[0] > config->sole_back_m + config->sole_margin_m &&
-           fabs(foot->cop_m[1]) < config->sole_side_m - config->sole_margin_m;
+           foot->cop_m[0] < config->gait.sole_front_m - config->gait.sole_margin_m &&
+           foot->cop_m[0] > config->gait.sole_back_m + config->gait.sole_margin_m &&
+           fabs(foot->cop_m[1]) < config->gait.sole_side_m - config->gait.sole_margin_m;
 }
 
 /* What the gait is to know. */
@@ -51,6 +51,7 @@ void balance_measure(struct balance *balance, struct gait_measured *measured, do
         measured->flat[i] = balance_foot_flat(balance, foot);
     }
     for (int k = 0; k < 2; k++) {
+        measured->com[k] = estimate->com_m[k];
         measured->dcm[k] = estimate->com_m[k] + estimate->com_m_s[k] / balance->omega;
     }
 }
@@ -69,15 +70,6 @@ void balance_want_zmp(struct balance *balance)
     }
 }
 
-/* A point of the world in the frame of a foothold. */
-static void balance_into_foot(const struct gait_foothold *foot, const double point[2], double in[2])
-{
-    double x = point[0] - foot->p[0], y = point[1] - foot->p[1];
-
-    in[0] = portable_cos(foot->yaw) * x + portable_sin(foot->yaw) * y;
-    in[1] = -portable_sin(foot->yaw) * x + portable_cos(foot->yaw) * y;
-}
-
 /* Shares the wanted zero-moment point among the feet: between them by weight, beside the line
  * between them by their centers of pressure. Each stays within its sole. */
 void balance_share(struct balance *balance)
@@ -85,7 +77,7 @@ void balance_share(struct balance *balance)
     const struct balance_config *config = &balance->config;
     const struct gait_reference *plan = &balance->gait.now;
     double at[BODY_SIDES][2], line[2], left = plan->share[BODY_LEFT], rest[2];
-    double side_m = config->sole_side_m - config->sole_margin_m;
+    double side_m = config->gait.sole_side_m - config->gait.sole_margin_m;
 
     for (int i = 0; i < BODY_SIDES; i++) {
         gait_foot_zmp(&balance->gait, i, &plan->foot[i], at[i]);
@@ -107,9 +99,10 @@ void balance_share(struct balance *balance)
         struct balance_leg *leg = &balance->leg[i];
         double point[2] = {at[i][0] + rest[0], at[i][1] + rest[1]};
 
-        balance_into_foot(&plan->foot[i], point, leg->cop_m);
-        leg->cop_m[0] = fmin(fmax(leg->cop_m[0], config->sole_back_m + config->sole_margin_m),
-                             config->sole_front_m - config->sole_margin_m);
+        gait_into_foot(&plan->foot[i], point, leg->cop_m);
+        leg->cop_m[0] =
+            fmin(fmax(leg->cop_m[0], config->gait.sole_back_m + config->gait.sole_margin_m),
+                 config->gait.sole_front_m - config->gait.sole_margin_m);
         leg->cop_m[1] = fmin(fmax(leg->cop_m[1], -side_m), side_m);
     }
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The schedule of steps, the footholds and the plan over them. */
-#include "tasks/gait.h"
+#include "tasks/gait_private.h"
 
 #include "base/portable_math.h"
 
@@ -15,21 +15,29 @@ enum { PREVIEW = 3 };
 #define TIME_CHANGE 0.06 /* of the time of a step, from one to the next */
 #define EARLIEST 0.5     /* part of a swing after which a load means that the foot has come down */
 
-static int gait_other(int side)
+int gait_other(int side)
 {
     return BODY_SIDES - 1 - side;
 }
 
 /* +1 of the left foot, -1 of the right one */
-static double gait_outward(int side)
+double gait_outward(int side)
 {
     return side == BODY_LEFT ? 1 : -1;
 }
 
-static void gait_offset(const struct gait_foothold *from, double ahead, double left, double to[2])
+void gait_offset(const struct gait_foothold *from, double ahead, double left, double to[2])
 {
     to[0] = from->p[0] + portable_cos(from->yaw) * ahead - portable_sin(from->yaw) * left;
     to[1] = from->p[1] + portable_sin(from->yaw) * ahead + portable_cos(from->yaw) * left;
+}
+
+void gait_into_foot(const struct gait_foothold *foot, const double point[2], double in[2])
+{
+    double x = point[0] - foot->p[0], y = point[1] - foot->p[1];
+
+    in[0] = portable_cos(foot->yaw) * x + portable_sin(foot->yaw) * y;
+    in[1] = -portable_sin(foot->yaw) * x + portable_cos(foot->yaw) * y;
 }
 
 void gait_foot_zmp(const struct gait *gait, int side, const struct gait_foothold *foot,
@@ -67,8 +75,8 @@ static void gait_foresee_ground(const struct gait *gait, const struct gait_footh
 }
 
 /* Where the foot of that side steps to while the other one stands. */
-static void gait_foothold_of(const struct gait *gait, int side, const struct gait_foothold *stance,
-                             bool close, struct gait_foothold *to)
+void gait_foothold_of(const struct gait *gait, int side, const struct gait_foothold *stance,
+                      bool close, struct gait_foothold *to)
 {
     const struct gait_config *config = &gait->config;
     double period = config->swing_s + config->transfer_s, out = gait_outward(side);
@@ -104,6 +112,21 @@ void gait_start(struct gait *gait, const struct gait_config *config, double omeg
     memcpy(gait->now.dcm, gait->now.zmp, sizeof gait->now.dcm);
 }
 
+double gait_left_share(const struct gait *gait, const double point[2])
+{
+    double side[BODY_SIDES][2], along[2], square;
+
+    for (int i = 0; i < BODY_SIDES; i++) {
+        gait_foot_zmp(gait, i, &gait->now.foot[i], side[i]);
+    }
+    along[0] = side[BODY_LEFT][0] - side[BODY_RIGHT][0];
+    along[1] = side[BODY_LEFT][1] - side[BODY_RIGHT][1];
+    square = along[0] * along[0] + along[1] * along[1];
+    return ((point[0] - side[BODY_RIGHT][0]) * along[0] +
+            (point[1] - side[BODY_RIGHT][1]) * along[1]) /
+           square;
+}
+
 /* ---- the plan ---- */
 
 /* Appends what follows the swing of the present step: transfers and swings over footholds to come,
@@ -135,7 +158,7 @@ static void gait_plan_future(const struct gait *gait, struct dcm_plan *plan)
 }
 
 /* The lines of the zero-moment point from the begin of the present phase. */
-static void gait_plan(const struct gait *gait, struct dcm_plan *plan)
+void gait_plan(const struct gait *gait, struct dcm_plan *plan)
 {
     double stance[2], to[2];
 
@@ -165,7 +188,7 @@ static void gait_plan(const struct gait *gait, struct dcm_plan *plan)
 
 /* ---- phases ---- */
 
-static void gait_begin(struct gait *gait, enum gait_phase phase, double duration_s)
+void gait_begin(struct gait *gait, enum gait_phase phase, double duration_s)
 {
     gait->now.phase = phase;
     gait->elapsed_s = 0;
@@ -173,13 +196,13 @@ static void gait_begin(struct gait *gait, enum gait_phase phase, double duration
 }
 
 /* The next step: from now on stance carries, the other foot goes. */
-static void gait_begin_step(struct gait *gait, int stance, double transfer_s)
+void gait_begin_step(struct gait *gait, int stance, double transfer_s)
 {
     int swing = gait_other(stance);
 
     memcpy(gait->zmp_from, gait->now.zmp, sizeof gait->zmp_from);
     gait->now.stance = stance;
-    gait->closing = false;
+    gait->closing = gait->apart = false;
     gait_foothold_of(gait, swing, &gait->now.foot[stance], !gait->command.step, &gait->next);
     memset(gait->shift, 0, sizeof gait->shift);
     gait_begin(gait, GAIT_TRANSFER, transfer_s);
@@ -227,6 +250,9 @@ static bool gait_swing_over(const struct gait *gait)
 {
     double late = gait->elapsed_s - gait->duration_s;
 
+    if (gait->catches) {
+        return gait->landed || late >= GAIT_CATCH_LATE_S;
+    }
     return late >= 0 && (gait->landed || late * gait->config.lower_m_s >= gait->config.lower_m);
 }
 
@@ -247,6 +273,22 @@ static void gait_feel_ground(struct gait *gait, const struct gait_measured *meas
     }
 }
 
+void gait_begin_at(struct gait *gait, const double dcm[2])
+{
+    struct dcm_plan plan;
+
+    gait_plan(gait, &plan);
+    dcm_begin_at(&plan, dcm);
+    memcpy(gait->zmp_from, plan.line[0].from, sizeof gait->zmp_from);
+}
+
+/* The first step from a stand; later ones begin with the zero-moment point where it is. */
+static void gait_set_out(struct gait *gait, int stance)
+{
+    gait_begin_step(gait, stance, gait->config.start_s);
+    gait_begin_at(gait, gait->now.dcm);
+}
+
 static void gait_end_phase(struct gait *gait, const struct gait_measured *measured)
 {
     int swing = gait_other(gait->now.stance);
@@ -263,7 +305,7 @@ static void gait_end_phase(struct gait *gait, const struct gait_measured *measur
         gait_take_time(gait);
         gait->lift = gait->now.foot[swing];
         gait->closing = !gait->command.step;
-        gait->landed = false;
+        gait->landed = gait->catches = false;
         gait_foothold_of(gait, swing, &gait->now.foot[gait->now.stance], gait->closing,
                          &gait->next);
         gait_begin(gait, GAIT_SWING, gait->config.swing_s);
@@ -273,7 +315,9 @@ static void gait_end_phase(struct gait *gait, const struct gait_measured *measur
         if (!gait->landed) {
             gait_land(gait, measured);
         }
-        if (gait->closing) {
+        if (gait->catches) {
+            gait_end_catch(gait, measured);
+        } else if (gait->closing) {
             memcpy(gait->zmp_from, gait->now.zmp, sizeof gait->zmp_from);
             gait_begin(gait, GAIT_TRANSFER, gait->config.start_s);
         } else {
@@ -350,6 +394,8 @@ static void gait_swing_foot(struct gait *gait)
     double stretch = 1 / (0.85 * gait->duration_s);
     double up = s < 0.5 ? gait_ease(s / 0.45) : 1 - gait_ease((s - 0.5) / 0.5);
     double late = fmax(gait->elapsed_s - gait->duration_s, 0);
+    double high = gait->catches ? gait->config.catch_clearance_m : gait->config.clearance_m;
+    double lower = gait->catches ? GAIT_CATCH_LOWER_M_S : gait->config.lower_m_s;
 
     if (gait->landed) {
         return;
@@ -364,8 +410,7 @@ static void gait_swing_foot(struct gait *gait)
     foot->yaw = gait->lift.yaw + along * (gait->next.yaw - gait->lift.yaw);
     foot->roll = gait->lift.roll + along * (gait->next.roll - gait->lift.roll);
     foot->pitch = gait->lift.pitch + along * (gait->next.pitch - gait->lift.pitch);
-    gait->now.height_m =
-        gait->config.clearance_m * up - fmin(late * gait->config.lower_m_s, gait->config.lower_m);
+    gait->now.height_m = high * up - fmin(late * lower, gait->config.lower_m);
 }
 
 /* ---- all of it ---- */
@@ -373,22 +418,14 @@ static void gait_swing_foot(struct gait *gait)
 static void gait_share_weight(struct gait *gait)
 {
     struct gait_reference *now = &gait->now;
-    double side[BODY_SIDES][2], along[2], square, left;
+    double left;
 
     if (now->phase == GAIT_SWING) {
-        now->share[now->stance] = 1;
-        now->share[gait_other(now->stance)] = 0;
+        now->share[now->stance] = gait->catches ? gait_catch_share(gait) : 1;
+        now->share[gait_other(now->stance)] = 1 - now->share[now->stance];
         return;
     }
-    for (int i = 0; i < BODY_SIDES; i++) {
-        gait_foot_zmp(gait, i, &now->foot[i], side[i]);
-    }
-    along[0] = side[BODY_LEFT][0] - side[BODY_RIGHT][0];
-    along[1] = side[BODY_LEFT][1] - side[BODY_RIGHT][1];
-    square = along[0] * along[0] + along[1] * along[1];
-    left = ((now->zmp[0] - side[BODY_RIGHT][0]) * along[0] +
-            (now->zmp[1] - side[BODY_RIGHT][1]) * along[1]) /
-           square;
+    left = gait_left_share(gait, now->zmp);
     now->share[BODY_LEFT] = fmin(fmax(left, 0), 1);
     now->share[BODY_RIGHT] = 1 - now->share[BODY_LEFT];
 }
@@ -404,13 +441,15 @@ void gait_update(struct gait *gait, const struct gait_command *command,
     gait->command = *command;
     gait->elapsed_s += dt_s;
     if (now->phase == GAIT_STAND && command->step) {
-        gait_begin_step(gait, command->left_m_s > 0 ? BODY_RIGHT : BODY_LEFT, gait->config.start_s);
-        gait_plan(gait, &plan);
-        dcm_begin_at(&plan, now->dcm);
-        memcpy(gait->zmp_from, plan.line[0].from, sizeof gait->zmp_from);
+        gait_set_out(gait, command->left_m_s > 0 ? BODY_RIGHT : BODY_LEFT);
+    } else if (gait_rests_apart(gait, measured)) {
+        gait_set_out(gait, gait_other(now->stance));
     } else if (now->phase == GAIT_SWING ? gait_swing_over(gait)
                                         : gait->elapsed_s >= gait->duration_s) {
         gait_end_phase(gait, measured);
+    }
+    if (gait_must_catch(gait, measured)) {
+        gait_begin_catch(gait, measured);
     }
     now->progress = gait->duration_s > 0 ? fmin(gait->elapsed_s / gait->duration_s, 1) : 0;
 
@@ -420,12 +459,15 @@ void gait_update(struct gait *gait, const struct gait_command *command,
     } else if (now->phase == GAIT_SWING) {
         if (now->progress > EARLIEST && measured->touches[gait_other(now->stance)]) {
             gait_land(gait, measured);
-        } else if (gait->config.adjust > 0) {
+        } else if (gait->config.adjust > 0 && !gait->catches) {
             gait_adjust_foothold(gait, measured->dcm, dt_s);
         }
     }
     gait_plan(gait, &plan);
     dcm_evaluate(&plan, gait->elapsed_s, now->zmp, now->dcm, gait->dcm_end);
+    if (now->phase == GAIT_SWING && gait->catches) {
+        gait_plan_catch(gait, measured, dt_s);
+    }
     now->height_m = 0;
     memset(now->foot_m_s2, 0, sizeof now->foot_m_s2);
     if (now->phase == GAIT_SWING) {
@@ -436,6 +478,9 @@ void gait_update(struct gait *gait, const struct gait_command *command,
     /* The center of mass follows the DCM: c' = omega (xi - c) */
     for (int k = 0; k < 2; k++) {
         now->com[k] = now->dcm[k] + decay * (now->com[k] - now->dcm[k]);
+        if (now->phase == GAIT_SWING && gait->catches) {
+            now->com[k] += (measured->com[k] - now->com[k]) * dt_s / GAIT_CATCH_COM_S;
+        }
         now->com_m_s[k] = gait->omega * (now->dcm[k] - now->com[k]);
     }
     yaw = (now->foot[0].yaw + now->foot[1].yaw) / 2;

@@ -4,6 +4,9 @@
  * wanted velocity, the plan of the zero-moment point and of the divergent component of motion over
  * them (tasks/dcm.h), the way of the foot in the air. Knows nothing of motors and forces.
  *
+ * A robot that stands and is pushed so far that no center of pressure brings it back steps where it
+ * falls, and then closes its feet.
+ *
  * A step is a transfer (both feet stand, the zero-moment point goes from one to the other) and a
  * swing (one foot stands). World of the estimator; SI units. RT-safe.
  */
@@ -34,7 +37,7 @@ struct gait_foothold {
 
 /* What is measured. */
 struct gait_measured {
-    double dcm[2];
+    double dcm[2], com[2];
     struct gait_foothold foot[BODY_SIDES];
     bool touches[BODY_SIDES]; /* it bears load */
     double force_n[BODY_SIDES];
@@ -65,6 +68,9 @@ struct gait {
     double shift[2];                 /* by which next was moved */
     bool closing;                    /* the step after which the robot stands */
     bool landed;                     /* the foot in the air has met the ground */
+    bool catches;                    /* this swing began at once, to catch a fall */
+    double bore;                     /* share of the weight that its standing foot had then */
+    bool apart;                      /* it stands as the catching step ended */
     unsigned steps;                  /* feet that came down */
 };
 
@@ -76,6 +82,9 @@ void gait_start(struct gait *gait, const struct gait_config *config, double omeg
  * over; one that has not met it then is lowered, while the plan waits. */
 void gait_update(struct gait *gait, const struct gait_command *command,
                  const struct gait_measured *measured, double dt_s);
+
+/* A point of the world from a foothold: ahead and to the left in its heading. */
+void gait_into_foot(const struct gait_foothold *foot, const double point[2], double in[2]);
 
 /* The zero-moment point that the plan has for a foot. */
 void gait_foot_zmp(const struct gait *gait, int side, const struct gait_foothold *foot,

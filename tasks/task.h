@@ -176,6 +176,13 @@ struct gait_config {
     double ground_follow;      /* how far the next foothold is expected in the plane of the
                                 * standing sole, 0 to 1 */
     double tilt_s;             /* in which a sole's target takes the ground's tilt */
+    double sole_front_m, sole_back_m, sole_side_m; /* edges of the sole from its origin */
+    double sole_margin_m;                          /* that the center of pressure keeps from them */
+    double catch_swing_s; /* of a step that catches a robot that stands; 0: it does not step */
+    double
+        catch_margin_m; /* it steps when the DCM is so near to where the center of pressure ends */
+    double catch_reach_m; /* ahead and back, of such a step */
+    double catch_clearance_m;
 };
 
 struct balance_config {
@@ -185,9 +192,7 @@ struct balance_config {
     double ankle_roll_kp_v_per_rad;  /* of these two: with more the foot tips before it yields */
     double pelvis_height_m;          /* of its origin over the soles */
     double lean_rad;                 /* of the pelvis, forward */
-    double sole_front_m, sole_back_m, sole_side_m; /* edges of the sole from its origin */
-    double sole_margin_m;                          /* that the center of pressure keeps from them */
-    double touch_n, touch_s;   /* so much load for so long: the foot has met the ground */
+    double touch_n, touch_s;         /* so much load for so long: the foot has met the ground */
     double flat_n;             /* a sole with more, its center of pressure within, lies flat */
     double height_s;           /* in which the pelvis follows the feet's heights */
     double dcm_gain;           /* r = r_ref + dcm_gain (xi - xi_ref) */

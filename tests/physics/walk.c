@@ -209,14 +209,19 @@ static void walks_forward_and_stops(void **state)
     assert_true(fabs(w.end[1]) < 0.1 && fabs(w.yaw) < 0.1);
 }
 
-static void walks_twice_as_fast(void **state)
+/* At twice the speed and faster, as fast as it is asked to and straight on. */
+static void walks_faster(void **state)
 {
-    struct walk w = {"coman-compact-imu", "walk", 16, .forward_m_s = 0.3};
+    struct walk twice = {"coman-compact-imu", "walk", 16, .forward_m_s = 0.3};
+    struct walk fast = {"walk-flat", "walk", 20, .forward_m_s = 0.35};
 
     (void)state;
-    perform(&w);
-    expect_upright(&w);
-    assert_true(w.end[0] > 2.8);
+    perform(&twice);
+    expect_upright(&twice);
+    assert_true(twice.end[0] > 2.8 && twice.end[0] < 3.3 && fabs(twice.end[1]) < 0.1);
+    perform(&fast);
+    expect_upright(&fast);
+    assert_true(fast.end[0] > 4);
 }
 
 static void walks_backward_on_buses_with_flexible_data_rate(void **state)
@@ -262,7 +267,7 @@ static void walks_over_uneven_ground(void **state)
     static const struct {
         const char *rig;
         double seconds, ahead_m;
-    } ground[] = {{"walk-slope", 29, 3.3}, {"walk-bump-9cm", 23, 2.5}, {"walk-soft", 14, 1.2}};
+    } ground[] = {{"walk-slope", 29, 3.3}, {"walk-bump-9cm", 23, 2.3}, {"walk-soft", 14, 1.2}};
 
     (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(ground); i++) {
@@ -322,6 +327,42 @@ static void stands_when_it_is_pushed(void **state)
     }
 }
 
+/* Too hard for the ankles: it steps where it falls, comes to rest and stands side by side. */
+static void steps_when_it_is_pushed_harder(void **state)
+{
+    static const double force[][2] = {{160, 0}, {180, 0}, {200, 0}, {-160, 0}, {-180, 0}};
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_COUNT(force); i++) {
+        struct walk w = {"walk-flat", "stand", 7, .push_at_s = 3};
+
+        w.push_n[0] = force[i][0];
+        w.push_n[1] = force[i][1];
+        perform(&w);
+        assert_int_equal(w.status.status, TASK_RUNNING);
+        assert_true(w.counted >= 2 && w.counted <= 6);
+        assert_true(w.lowest > 0.4 && w.end[2] > 0.455);
+        assert_true(force[i][0] * w.end[0] > 0 && fabs(w.end[0]) < 0.5);
+    }
+}
+
+/* To a side the soles reach far enough without a step. */
+static void stands_when_it_is_pushed_hard_to_a_side(void **state)
+{
+    static const double force[][2] = {{0, 160}, {0, -160}, {110, 110}};
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_COUNT(force); i++) {
+        struct walk w = {"walk-flat", "stand", 6, .push_at_s = 3};
+
+        w.push_n[0] = force[i][0];
+        w.push_n[1] = force[i][1];
+        perform(&w);
+        expect_upright(&w);
+        assert_true(w.counted == 0 && fabs(w.end[1]) < 0.05);
+    }
+}
+
 static void falls_and_says_so_when_it_is_pushed_too_hard(void **state)
 {
     struct walk w = {"coman-compact-imu", "stand", 6, .push_at_s = 3};
@@ -349,7 +390,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(walks_forward_and_stops),
-        cmocka_unit_test(walks_twice_as_fast),
+        cmocka_unit_test(walks_faster),
         cmocka_unit_test(walks_backward_on_buses_with_flexible_data_rate),
         cmocka_unit_test(walks_sideways_and_turns),
         cmocka_unit_test(walks_through_boards_of_the_icub_family),
@@ -357,6 +398,8 @@ int main(void)
         cmocka_unit_test(walks_as_the_larger_robot),
         cmocka_unit_test(walks_on_when_it_is_pushed),
         cmocka_unit_test(stands_when_it_is_pushed),
+        cmocka_unit_test(steps_when_it_is_pushed_harder),
+        cmocka_unit_test(stands_when_it_is_pushed_hard_to_a_side),
         cmocka_unit_test(falls_and_says_so_when_it_is_pushed_too_hard),
         cmocka_unit_test(two_walks_are_the_same_to_the_last_bit),
     };

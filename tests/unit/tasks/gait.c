@@ -106,6 +106,13 @@ static const struct gait_config config = {
     .press_n = 40,
     .ground_follow = 1,
     .tilt_s = 0.05,
+    .sole_front_m = 0.13,
+    .sole_back_m = -0.06,
+    .sole_side_m = 0.045,
+    .sole_margin_m = 0.01,
+    .catch_swing_s = 0.3,
+    .catch_reach_m = 0.3,
+    .catch_clearance_m = 0.03,
 };
 
 struct ideal {
@@ -350,6 +357,97 @@ static void footholds_are_expected_in_the_plane_of_the_standing_sole(void **stat
     assert_true(fabs(ideal.gait.next.p[2] - now->foot[now->stance].p[2] - 0.15 * tan(0.1)) < 2e-3);
 }
 
+/* A robot that stands is pushed: from where it steps, and which foot goes where. */
+struct push {
+    double dcm[2]; /* from the point between the soles' origins */
+    int stance;    /* of the step; -1: none */
+};
+
+static void a_robot_that_stands_steps_when_its_soles_reach_no_further(void **state)
+{
+    /* The center of pressure goes from -0.05 to 0.12 m, and 0.1075 m to each side */
+    static const struct push push[] = {
+        {{0.119, 0}, -1},
+        {{-0.049, 0}, -1},
+        {{0.025, 0.106}, -1},
+        {{0.121, 0.02}, BODY_LEFT},
+        {{0.121, -0.02}, BODY_RIGHT},
+        {{-0.051, 0.01}, BODY_LEFT},
+        {{0.025, 0.12}, -1},
+    };
+    const struct gait_command stand = {0};
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_COUNT(push); i++) {
+        struct ideal ideal;
+        const struct gait_reference *now = &ideal.gait.now;
+        double off[2];
+
+        ideal_start(&ideal);
+        off[0] = push[i].dcm[0] - now->dcm[0];
+        off[1] = push[i].dcm[1] - now->dcm[1];
+        ideal_walk(&ideal, &stand, 0.001, off);
+        assert_int_equal(now->phase, push[i].stance < 0 ? GAIT_STAND : GAIT_SWING);
+        if (push[i].stance >= 0) {
+            assert_int_equal(now->stance, push[i].stance);
+        }
+    }
+}
+
+/* The DCM falls away from a center of pressure at the toes; the foot comes down where it then is,
+ * the other one follows, and both stand side by side. */
+static void a_catching_step_goes_where_the_dcm_will_be(void **state)
+{
+    const struct gait_command stand = {0};
+    const double none[2] = {0};
+    struct ideal ideal;
+    const struct gait_reference *now = &ideal.gait.now;
+    double dcm[2] = {0.15, 0.02}, share = 0.5, at;
+
+    (void)state;
+    ideal_start(&ideal);
+    for (int i = 0; i < 600 && (i == 0 || ideal.gait.catches); i++) {
+        struct gait_measured measured = ideal_measure(&ideal, none);
+
+        memcpy(measured.dcm, dcm, sizeof dcm);
+        measured.touches[BODY_RIGHT] = now->phase == GAIT_SWING && now->progress > 0.99;
+        gait_update(&ideal.gait, &stand, &measured, 0.001);
+        if (ideal.gait.catches) {
+            assert_true(fabs(now->zmp[0] - 0.12) < 1e-12);
+            assert_true(now->share[BODY_LEFT] >= share && now->height_m <= config.clearance_m);
+            share = now->share[BODY_LEFT];
+            dcm_advance(omega, 0.001, now->zmp, dcm, dcm);
+        }
+    }
+    assert_true(share == 1);
+    assert_false(ideal.gait.catches);
+    at = now->foot[BODY_RIGHT].p[0];
+    assert_true(fabs(at - (0.12 + 0.03 * exp(omega * 0.3) - config.zmp_ahead_m)) < 0.01);
+    assert_true(now->foot[BODY_RIGHT].p[1] < 0.0725 - config.least_width_m + 1e-9);
+
+    ideal_walk(&ideal, &stand, 6, none);
+    assert_int_equal(now->phase, GAIT_STAND);
+    assert_int_equal(ideal.gait.steps, 2);
+    assert_true(fabs(now->foot[BODY_LEFT].p[0] - now->foot[BODY_RIGHT].p[0]) < 1e-9);
+    assert_true(fabs(now->foot[BODY_LEFT].p[1] - now->foot[BODY_RIGHT].p[1] - config.width_m) <
+                1e-9);
+}
+
+static void a_robot_that_is_not_to_step_stands(void **state)
+{
+    const struct gait_command stand = {0};
+    const double far[2] = {0.2, 0};
+    struct gait_config still = config;
+    struct ideal ideal;
+
+    (void)state;
+    ideal_start(&ideal);
+    still.catch_swing_s = 0;
+    ideal.gait.config = still;
+    ideal_walk(&ideal, &stand, 1, far);
+    assert_int_equal(ideal.gait.now.phase, GAIT_STAND);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -363,6 +461,9 @@ int main(void)
         cmocka_unit_test(a_foot_that_meets_the_ground_early_stays_there),
         cmocka_unit_test(a_foot_that_misses_the_ground_is_lowered),
         cmocka_unit_test(footholds_are_expected_in_the_plane_of_the_standing_sole),
+        cmocka_unit_test(a_robot_that_stands_steps_when_its_soles_reach_no_further),
+        cmocka_unit_test(a_catching_step_goes_where_the_dcm_will_be),
+        cmocka_unit_test(a_robot_that_is_not_to_step_stands),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
