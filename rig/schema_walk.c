@@ -24,6 +24,11 @@
     {                                                                                              \
 #key, YAML_REAL, true, AT(config.balance.gait.key), .min = low, .max = high                \
     }
+/* Of what a walk does without when it is not given: 0 */
+#define CATCH(key, low, high)                                                                      \
+    {                                                                                              \
+#key, YAML_REAL, false, AT(config.balance.gait.key), .min = low, .max = high               \
+    }
 #define SERVO(key, high)                                                                           \
     {                                                                                              \
 #key, YAML_REAL, true, AT(servo.key), .min = 0.0, .max = high                              \
@@ -69,10 +74,10 @@ static const struct yaml_field walk_fields[] = {
     GAIT(sole_back_m, -1.0, 0.0),
     GAIT(sole_side_m, 0.0, 1.0),
     GAIT(sole_margin_m, 0.0, 1.0),
-    GAIT(catch_swing_s, 0.0, 10.0),
-    GAIT(catch_margin_m, -1.0, 1.0),
-    GAIT(catch_reach_m, 0.0, 2.0),
-    GAIT(catch_clearance_m, 0.0, 0.5),
+    CATCH(catch_swing_s, 0.0, 10.0),
+    CATCH(catch_margin_m, -1.0, 1.0),
+    CATCH(catch_reach_m, 0.0, 2.0),
+    CATCH(catch_clearance_m, 0.0, 0.5),
     BALANCE(touch_n, 0.0, 1e4),
     BALANCE(touch_s, 0.0, 1.0),
     BALANCE(flat_n, 1.0, 1e4),
