@@ -225,12 +225,12 @@ static void estimate_odometry(struct estimator *estimator)
 /* ---- center of mass ---- */
 
 /* Forces say how it accelerates, encoders where it is (a Luenberger observer, critically damped).
- * */
-static void estimate_center_of_mass(struct estimator *estimator, double dt_s)
+ * l: its poles, 1/s. */
+static void estimate_center_of_mass(struct estimator *estimator, double l, double dt_s)
 {
     const struct body_model *model = estimator->model;
     struct estimate *now = &estimator->now;
-    double com[3], seen[3], l = estimator->config.com_per_s;
+    double com[3], seen[3];
 
     body_center_of_mass(model, estimator->pose, com);
     mat3_apply(now->R, com, seen);
@@ -304,12 +304,14 @@ void estimator_start(struct estimator *estimator)
     estimator->located = false;
 }
 
-void estimator_update(struct estimator *estimator, double dt_s)
+void estimator_update(struct estimator *estimator, bool walks, double dt_s)
 {
+    double standing = estimator->config.com_per_s, walking = estimator->config.com_walking_per_s;
+
     estimate_attitude(estimator, dt_s);
     estimate_place(estimator);
     estimate_odometry(estimator);
-    estimate_center_of_mass(estimator, dt_s);
+    estimate_center_of_mass(estimator, walks && walking > 0 ? walking : standing, dt_s);
     estimate_zmp(&estimator->now);
 }
 

@@ -156,9 +156,10 @@ struct hold_config {
 /* ---- stand and walk; docs/walking.md ---- */
 
 struct estimate_config {
-    double attitude_per_s; /* the gyro's attitude goes to the board's, or to the plumb line */
-    double com_per_s;      /* bandwidth of the center of mass's correction by the encoders */
-    double loaded_n;       /* a foot with more has a center of pressure */
+    double attitude_per_s;    /* the gyro's attitude goes to the board's, or to the plumb line */
+    double com_per_s;         /* bandwidth of the center of mass's correction by the encoders */
+    double com_walking_per_s; /* the same while it is told to walk; 0: com_per_s */
+    double loaded_n;          /* a foot with more has a center of pressure */
 };
 
 struct gait_config {
