@@ -15,6 +15,14 @@
 #define CALM_S 0.3  /* it has stood so long ... */
 #define CALM_M 0.01 /* ... and the DCM is so near to its plan: at rest */
 
+/* Of two points in the plane. */
+static double gait_apart(const double a[2], const double b[2])
+{
+    double x = a[0] - b[0], y = a[1] - b[1];
+
+    return sqrt(x * x + y * y);
+}
+
 /* How far ahead or back the DCM is beyond where the center of pressure can be: within a sole that
  * lies on the line between the feet where the DCM is nearest to it. To a side no step helps that
  * does not cross the legs: the foot there bears the weight, the other one would have to pass it. */
@@ -49,8 +57,7 @@ void gait_begin_catch(struct gait *gait, const struct gait_measured *measured)
     int swing;
 
     for (int i = 0; i < BODY_SIDES; i++) {
-        apart[i] =
-            hypot(measured->dcm[0] - now->foot[i].p[0], measured->dcm[1] - now->foot[i].p[1]);
+        apart[i] = gait_apart(measured->dcm, now->foot[i].p);
     }
     now->stance = apart[BODY_RIGHT] < apart[BODY_LEFT] ? BODY_RIGHT : BODY_LEFT;
     swing = gait_other(now->stance);
@@ -135,5 +142,5 @@ bool gait_rests_apart(const struct gait *gait, const struct gait_measured *measu
     const struct gait_reference *now = &gait->now;
 
     return gait->apart && now->phase == GAIT_STAND && gait->elapsed_s > CALM_S &&
-           hypot(measured->dcm[0] - now->dcm[0], measured->dcm[1] - now->dcm[1]) < CALM_M;
+           gait_apart(measured->dcm, now->dcm) < CALM_M;
 }
