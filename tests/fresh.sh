@@ -91,6 +91,6 @@ flock --nonblock 9 || { echo "fresh: another one works in $work" >&2; exit 1; }
 setpriv --pdeathsig KILL unshare --mount --pid --mount-proc --fork --kill-child \
     bash "$0" --inside "$work" "$@" </dev/null 9>&- &
 machine=$!
-trap 'kill -KILL $machine 2>/dev/null' EXIT
+trap 'kill -KILL $machine 2>/dev/null || true' EXIT # a status of its own would become ours
 trap 'exit 130' INT TERM HUP
 wait $machine
