@@ -255,6 +255,8 @@ static void add_foreign(struct foreign *foreign, pid_t pid)
     }
 }
 
+#if defined(__x86_64__)
+
 static bool read_text(pid_t pid, unsigned long address, char *text, size_t size)
 {
     struct iovec here = {text, size - 1}, there = {(void *)address, size - 1};
@@ -274,8 +276,6 @@ static bool read_text(pid_t pid, unsigned long address, char *text, size_t size)
     }
     return strlen(text) > 1;
 }
-
-#if defined(__x86_64__)
 
 static bool is_event(pid_t pid, unsigned long descriptor)
 {
