@@ -75,6 +75,10 @@ static inline size_t board_axes_max(enum board_personality personality)
 /* A supply above this multiple of the nominal one is an over-voltage fault (ours): 60 V of 48 V. */
 #define BOARD_OVER_VOLTAGE_RATIO 1.25
 
+/* The same of the pressure that feeds hydraulic joints: half and 1.25 times the nominal one. */
+#define BOARD_UNDER_PRESSURE_RATIO 0.5
+#define BOARD_OVER_PRESSURE_RATIO 1.25
+
 /* One axis of a motor board. */
 struct board_axis_config {
     int joint;                   /* index in the plant's arrays; -1 = spare axis, on compact,
@@ -110,6 +114,9 @@ struct board_config {
                                  * for so long becomes 0; 0 = off; foc boards have the firmware's
                                  * time-out, strict icub boards none */
     double over_voltage_v;      /* motor boards: a supply above this is a fault; 0 = none is */
+    /* BOARD_CIA402, BOARD_DESCRIBED: a supply of the valves' axes outside of these is a fault, Pa;
+     * 0 = none is */
+    double under_pressure_pa, over_pressure_pa;
     struct board_axis_config axis[BOARD_AXES_MAX]; /* BOARD_MOTOR: the first board_axes_max */
     int ft;                                        /* BOARD_FT: index in the plant's ft array */
     int torque_joint[BOARD_CHANNELS];              /* BOARD_TORQUE: joints, -1 = none */

@@ -168,7 +168,24 @@ static inline bool board_is_over_voltage(const struct board *board, double suppl
     return board->config.over_voltage_v > 0.0 && supply_v > board->config.over_voltage_v;
 }
 
-/* What a board reads of the supply: a number, 0 or more. */
+/* Whether an axis is a valve whose supply is lost, or above what it takes. */
+static inline bool board_is_under_pressure(const struct board *board, size_t axis, double oil_pa)
+{
+    return board->config.axis[axis].valve && oil_pa < board->config.under_pressure_pa;
+}
+
+static inline bool board_is_over_pressure(const struct board *board, size_t axis, double oil_pa)
+{
+    return board->config.axis[axis].valve && board->config.over_pressure_pa > 0.0 &&
+           oil_pa > board->config.over_pressure_pa;
+}
+
+/* What a board reads of the supplies: numbers, 0 or more. */
+static inline double board_oil_pa(const struct plant_sensors *sensors)
+{
+    return isfinite(sensors->oil_pa) && sensors->oil_pa > 0.0 ? sensors->oil_pa : 0.0;
+}
+
 static inline double board_supply_v(const struct plant_sensors *sensors)
 {
     return isfinite(sensors->supply_v) && sensors->supply_v > 0.0 ? sensors->supply_v : 0.0;

@@ -153,13 +153,11 @@ static const char *const compact_faults[] = {"under-voltage",
                                              "inertial sensor",
                                              NULL};
 
-static const char *const cia402_faults[] = {"under-voltage", "over-voltage",
-                                            "over-current",  "motor encoder",
-                                            "link encoder",  "torque sensor",
-                                            "temperature",   "following error",
-                                            "connection",    "stale command",
-                                            "limit",         "saturated",
-                                            "no reading",    NULL};
+static const char *const cia402_faults[] = {
+    "under-voltage", "over-voltage",   "over-current",  "motor encoder",
+    "link encoder",  "torque sensor",  "temperature",   "following error",
+    "connection",    "stale command",  "limit",         "saturated",
+    "no reading",    "under-pressure", "over-pressure", NULL};
 
 const char *const *board_fault_names(enum board_personality personality)
 {

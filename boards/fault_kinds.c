@@ -17,6 +17,11 @@
         key, "s", 1e-6, max, true, 0.0                                                             \
     }
 
+#define LEAK_FLOW                                                                                  \
+    {                                                                                              \
+        "flow", "m3/s", 0.0, 1e-2, true, 0.0                                                       \
+    }
+
 const struct fault_rule fault_rules[FAULT_RULES] = {
     {FAULT_SENSOR, FAULT_OFF, "off", "reads 0", false, {{0}}},
     {FAULT_SENSOR, FAULT_STUCK, "stuck", "repeats its last value", false, {{0}}},
@@ -114,11 +119,49 @@ const struct fault_rule fault_rules[FAULT_RULES] = {
      "the supply voltage drops by so much",
      false,
      {{"volts", "V", 0.0, 1e4, true, 0.0}}},
+
+    {FAULT_VALVE, FAULT_OFF, "off", "no current; its spool goes to the middle", false, {{0}}},
+    {FAULT_VALVE, FAULT_STUCK, "stuck", "its spool stays where it is", false, {{0}}},
+    {FAULT_VALVE,
+     FAULT_SHIFTED,
+     "shifted",
+     "its spool's middle is off, positive as a voltage",
+     false,
+     {{"share", "of the full opening", -1.0, 1.0, true, 0.0}}},
+    {FAULT_VALVE,
+     FAULT_LEAK,
+     "leak",
+     "oil leaks past the piston, so much at the nominal pressure",
+     false,
+     {LEAK_FLOW}},
+    {FAULT_HYDRAULIC_SUPPLY,
+     FAULT_PUMP_LOSS,
+     "pump_loss",
+     "the pump gives so much less",
+     false,
+     {{"share", "of its flow", 0.0, 1.0, false, 1.0}}},
+    {FAULT_HYDRAULIC_SUPPLY,
+     FAULT_LEAK,
+     "leak",
+     "oil leaks to the return, so much at the nominal pressure",
+     false,
+     {LEAK_FLOW}},
+    {FAULT_HYDRAULIC_SUPPLY,
+     FAULT_RELIEF_SHUT,
+     "relief_shut",
+     "the relief valve does not open; the pump stalls at 1.5 times its pressure",
+     false,
+     {{0}}},
 };
 
 const char *const fault_target_words[FAULT_TARGETS] = {
-    [FAULT_SENSOR] = "sensor", [FAULT_BOARD] = "board",   [FAULT_MOTOR] = "motor",
-    [FAULT_BUS] = "bus",       [FAULT_SUPPLY] = "supply",
+    [FAULT_SENSOR] = "sensor",
+    [FAULT_BOARD] = "board",
+    [FAULT_MOTOR] = "motor",
+    [FAULT_BUS] = "bus",
+    [FAULT_SUPPLY] = "supply",
+    [FAULT_VALVE] = "valve",
+    [FAULT_HYDRAULIC_SUPPLY] = "hydraulic_supply",
 };
 
 const char *const sensor_joint_channels[SENSOR_JOINT_CHANNELS] = {

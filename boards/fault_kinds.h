@@ -8,7 +8,7 @@
 
 #include "boards/faults.h"
 
-enum { FAULT_RULES = 26, FAULT_TARGETS = 5 };
+enum { FAULT_RULES = 33, FAULT_TARGETS = 7 };
 
 /* [0].key NULL: none; values outside of min to max are refused. */
 struct fault_parameter {

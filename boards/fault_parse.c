@@ -108,6 +108,7 @@ static enum error_code fault_read_name(struct fault_reader *r, struct fault *fau
     return ERROR_NONE;
 }
 
+/* A joint with the drive that the target means. */
 static enum error_code fault_read_motor(struct fault_reader *r, const char *name,
                                         struct fault *fault)
 {
@@ -118,6 +119,18 @@ static enum error_code fault_read_motor(struct fault_reader *r, const char *name
         return error_set(r->error, ERROR_UNSUPPORTED,
                          "fault \"%.159s\": joint %.64s has no drive that could break", r->line,
                          name);
+    }
+    if (r->names->hydraulic[fault->index] != (fault->target == FAULT_VALVE)) {
+        return fault->target == FAULT_VALVE
+                   ? error_set(
+                         r->error, ERROR_UNSUPPORTED,
+                         "fault \"%.159s\": joint %.64s has a motor, expected \"motor %.64s\" "
+                         "or a hydraulic joint",
+                         r->line, name, name)
+                   : error_set(r->error, ERROR_UNSUPPORTED,
+                               "fault \"%.159s\": joint %.64s has a hydraulic cylinder, expected "
+                               "\"valve %.64s\" or a joint with a motor",
+                               r->line, name, name);
     }
     return ERROR_NONE;
 }
@@ -211,20 +224,27 @@ static enum error_code fault_read_board(struct fault_reader *r, const char *text
 
 static enum error_code fault_read_target(struct fault_reader *r, struct fault *fault)
 {
+    static const char expected[] = "sensor, board, motor, bus, supply, valve or hydraulic_supply";
     const char *word = fault_next_word(r), *name;
     size_t target;
 
     /* What kind of thing it is */
     if (!word) {
-        return fault_refuse_word(r, NULL, "sensor, board, motor, bus or supply");
+        return fault_refuse_word(r, NULL, expected);
     }
     if (!fault_find_word(word, fault_target_words, FAULT_TARGETS, &target)) {
-        return fault_refuse_name(r, "sensor, board, motor, bus or supply", word, fault_target_words,
-                                 0);
+        return fault_refuse_name(r, expected, word, fault_target_words, 0);
     }
     fault->target = (enum fault_target)target;
     r->at++;
-    if (fault->target == FAULT_SUPPLY) {
+    if (fault->target == FAULT_HYDRAULIC_SUPPLY && !r->names->oil_store) {
+        return error_set(
+            r->error, ERROR_UNSUPPORTED,
+            "fault \"%.159s\": found no hydraulic supply with an accumulator, expected "
+            "one: a constant pressure cannot be lost",
+            r->line);
+    }
+    if (fault->target == FAULT_SUPPLY || fault->target == FAULT_HYDRAULIC_SUPPLY) {
         return ERROR_NONE;
     }
 
@@ -236,6 +256,7 @@ static enum error_code fault_read_target(struct fault_reader *r, struct fault *f
     r->at++;
     switch (fault->target) {
     case FAULT_MOTOR:
+    case FAULT_VALVE:
         return fault_read_motor(r, name, fault);
     case FAULT_SENSOR:
         return fault_read_sensor(r, name, fault);

@@ -11,20 +11,23 @@
  *     board left_leg/2 hung watchdog=0.5 2.0..
  *     lossy: bus left_leg loss 0.1 manual
  *     supply sag 30 1..1.05
+ *     valve lf_kfe stuck 2..
+ *     hydraulic_supply pump_loss 1..
  *
  * TARGET is "motor JOINT", "sensor JOINT.CHANNEL" (link_encoder, motor_encoder, current, torque,
  * temperature), "sensor FT[.CHANNEL]" (fx fy fz tx ty tz), "sensor imu[.CHANNEL]" (gyro_x gyro_y
  * gyro_z accel_x accel_y accel_z mag_x mag_y mag_z quat_w quat_x quat_y quat_z), "board NAME" or
- * "board BUS/ADDRESS", "bus NAME" or "supply". The kinds of each target with their parameters are
- * the table in fault_kinds.c; faults_help lists them. A parameter is KEY=VALUE, or VALUE alone for
- * the first. WHEN is FROM..TO in seconds of virtual time, TO exclusive and maybe left out; "manual"
- * waits to be switched by faults_set. Without WHEN the fault is active from the start.
+ * "board BUS/ADDRESS", "bus NAME", "supply", or of hydraulic joints "valve JOINT" and
+ * "hydraulic_supply". The kinds of each target with their parameters are the table in
+ * fault_kinds.c; faults_help lists them. A parameter is KEY=VALUE, or VALUE alone for the first.
+ * WHEN is FROM..TO in seconds of virtual time, TO exclusive and maybe left out; "manual" waits to
+ * be switched by faults_set. Without WHEN the fault is active from the start.
  *
  * This is only the table and which of its faults are active. What a fault does is in
  * boards/sensing.h (sensors), boards/board_faults.c (boards), canbus/fault_port.h (buses) and
- * model/plant.c (motors, supply); all of them look at struct fault's active. A fault shows on the
- * buses by its effect and in the log by its event: no frame of a board reports it, for a real bus
- * would not know.
+ * model/plant.c (motors, valves, supplies); all of them look at struct fault's active. A fault
+ * shows on the buses by its effect and in the log by its event: no frame of a board reports it, for
+ * a real bus would not know.
  *
  * Units: SI; times are int64_t nanoseconds of virtual time. Memory is the arena's. Functions say
  * whether they are RT-safe; those that only look at the table are.
@@ -39,11 +42,20 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum fault_target { FAULT_SENSOR, FAULT_BOARD, FAULT_MOTOR, FAULT_BUS, FAULT_SUPPLY };
+enum fault_target {
+    FAULT_SENSOR,
+    FAULT_BOARD,
+    FAULT_MOTOR,
+    FAULT_BUS,
+    FAULT_SUPPLY,
+    FAULT_VALVE,           /* of a hydraulic joint, and its cylinder */
+    FAULT_HYDRAULIC_SUPPLY /* pump, accumulator, relief valve */
+};
 
 enum fault_kind {
-    FAULT_OFF,          /* sensor: reads 0; board: without power, boots again afterwards */
-    FAULT_STUCK,        /* repeats what it last said */
+    FAULT_OFF,          /* sensor: reads 0; board: without power, boots again afterwards; valve:
+                         * without current, in the middle */
+    FAULT_STUCK,        /* repeats what it last said; valve: stays where it is */
     FAULT_GARBAGE,      /* random values; of a board, payloads */
     FAULT_WRONG,        /* gain and offset */
     FAULT_SLOW,         /* sensor: a new value only every period; board: every n-th frame only */
@@ -62,6 +74,10 @@ enum fault_kind {
     FAULT_ERROR_BURST,  /* wire mode only: bit errors for as long as it lasts */
     FAULT_ID_COLLISION, /* wire mode only: another node sends with an id that is in use */
     FAULT_SAG,          /* supply: so many volts are missing */
+    FAULT_SHIFTED,      /* valve: its middle is off */
+    FAULT_LEAK,         /* valve: oil leaks past the piston; hydraulic supply: to the return */
+    FAULT_PUMP_LOSS,    /* hydraulic supply: the pump gives less */
+    FAULT_RELIEF_SHUT,  /* hydraulic supply: the relief valve does not open */
 };
 
 enum { FAULT_NAME_SIZE = 64, FAULT_TEXT_SIZE = 160, FAULT_PARAMETERS = 2, FAULTS_MAX = 256 };
@@ -96,7 +112,9 @@ struct fault {
 struct fault_names {
     size_t njoint;
     const char *const *joint;
-    const bool *driven; /* by joint: it has a drive */
+    const bool *driven;    /* by joint: it has a drive */
+    const bool *hydraulic; /* by joint: the drive is a cylinder behind a valve */
+    bool oil_store;        /* the hydraulic supply has an accumulator: its pressure can change */
     size_t nft;
     const char *const *ft;
     bool imu;

@@ -73,6 +73,9 @@ set(HIL_CONFIG
     scenarios/fd_telemetry.yaml
     scenarios/foc_set_point_expiry.yaml
     scenarios/ft_saturation.yaml
+    scenarios/hyq_oil_lost.yaml
+    scenarios/hyq_relief_shut.yaml
+    scenarios/hyq_worn_valves.yaml
     scenarios/id_collision.yaml
     scenarios/limp_fall.yaml
     scenarios/lost_step.yaml

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Servo valve, cylinder and supply, one at a time. */
+/* Servo valve and cylinder, one at a time. */
 #include "model/hydraulic.h"
 
 #include "base/portable_math.h"
@@ -8,9 +8,6 @@
 
 /* Below this difference of pressures the flow of a port is linear in it, Pa (laminar). */
 #define LAMINAR_PA 1e5
-
-/* Exponent of the accumulator's gas, adiabatic nitrogen. */
-#define GAS_EXPONENT 1.4
 
 /* Parts of a span, and steps of Newton's method in a stage, of which two or three are the rule. */
 enum { SPAN_PARTS = 4, NEWTON_STEPS = 20 };
@@ -143,8 +140,8 @@ static double orifice_root(double dp, double *slope)
 struct chamber_flows {
     double valve[2], valve_slope[2]; /* against the chamber's own pressure, negative */
     double suction[2], suction_slope[2];
-    double leak;  /* from 1 to 2 */
-    double drawn; /* from the supply */
+    double leak, leak_slope; /* from 1 to 2, against their difference */
+    double drawn;            /* from the supply */
 };
 
 static void find_chamber_flows(const struct robot_hydraulic *cylinder, double spool,
@@ -165,7 +162,8 @@ static void find_chamber_flows(const struct robot_hydraulic *cylinder, double sp
         flows->suction[i] = suck * fmax(0.0, port->back - p[i]);
         flows->suction_slope[i] = p[i] < port->back ? -suck : 0.0;
     }
-    flows->leak = cylinder->leakage * (p[0] - p[1]);
+    flows->leak_slope = cylinder->leakage + port->leak;
+    flows->leak = flows->leak_slope * (p[0] - p[1]);
     flows->drawn = flows->valve[fed];
 }
 
@@ -206,9 +204,10 @@ static void find_pressure_rates(const struct robot_hydraulic *cylinder,
 
 /* ---- the spool ---- */
 
-static double spool_target(const struct robot_hydraulic *cylinder, double voltage)
+static double spool_target(const struct robot_hydraulic *cylinder,
+                           const struct hydraulic_port *port)
 {
-    return fmax(-1.0, fmin(1.0, voltage / cylinder->valve_v));
+    return fmax(-1.0, fmin(1.0, port->voltage / cylinder->valve_v + port->shift));
 }
 
 /* Spool and its rate after t seconds, exactly: a damped oscillation about the target. */
@@ -238,10 +237,11 @@ void hydraulic_derive(const struct robot_hydraulic *cylinder, const double *stat
 
     cylinder_volumes(cylinder, port->q, V, &lever);
     v = lever * port->qd;
-    derivative[HYDRAULIC_SPOOL] = state[HYDRAULIC_SPOOL_RATE];
+    derivative[HYDRAULIC_SPOOL] = port->stuck ? 0.0 : state[HYDRAULIC_SPOOL_RATE];
     derivative[HYDRAULIC_SPOOL_RATE] =
-        w * w * (spool_target(cylinder, port->voltage) - state[HYDRAULIC_SPOOL]) -
-        2.0 * cylinder->valve_damping * w * state[HYDRAULIC_SPOOL_RATE];
+        port->stuck ? 0.0
+                    : w * w * (spool_target(cylinder, port) - state[HYDRAULIC_SPOOL]) -
+                          2.0 * cylinder->valve_damping * w * state[HYDRAULIC_SPOOL_RATE];
     find_chamber_flows(cylinder, state[HYDRAULIC_SPOOL], port, p, &flows);
     find_pressure_rates(cylinder, &flows, V, v, derivative + HYDRAULIC_P1);
     if (power) {
@@ -260,8 +260,8 @@ static void fill_stage_matrix(const struct robot_hydraulic *cylinder,
         const double stiff = h * cylinder->beta / V[i];
 
         M[i][i] =
-            1.0 - stiff * (flows->valve_slope[i] + flows->suction_slope[i] - cylinder->leakage);
-        M[i][1 - i] = -stiff * cylinder->leakage;
+            1.0 - stiff * (flows->valve_slope[i] + flows->suction_slope[i] - flows->leak_slope);
+        M[i][1 - i] = -stiff * flows->leak_slope;
     }
 }
 
@@ -326,7 +326,7 @@ void hydraulic_advance(const struct robot_hydraulic *cylinder, const struct hydr
                        double t, double *state, struct hydraulic_power *power, double *slope)
 {
     const double h = t / SPAN_PARTS, share[2] = {1.0 - SCHEME_GAMMA, SCHEME_GAMMA};
-    const double target = spool_target(cylinder, port->voltage);
+    const double target = spool_target(cylinder, port);
     struct hydraulic_port at = *port;
     double *p = state + HYDRAULIC_P1, bend[2] = {0.0, 0.0}, lever, damping;
 
@@ -343,7 +343,9 @@ void hydraulic_advance(const struct robot_hydraulic *cylinder, const struct hydr
                 base[i] = begun[i] + share[0] / share[1] * (p[i] - begun[i]);
                 bend[i] = bent[i] + share[0] / share[1] * (first[i] - bent[i]);
             }
-            advance_spool(cylinder, target, ahead, state);
+            if (!port->stuck) {
+                advance_spool(cylinder, target, ahead, state);
+            }
             at.q += ahead * port->qd;
             solve_pressure_stage(cylinder, &at, state[HYDRAULIC_SPOOL], base, SCHEME_GAMMA * h, p,
                                  &flows, bend);
@@ -362,7 +364,7 @@ void hydraulic_advance(const struct robot_hydraulic *cylinder, const struct hydr
     }
 }
 
-/* ---- the supply ---- */
+/* ---- at rest ---- */
 
 void hydraulic_rest(const struct robot_hydraulic *cylinder, const struct robot_hydraulic_supply *s,
                     double *state)
@@ -397,45 +399,4 @@ bool hydraulic_rest_loaded(const struct robot_hydraulic *cylinder,
     state[HYDRAULIC_P1] = p1;
     state[HYDRAULIC_P2] = p2;
     return true;
-}
-
-static double gas_volume(const struct robot_hydraulic_supply *s, double pressure)
-{
-    return s->accumulator * portable_pow(s->precharge / pressure, 1.0 / GAS_EXPONENT);
-}
-
-double hydraulic_supply_derive(const struct robot_hydraulic_supply *s, double pressure,
-                               double drawn, struct hydraulic_supply_power *power)
-{
-    const double relief = s->relief_flow * fmax(0.0, pressure - s->relief);
-
-    if (power) {
-        power->pump = pressure * (s->accumulator > 0.0 ? s->pump : drawn);
-        power->relief = s->accumulator > 0.0 ? pressure * relief : 0.0;
-    }
-    if (s->accumulator == 0.0) {
-        return 0.0;
-    }
-    return (s->pump - relief - drawn) * GAS_EXPONENT * pressure / gas_volume(s, pressure);
-}
-
-double hydraulic_supply_advance(const struct robot_hydraulic_supply *s, double pressure,
-                                double drawn, double t, struct hydraulic_supply_power *work)
-{
-    struct hydraulic_supply_power power;
-    const double rate = hydraulic_supply_derive(s, pressure, drawn / t, &power);
-    double stiff = 0.0, end;
-
-    if (s->accumulator > 0.0 && pressure > s->relief) {
-        stiff = s->relief_flow * GAS_EXPONENT * pressure / gas_volume(s, pressure);
-    }
-    end = pressure + t * rate / (1.0 + t * stiff);
-    work->pump += t * power.pump;
-    work->relief += t * power.relief;
-    return fmax(end, s->precharge);
-}
-
-double hydraulic_supply_energy(const struct robot_hydraulic_supply *s, double pressure)
-{
-    return s->accumulator > 0.0 ? pressure * gas_volume(s, pressure) / (GAS_EXPONENT - 1.0) : 0.0;
 }

@@ -13,8 +13,8 @@
  * it, and friction F = b x' + F_c x' / sqrt(x'^2 + v_c^2). The piston stands at x = l(q) - closed,
  * l^2 = a^2 + b^2 - 2 a b cos(q + offset): a triangle of the joint and the cylinder's two pins.
  * A positive opening leads the supply to the piston side; a positive voltage opens to the side that
- * turns the joint positively, the hoses being joined that way. Supply: pump, accumulator (p V^n
- * constant, n = 1.4), relief valve.
+ * turns the joint positively, the hoses being joined that way. What feeds it:
+ * model/hydraulic_supply.h.
  *
  * SI units, pressures above the air's. Pure functions. RT-safe.
  */
@@ -37,6 +37,9 @@ struct hydraulic_port {
     double q, qd;        /* of the joint */
     double voltage;      /* of the valve, V */
     double supply, back; /* pressures of supply and return, Pa */
+    double shift;        /* of the spool's middle, of its full opening */
+    double leak;         /* past the piston beside the cylinder's own leakage, m3/s per Pa */
+    bool stuck;          /* the spool stays where it is */
 };
 
 /* Powers, W, or over a time works, J: in (oil from the supply, less what returns) = mechanical (on
@@ -93,22 +96,5 @@ void hydraulic_rest(const struct robot_hydraulic *cylinder, const struct robot_h
 bool hydraulic_rest_loaded(const struct robot_hydraulic *cylinder,
                            const struct robot_hydraulic_supply *s, double q, double torque,
                            double *state);
-
-/* Powers of the supply: pump = relief (lost) + flow to the valves + the rate of its energy. */
-struct hydraulic_supply_power {
-    double pump, relief;
-};
-
-/* The rate of its pressure while that flow is drawn, Pa/s; 0 without an accumulator, which holds
- * the pressure whatever is drawn. power may be NULL. */
-double hydraulic_supply_derive(const struct robot_hydraulic_supply *s, double pressure,
-                               double drawn, struct hydraulic_supply_power *power);
-
-/* The pressure t seconds later, with that volume drawn evenly (linearly implicit). */
-double hydraulic_supply_advance(const struct robot_hydraulic_supply *s, double pressure,
-                                double drawn, double t, struct hydraulic_supply_power *work);
-
-/* Energy of the accumulator's gas, J. */
-double hydraulic_supply_energy(const struct robot_hydraulic_supply *s, double pressure);
 
 #endif

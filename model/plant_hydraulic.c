@@ -21,12 +21,16 @@ static double cylinder_direction(const struct plant *plant, size_t c)
 struct hydraulic_port plant_hydraulic_port(const struct plant *plant, const double *state, size_t c)
 {
     const size_t j = plant->hydraulic_joint[c];
+    const struct motor_command *motor = &plant->command.motor[j];
 
     return (struct hydraulic_port){.q = plant_joint_position(plant, state, j),
                                    .qd = plant_joint_rate(plant, state, j),
                                    .voltage = plant->valve_voltage[c],
                                    .supply = state[plant_hydraulic_supply(plant)],
-                                   .back = plant->config.robot->hydraulic_supply.back};
+                                   .back = plant->config.robot->hydraulic_supply.back,
+                                   .shift = motor->valve_shift * cylinder_direction(plant, c),
+                                   .leak = motor->piston_leak,
+                                   .stuck = motor->condition & DRIVE_VALVE_STUCK};
 }
 
 void plant_hydraulic_reset(struct plant *plant)
@@ -62,9 +66,13 @@ void plant_hydraulic_hold(struct plant *plant)
     for (size_t c = 0; c < plant->nhydraulic; c++) {
         const size_t j = plant->hydraulic_joint[c];
         const struct motor_command *motor = &plant->command.motor[j];
-        const bool driven = motor->bridge_on && !isnan(motor->voltage_v);
+        const bool driven =
+            motor->bridge_on && !isnan(motor->voltage_v) && !(motor->condition & DRIVE_VALVE_OFF);
 
         plant->valve_voltage[c] = driven ? motor->voltage_v * cylinder_direction(plant, c) : 0.0;
+        if (motor->condition & DRIVE_VALVE_STUCK) {
+            cylinder_state(plant, plant->state, c)[HYDRAULIC_SPOOL_RATE] = 0.0;
+        }
     }
 }
 
@@ -122,6 +130,13 @@ void plant_hydraulic_account(const struct hydraulic_power *power, double supply,
     work[WORK_CYLINDER] += power->friction;
 }
 
+void plant_hydraulic_account_supply(const struct hydraulic_supply_power *power, double *work)
+{
+    work[WORK_HYDRAULIC] += power->pump;
+    work[WORK_RELIEF] += power->relief;
+    work[WORK_LEAKAGE] += power->leak;
+}
+
 void plant_hydraulic_derive(const struct plant *plant, const double *state, double *derivative,
                             double *work)
 {
@@ -142,9 +157,9 @@ void plant_hydraulic_derive(const struct plant *plant, const double *state, doub
             plant_hydraulic_account(&power, port.supply, work);
         }
     }
-    derivative[at] = hydraulic_supply_derive(&robot->hydraulic_supply, state[at], drawn, &pump);
+    derivative[at] = hydraulic_supply_derive(&robot->hydraulic_supply, &plant->command.oil,
+                                             state[at], drawn, &pump);
     if (work) {
-        work[WORK_HYDRAULIC] += pump.pump;
-        work[WORK_RELIEF] += pump.relief;
+        plant_hydraulic_account_supply(&pump, work);
     }
 }

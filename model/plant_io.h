@@ -18,6 +18,8 @@ enum drive_condition {
     DRIVE_SHORT = 1 << 1,        /* the winding is shorted: 0 V across it, so that it brakes */
     DRIVE_JAM = 1 << 2,          /* the rotor is locked where it is */
     DRIVE_SPRING_BREAK = 1 << 3, /* Ks = Ds = 0, no stop: the link hangs loose */
+    DRIVE_VALVE_OFF = 1 << 4,    /* a servo valve without current: its spool goes to the middle */
+    DRIVE_VALVE_STUCK = 1 << 5,  /* the spool stays where it is */
 };
 
 /* One drive's bridge for the coming tick. */
@@ -26,12 +28,23 @@ struct motor_command {
     double voltage_v;    /* average terminal voltage; the plant clips it to +-supply */
     double pretension_m; /* p of the parallel spring, paper eq. (5) */
     unsigned condition;  /* of the drive: bits of enum drive_condition */
+    /* Of a hydraulic joint: the spool's middle is off by that share of the full opening, positive
+     * as a voltage; oil leaks past the piston, m3/s per Pa, beside the cylinder's own leakage */
+    double valve_shift, piston_leak;
+};
+
+/* What is broken of the hydraulic joints' supply; all 0 = nothing. */
+struct hydraulic_supply_condition {
+    double pump_loss; /* share of the pump's flow that is missing */
+    double leak;      /* from the supply to the return, m3/s per Pa */
+    bool relief_shut; /* the relief valve does not open */
 };
 
 struct plant_command {
     size_t njoint;
     struct motor_command *motor; /* by joint index of the robot */
     double supply_sag_v;         /* how far the source is below its nominal voltage (brown-out) */
+    struct hydraulic_supply_condition oil;
 };
 
 /* One joint as it truly is; link side of the gear. */

@@ -10,6 +10,7 @@
 
 #include "model/effects.h"
 #include "model/hydraulic.h"
+#include "model/hydraulic_supply.h"
 #include "model/integrator.h"
 #include "model/plant.h"
 #include "model/stop.h"
@@ -226,8 +227,9 @@ bool plant_hydraulic_load(struct plant *plant, size_t c, double torque);
 
 double plant_hydraulic_energy(const struct plant *plant, const double *state);
 
-/* Adds the powers of a cylinder to the accounts. */
+/* Adds the powers of a cylinder, and of the supply, to the accounts. */
 void plant_hydraulic_account(const struct hydraulic_power *power, double supply, double *work);
+void plant_hydraulic_account_supply(const struct hydraulic_supply_power *power, double *work);
 
 /* Rates of cylinders and supply; work may be NULL. */
 void plant_hydraulic_derive(const struct plant *plant, const double *state, double *derivative,

@@ -130,6 +130,7 @@ struct robot_hydraulic_supply {
     double pump;                /* m3/s */
     double accumulator;         /* volume of its gas at precharge, m3 */
     double precharge;           /* Pa */
+    double line;                /* oil between pump and valves, m3 */
     double relief, relief_flow; /* Pa; m3/s per Pa beyond */
 };
 

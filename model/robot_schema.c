@@ -266,6 +266,12 @@ static const struct yaml_field hydraulic_supply_fields[] = {
     SUPPLY("pump_m3_s", false, pump, 0.0, 10.0),
     SUPPLY("accumulator_m3", false, accumulator, 0.0, 10.0),
     SUPPLY("precharge_pa", false, precharge, 0.0, 1e9),
+    {.key = "line_m3",
+     .type = YAML_REAL,
+     .offset = offsetof(struct hydraulic_supply_yaml, line),
+     .min = 1e-7,
+     .max = 1.0,
+     .given_offset = offsetof(struct hydraulic_supply_yaml, has_line)},
     SUPPLY("relief_pa", false, relief, 0.0, 1e9),
     SUPPLY("relief_m3_s_pa", false, relief_flow, 0.0, 1e-3),
 };

@@ -159,7 +159,8 @@ struct hydraulic_yaml {
 
 struct hydraulic_supply_yaml {
     struct yaml_mark mark;
-    double pressure, back, pump, accumulator, precharge, relief, relief_flow;
+    double pressure, back, pump, accumulator, precharge, line, relief, relief_flow;
+    bool has_line;
 };
 
 struct joint_yaml {

@@ -8,6 +8,9 @@
 /* Speed about which friction changes its sign, m/s, where the file does not say. */
 #define FRICTION_SPEED 0.01
 
+/* Oil in manifold and hoses, of the accumulator's volume, where the file does not say. */
+#define LINE_SHARE 0.1
+
 static const double pi = 3.14159265358979323846;
 
 /* What the numbers of the file mean. */
@@ -86,6 +89,7 @@ enum error_code robot_build_hydraulic(struct robot_builder *b, const struct join
 enum error_code robot_build_hydraulic_supply(struct robot_builder *b)
 {
     const struct hydraulic_supply_yaml *given = &b->file.hydraulic_supply;
+    const double line = given->has_line ? given->line : LINE_SHARE * given->accumulator;
 
     if (!b->file.has_hydraulic_supply) {
         return ERROR_NONE;
@@ -107,6 +111,7 @@ enum error_code robot_build_hydraulic_supply(struct robot_builder *b)
                                                                  .pump = given->pump,
                                                                  .accumulator = given->accumulator,
                                                                  .precharge = given->precharge,
+                                                                 .line = line,
                                                                  .relief = given->relief,
                                                                  .relief_flow = given->relief_flow};
     return ERROR_NONE;

@@ -354,6 +354,8 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
         .status_period_ns = llround(motors->status_period_s * 1e9),
         .boot_ns = llround(motors->boot_s * 1e9),
         .over_voltage_v = BOARD_OVER_VOLTAGE_RATIO * b->rig->supply_v,
+        .under_pressure_pa = BOARD_UNDER_PRESSURE_RATIO * b->robot->hydraulic_supply.pressure,
+        .over_pressure_pa = BOARD_OVER_PRESSURE_RATIO * b->robot->hydraulic_supply.pressure,
         .transmit_at_start = raw->transmit_at_start,
         .discovery_stops_motors = motors->discovery_stops_motors,
     };

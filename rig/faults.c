@@ -14,13 +14,14 @@ static bool rig_collect_fault_names(const struct rig *rig, const bool *wire, str
     const struct robot *robot = rig->robot;
     const char **joint = arena_alloc(arena, robot->njoint + 1, sizeof *joint);
     bool *driven = arena_alloc(arena, robot->njoint + 1, sizeof *driven);
+    bool *hydraulic = arena_alloc(arena, robot->njoint + 1, sizeof *hydraulic);
     const char **ft = arena_alloc(arena, robot->nft + 1, sizeof *ft);
     const char **bus = arena_alloc(arena, rig->nbus + 1, sizeof *bus);
     const char **board = arena_alloc(arena, rig->boards.nboard + 1, sizeof *board);
     size_t *board_bus = arena_alloc(arena, rig->boards.nboard + 1, sizeof *board_bus);
     int *board_address = arena_alloc(arena, rig->boards.nboard + 1, sizeof *board_address);
 
-    if (!joint || !driven || !ft || !bus || !board || !board_bus || !board_address) {
+    if (!joint || !driven || !hydraulic || !ft || !bus || !board || !board_bus || !board_address) {
         return false;
     }
 
@@ -28,6 +29,7 @@ static bool rig_collect_fault_names(const struct rig *rig, const bool *wire, str
     for (size_t j = 0; j < robot->njoint; j++) {
         joint[j] = robot->joint[j].name;
         driven[j] = robot_joint_is_driven(&robot->joint[j]);
+        hydraulic[j] = robot->joint[j].hydraulic.present;
     }
     for (size_t f = 0; f < robot->nft; f++) {
         ft[f] = robot->ft[f].name;
@@ -44,6 +46,8 @@ static bool rig_collect_fault_names(const struct rig *rig, const bool *wire, str
         .njoint = robot->njoint,
         .joint = joint,
         .driven = driven,
+        .hydraulic = hydraulic,
+        .oil_store = robot->hydraulic_supply.accumulator > 0.0,
         .nft = robot->nft,
         .ft = ft,
         .imu = robot->imu_frame >= 0,

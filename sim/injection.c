@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Carries out the faults of motors, supply and buses. */
+/* Carries out the faults of motors, valves, supplies and buses. */
 #include "sim/injection.h"
 
 #include "canbus/fault_port.h"
 #include "canbus/wire/wire.h"
 
+#include <math.h>
 #include <string.h>
 
 /* A fault that a wire carries out. */
@@ -158,7 +159,7 @@ static void injection_step_wire(struct injection *injection, size_t index)
     }
 }
 
-/* ---- motors and supply ---- */
+/* ---- motors, valves and supplies ---- */
 
 static unsigned fault_drive_condition(enum fault_kind kind)
 {
@@ -176,13 +177,50 @@ static unsigned fault_drive_condition(enum fault_kind kind)
     }
 }
 
+static void break_valve(const struct fault *fault, double pressure, struct motor_command *motor)
+{
+    switch (fault->kind) {
+    case FAULT_OFF:
+        motor->condition |= DRIVE_VALVE_OFF;
+        break;
+    case FAULT_STUCK:
+        motor->condition |= DRIVE_VALVE_STUCK;
+        break;
+    case FAULT_SHIFTED:
+        motor->valve_shift += fault->value[0];
+        break;
+    default:
+        motor->piston_leak += fault->value[0] / pressure;
+        break;
+    }
+}
+
+static void break_hydraulic_supply(const struct fault *fault, double pressure,
+                                   struct hydraulic_supply_condition *oil)
+{
+    switch (fault->kind) {
+    case FAULT_PUMP_LOSS:
+        oil->pump_loss = fmin(1.0, oil->pump_loss + fault->value[0]);
+        break;
+    case FAULT_LEAK:
+        oil->leak += fault->value[0] / pressure;
+        break;
+    default:
+        oil->relief_shut = true;
+        break;
+    }
+}
+
 static void injection_step_command(struct injection *injection)
 {
+    const double pressure = injection->config.rig->robot->hydraulic_supply.pressure;
     struct plant_command *command = injection->config.command;
 
     command->supply_sag_v = 0.0;
+    command->oil = (struct hydraulic_supply_condition){0};
     for (size_t j = 0; j < command->njoint; j++) {
         command->motor[j].condition = 0;
+        command->motor[j].valve_shift = command->motor[j].piston_leak = 0.0;
     }
     for (size_t i = 0; i < faults_count(injection->config.faults); i++) {
         const struct fault *fault = faults_at(injection->config.faults, i);
@@ -191,6 +229,10 @@ static void injection_step_command(struct injection *injection)
             command->motor[fault->index].condition |= fault_drive_condition(fault->kind);
         } else if (fault->active && fault->target == FAULT_SUPPLY) {
             command->supply_sag_v += fault->value[0];
+        } else if (fault->active && fault->target == FAULT_VALVE) {
+            break_valve(fault, pressure, &command->motor[fault->index]);
+        } else if (fault->active && fault->target == FAULT_HYDRAULIC_SUPPLY) {
+            break_hydraulic_supply(fault, pressure, &command->oil);
         }
     }
 }

@@ -15,8 +15,17 @@ enum { PARTS_MAX = 4, PART_SIZE = 64, NAMES_MAX = 128 };
 
 /* ---- quantities ---- */
 
-static const char *const joint_words[] = {"q",       "qd",     "qm",      "qmd",
-                                          "current", "torque", "voltage", "winding"};
+static const char *const joint_words[] = {"q",
+                                          "qd",
+                                          "qm",
+                                          "qmd",
+                                          "current",
+                                          "torque",
+                                          "voltage",
+                                          "winding",
+                                          "piston_pressure",
+                                          "rod_pressure",
+                                          "valve_opening"};
 static const char *const wrench_words[] = {"fx", "fy", "fz", "tx", "ty", "tz"};
 static const char *const host_joint_words[] = {"q", "qm", "current", "torque", "motor", "fault"};
 static const char *const host_force_words[] = {"fx", "fy", "fz", "tx", "ty", "tz", "overflow"};
@@ -31,9 +40,17 @@ static const char *const lockstep_words[] = {"steps", "mismatches", "malformed",
 
 static double joint_value(const struct motor_sense *motor, size_t word)
 {
-    const double value[ARRAY_COUNT(joint_words)] = {
-        motor->q,         motor->qd,        motor->qm,        motor->qmd,
-        motor->current_a, motor->torque_nm, motor->voltage_v, motor->winding_c};
+    const double value[ARRAY_COUNT(joint_words)] = {motor->q,
+                                                    motor->qd,
+                                                    motor->qm,
+                                                    motor->qmd,
+                                                    motor->current_a,
+                                                    motor->torque_nm,
+                                                    motor->voltage_v,
+                                                    motor->winding_c,
+                                                    motor->pressure_pa[0],
+                                                    motor->pressure_pa[1],
+                                                    motor->valve_opening};
 
     return value[word];
 }
@@ -129,6 +146,13 @@ static double signal_read_supply(const struct scenario_view *view, size_t a, siz
     (void)a;
     (void)b;
     return plant_sensors(simulator_plant(view->simulator))->supply_v;
+}
+
+static double signal_read_oil(const struct scenario_view *view, size_t a, size_t b)
+{
+    (void)a;
+    (void)b;
+    return plant_sensors(simulator_plant(view->simulator))->oil_pa;
 }
 
 static double signal_read_clamped(const struct scenario_view *view, size_t a, size_t b)
@@ -303,6 +327,7 @@ static const struct form {
     {"lockstep", NULL, lockstep_words, ARRAY_COUNT(lockstep_words), signal_read_lockstep, false,
      false},
     {"supply", NULL, (const char *const[]){"v"}, 1, signal_read_supply, false, false},
+    {"hydraulic_supply", NULL, (const char *const[]){"pressure"}, 1, signal_read_oil, false, false},
     {"links", NULL, (const char *const[]){"clamped"}, 1, signal_read_clamped, false, false},
     {"host", NULL, (const char *const[]){"phase"}, 1, signal_read_host, true, false},
     {"task", NULL, (const char *const[]){"status"}, 1, signal_read_task, false, false},
@@ -410,6 +435,8 @@ const char *const *scenario_signal_help(void)
 {
     static const char *const lines[] = {
         "JOINT.q qd qm qmd current torque voltage winding: the true value (rad, A, N m, V, deg C)",
+        "JOINT.piston_pressure rod_pressure valve_opening of a hydraulic joint, and "
+        "hydraulic_supply.pressure (Pa, -1 to 1)",
         "measured.JOINT.*: as the boards' sensors measure it",
         "host.JOINT.q qm current torque motor fault: as received by the host in frames; motor 2 "
         "is on, 4 in fault",

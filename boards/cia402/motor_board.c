@@ -8,7 +8,8 @@ enum {
     /* These faults leave nothing to brake with */
     OPENS_BRIDGE = CIA402_FAULT_UNDER_VOLTAGE | CIA402_FAULT_OVER_VOLTAGE |
                    CIA402_FAULT_OVER_CURRENT | CIA402_FAULT_MOTOR_ENCODER |
-                   CIA402_FAULT_LINK_ENCODER | CIA402_FAULT_TORQUE_SENSOR,
+                   CIA402_FAULT_LINK_ENCODER | CIA402_FAULT_TORQUE_SENSOR |
+                   CIA402_FAULT_UNDER_PRESSURE | CIA402_FAULT_OVER_PRESSURE,
     FATAL =
         OPENS_BRIDGE | CIA402_FAULT_TEMPERATURE | CIA402_FAULT_FOLLOWING | CIA402_FAULT_CONNECTION,
     FRAMES_MAX = 2 + CIA402_EMERGENCIES + CIA402_PDOS,
@@ -33,10 +34,11 @@ static const struct {
     uint16_t code;
     uint8_t error_register;
 } error_codes[] = {
-    {CIA402_FAULT_UNDER_VOLTAGE, 0x3220, 0x04}, {CIA402_FAULT_OVER_VOLTAGE, 0x3210, 0x04},
-    {CIA402_FAULT_OVER_CURRENT, 0x2310, 0x02},  {CIA402_FAULT_MOTOR_ENCODER, 0x7305, 0x20},
-    {CIA402_FAULT_LINK_ENCODER, 0x7306, 0x20},  {CIA402_FAULT_TORQUE_SENSOR, 0xff01, 0x80},
-    {CIA402_FAULT_TEMPERATURE, 0x4310, 0x08},   {CIA402_FAULT_FOLLOWING, 0x8611, 0x20},
+    {CIA402_FAULT_UNDER_VOLTAGE, 0x3220, 0x04},  {CIA402_FAULT_OVER_VOLTAGE, 0x3210, 0x04},
+    {CIA402_FAULT_OVER_CURRENT, 0x2310, 0x02},   {CIA402_FAULT_MOTOR_ENCODER, 0x7305, 0x20},
+    {CIA402_FAULT_LINK_ENCODER, 0x7306, 0x20},   {CIA402_FAULT_TORQUE_SENSOR, 0xff01, 0x80},
+    {CIA402_FAULT_TEMPERATURE, 0x4310, 0x08},    {CIA402_FAULT_FOLLOWING, 0x8611, 0x20},
+    {CIA402_FAULT_UNDER_PRESSURE, 0xff02, 0x80}, {CIA402_FAULT_OVER_PRESSURE, 0xff03, 0x80},
 };
 
 /* ---- power-up ---- */
@@ -169,6 +171,8 @@ static void cia402_motor_sample(struct board *board, const struct plant_sensors 
     int64_t now_ms = board->boards->now_ns / MS;
 
     motor->supply_v = board_supply_v(sensors);
+
+    motor->oil_pa = board_oil_pa(sensors);
     for (unsigned i = 0; i < motor->node.axes; i++) {
         const struct board_axis_config *config = &board->config.axis[i];
         struct cia402_axis *axis = &motor->axis[i];
@@ -221,7 +225,9 @@ static bool cia402_axis_is_beyond_limit(const struct cia402_axis *axis)
 
 static uint32_t cia402_axis_present_faults(const struct board *board, struct cia402_axis *axis)
 {
-    double supply_v = cia402_motor_of(board)->supply_v;
+    const struct cia402_motor *motor = cia402_motor_of(board);
+    double supply_v = motor->supply_v;
+    size_t index = (size_t)(axis - motor->axis);
     bool off_course = axis->following_ms > axis->settings.following_timeout_ms;
     uint32_t faults = 0;
 
@@ -237,6 +243,9 @@ static uint32_t cia402_axis_present_faults(const struct board *board, struct cia
             ? CIA402_FAULT_FOLLOWING
             : 0;
     faults |= cia402_axis_is_stale(board, axis) ? CIA402_FAULT_STALE : 0;
+    faults |=
+        board_is_under_pressure(board, index, motor->oil_pa) ? CIA402_FAULT_UNDER_PRESSURE : 0;
+    faults |= board_is_over_pressure(board, index, motor->oil_pa) ? CIA402_FAULT_OVER_PRESSURE : 0;
     faults |= cia402_axis_is_beyond_limit(axis) ? CIA402_FAULT_LIMIT : 0;
     return faults;
 }

@@ -320,7 +320,7 @@ struct cia402_axis {
 struct cia402_motor {
     struct cia402_node node;
     struct cia402_axis axis[CIA402_BOARD_AXES];
-    double supply_v;
+    double supply_v, oil_pa;
     int64_t sampled_ms;
     bool started;
 };

@@ -233,6 +233,8 @@ enum cia402_fault {
     CIA402_FAULT_LIMIT = 1 << 10,     /* a warning: beyond a software position limit */
     CIA402_FAULT_SATURATED = 1 << 11, /* sensors: a channel beyond its full scale; a warning */
     CIA402_FAULT_SENSOR = 1 << 12,    /* sensors: a channel has no reading; a warning */
+    CIA402_FAULT_UNDER_PRESSURE = 1 << 13, /* of the oil that feeds the axis's valve */
+    CIA402_FAULT_OVER_PRESSURE = 1 << 14,
 };
 
 /* Objects that hosts and messages name; of axis 0. */

@@ -8,9 +8,9 @@
 #include <string.h>
 
 const char *const described_fault_names[32] = {
-    "under-voltage",  "over-voltage",  "over-current", "motor encoder",
-    "link encoder",   "torque sensor", "temperature",  "stale set-point",
-    "position limit", "frames lost",   "saturated",    "inertial sensor",
+    "under-voltage",  "over-voltage", "over-current",   "motor encoder",   "link encoder",
+    "torque sensor",  "temperature",  "under-pressure", "over-pressure",   "stale set-point",
+    "position limit", "frames lost",  "saturated",      "inertial sensor",
 };
 
 const char *described_unit(enum described_meaning meaning)

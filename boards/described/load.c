@@ -120,9 +120,9 @@ static enum error_code described_build_states(struct described_loader *l)
 static enum error_code described_build_faults(struct described_loader *l)
 {
     static const char *const words[DESCRIBED_FAULT_KINDS] = {
-        "under_voltage",  "over_voltage",  "over_current", "motor_encoder",
-        "link_encoder",   "torque_sensor", "temperature",  "stale",
-        "position_limit", "frames_lost",   "saturated",    "inertial_sensor",
+        "under_voltage",  "over_voltage", "over_current",   "motor_encoder",   "link_encoder",
+        "torque_sensor",  "temperature",  "under_pressure", "over_pressure",   "stale",
+        "position_limit", "frames_lost",  "saturated",      "inertial_sensor",
     };
 
     for (int k = 0; k < DESCRIBED_FAULT_KINDS; k++) {

@@ -252,6 +252,7 @@ static void described_motor_sample(struct board *board, const struct plant_senso
     int64_t now_ms = board->boards->now_ns / MS;
 
     motor->node.supply_v = board_supply_v(sensors);
+    motor->node.oil_pa = board_oil_pa(sensors);
     for (unsigned i = 0; i < motor->node.axes; i++) {
         const struct board_axis_config *config = &board->config.axis[i];
 
@@ -296,8 +297,10 @@ static uint32_t fault_if(bool present, enum described_fault fault)
 static uint32_t described_axis_present_faults(const struct board *board,
                                               struct described_axis *axis)
 {
-    const struct board_axis_config *config = &board->config.axis[described_axis_index(board, axis)];
+    const unsigned index = described_axis_index(board, axis);
+    const struct board_axis_config *config = &board->config.axis[index];
     double supply_v = described_node_of(board)->supply_v;
+    double oil_pa = described_node_of(board)->oil_pa;
     double hottest_c =
         config->temperature_limit_c > 0.0 ? config->temperature_limit_c : TEMPERATURE_MAX_C;
 
@@ -308,6 +311,8 @@ static uint32_t described_axis_present_faults(const struct board *board,
            fault_if(axis->bad_link, DESCRIBED_LINK_ENCODER) |
            fault_if(axis->bad_torque, DESCRIBED_TORQUE_SENSOR) |
            fault_if(axis->temperature_c > hottest_c, DESCRIBED_OVER_TEMPERATURE) |
+           fault_if(board_is_under_pressure(board, index, oil_pa), DESCRIBED_UNDER_PRESSURE) |
+           fault_if(board_is_over_pressure(board, index, oil_pa), DESCRIBED_OVER_PRESSURE) |
            fault_if(described_axis_is_stale(board, axis), DESCRIBED_STALE) |
            fault_if(axis->link_rad < config->lower_rad || axis->link_rad > config->upper_rad,
                     DESCRIBED_LIMIT) |

@@ -51,8 +51,8 @@ struct described_node {
     unsigned axes, first_slot; /* axes: 0 of sensors */
     bool powered;
     int64_t telemetry_ms, started_ns, next_ns;
-    double supply_v;
-    uint32_t sequence; /* telemetry periods so far */
+    double supply_v, oil_pa; /* oil: of a motor board */
+    uint32_t sequence;       /* telemetry periods so far */
     struct described_report report[DESCRIBED_AXES][DESCRIBED_FRAMES_MAX];
 };
 

@@ -136,6 +136,8 @@ enum described_fault {
     DESCRIBED_LINK_ENCODER,
     DESCRIBED_TORQUE_SENSOR,
     DESCRIBED_OVER_TEMPERATURE,
+    DESCRIBED_UNDER_PRESSURE, /* of the oil that feeds an axis's valve, as the next */
+    DESCRIBED_OVER_PRESSURE,
     DESCRIBED_STALE,    /* no command for the time-out */
     DESCRIBED_LIMIT,    /* beyond a position limit */
     DESCRIBED_OVERFLOW, /* frames were lost */

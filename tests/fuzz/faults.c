@@ -13,7 +13,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { JOINTS = 3, FTS = 2, LINES = 16, TICKS = 60, LINE = 400 };
+enum { JOINTS = 4, FTS = 2, LINES = 16, TICKS = 60, LINE = 400 };
 
 static void check_fault(const struct fault *fault)
 {
@@ -24,11 +24,14 @@ static void check_fault(const struct fault *fault)
         [FAULT_MOTOR] = JOINTS,
         [FAULT_BUS] = 2,
         [FAULT_SUPPLY] = 1,
+        [FAULT_VALVE] = JOINTS,
+        [FAULT_HYDRAULIC_SUPPLY] = 1,
     };
     struct fault again;
     struct error error;
 
-    fuzz_require(fault->target <= FAULT_SUPPLY && fault->kind <= FAULT_SAG, "%s", fault->text);
+    fuzz_require(fault->target <= FAULT_HYDRAULIC_SUPPLY && fault->kind <= FAULT_RELIEF_SHUT, "%s",
+                 fault->text);
     fuzz_require(fault->index + (fault->target == FAULT_SENSOR ? fault->channels : 1) <=
                      most[fault->target],
                  "%s: index %zu", fault->text, fault->index);

@@ -12,96 +12,8 @@
 
 #include <cmocka.h>
 
-#include "model/hydraulic.h"
 #include "tests/physics/near.h"
-#include "tests/physics/toy.h"
-
-#define BAR 1e5
-
-enum { MS = 1000000, AT_CYLINDER = 2, AT_P1 = AT_CYLINDER + HYDRAULIC_P1, AT_P2 };
-enum { AT_SUPPLY = AT_CYLINDER + HYDRAULIC_STATE };
-
-struct oil_rig {
-    struct toy toy;
-    struct arena arena;
-    struct dynamics dynamics;
-    struct plant_config config;
-    struct plant *plant;
-    struct motor_command *motor;
-    double *state;
-};
-
-/* A cylinder between pins 0.32 m and 0.045 m from the joint, half out at q = 0, and a valve of
- * 7.5 l/min at 70 bar that opens at 10 V. */
-static struct robot_hydraulic hyq_cylinder(void)
-{
-    return (struct robot_hydraulic){.present = true,
-                                    .A1 = 0.25 * M_PI * 0.016 * 0.016,
-                                    .A2 = 0.25 * M_PI * (0.016 * 0.016 - 0.010 * 0.010),
-                                    .stroke = 0.08,
-                                    .dead = 2e-6,
-                                    .base = 0.32,
-                                    .arm = 0.045,
-                                    .offset = 0.5 * M_PI,
-                                    .closed = sqrt(0.32 * 0.32 + 0.045 * 0.045) - 0.04,
-                                    .valve_w = 2.0 * M_PI * 250.0,
-                                    .valve_damping = 0.8,
-                                    .valve_v = 10.0,
-                                    .K = 7.5e-3 / 60.0 / sqrt(35.0 * BAR),
-                                    .beta = 1.4e9,
-                                    .coulomb_speed = 1e-3};
-}
-
-/* A link about a vertical axis behind such a cylinder. */
-static void oil_rig_begin(struct oil_rig *rig, struct robot_hydraulic cylinder,
-                          struct robot_hydraulic_supply supply)
-{
-    const double none[3] = {0.0, 0.0, 0.0}, z[3] = {0.0, 0.0, 1.0};
-    const double I[6] = {0.3, 0.0, 0.0, 0.3, 0.0, 0.3};
-    struct robot_joint *joint;
-
-    *rig = (struct oil_rig){0};
-    toy_begin(&rig->toy, false, 1.0, none, I);
-    joint = &rig->toy.joint[toy_add(&rig->toy, 0, JOINT_REVOLUTE, z, none, 5.0, none, I)];
-    joint->hydraulic = cylinder;
-    joint->lower = -0.85;
-    joint->upper = 0.85;
-    toy_finish(&rig->toy);
-    rig->toy.robot.hydraulic_supply = supply;
-    rig->config = (struct plant_config){.robot = &rig->toy.robot,
-                                        .dynamics = &rig->dynamics,
-                                        .integrator = PLANT_IMPLICIT,
-                                        .substep_ns = MS,
-                                        .rtol = 1e-10,
-                                        .atol = 1e-10,
-                                        .supply_v = 48.0,
-                                        .account_energy = true};
-}
-
-static void oil_rig_start(struct oil_rig *rig, double q)
-{
-    struct error error;
-    size_t count;
-
-    assert_int_equal(arena_init(&rig->arena, 1 << 20, &error), ERROR_NONE);
-    assert_int_equal(dynamics_generic(&rig->toy.robot, &rig->arena, &rig->dynamics, &error),
-                     ERROR_NONE);
-    assert_int_equal(plant_create(&rig->config, &rig->arena, &rig->plant, &error), ERROR_NONE);
-    rig->state = plant_state(rig->plant, &count);
-    rig->motor = plant_command(rig->plant)->motor;
-    rig->motor->bridge_on = true;
-    assert_int_equal(plant_reset(rig->plant, NULL, NULL, &q), ERROR_NONE);
-}
-
-static void step_oil(struct oil_rig *rig, size_t steps)
-{
-    assert_int_equal(plant_step(rig->plant, steps), ERROR_NONE);
-}
-
-static struct robot_hydraulic_supply constant_supply(void)
-{
-    return (struct robot_hydraulic_supply){.pressure = 160.0 * BAR};
-}
+#include "tests/physics/oil_rig.h"
 
 /* The leg's forces are those that are published. */
 static void areas_and_forces_are_those_of_the_leg(void **state)
@@ -236,29 +148,6 @@ static void run_voltages(struct oil_rig *rig, double *q, double *p1, size_t per_
         q[k] = rig->state[0];
         p1[k] = rig->state[AT_P1];
     }
-}
-
-static struct robot_hydraulic real_cylinder(void)
-{
-    struct robot_hydraulic c = hyq_cylinder();
-
-    c.lap = 0.02;
-    c.leakage = 1e-13;
-    c.viscous = 100.0;
-    c.coulomb = 30.0;
-    c.coulomb_speed = 0.01;
-    return c;
-}
-
-static struct robot_hydraulic_supply real_supply(void)
-{
-    return (struct robot_hydraulic_supply){.pressure = 160.0 * BAR,
-                                           .back = 2.0 * BAR,
-                                           .pump = 5e-5,
-                                           .accumulator = 2e-4,
-                                           .precharge = 90.0 * BAR,
-                                           .relief = 160.0 * BAR,
-                                           .relief_flow = 1e-9};
 }
 
 static void steps_of_voltage_agree_with_dopri5(void **state)

@@ -98,7 +98,7 @@ static bool choose_value(struct fault_lines *lines, const char *key, double *val
         {"amplitude", 0.01, 5.0}, {"gain", -2.0, 2.0},   {"offset", -1.0, 1.0},
         {"period", 0.002, 0.5},   {"delay", 0.001, 0.2}, {"share", 0.05, 0.95},
         {"dwell", 0.001, 0.1},    {"factor", 2.0, 50.0}, {"watchdog", 0.01, 1.0},
-        {"p", 0.01, 0.5},         {"volts", 1.0, 45.0},
+        {"p", 0.01, 0.5},         {"volts", 1.0, 45.0},  {"flow", 1e-4, 1e-3},
     };
 
     for (size_t i = 0; i < sizeof known / sizeof known[0]; i++) {
@@ -139,6 +139,21 @@ static bool write_parameters(struct fault_lines *lines, char *const *word, size_
     return true;
 }
 
+/* A valve of a hydraulic joint; false when no joint has one. */
+static bool write_valve(struct fault_lines *lines, char *text, size_t size)
+{
+    const struct robot *robot = lines->rig->robot;
+    size_t joint = below(lines, robot->njoint);
+
+    for (size_t tried = 0; tried < robot->njoint; tried++) {
+        if (robot->joint[joint].hydraulic.present) {
+            return snprintf(text, size, "valve %s", robot->joint[joint].name) > 0;
+        }
+        joint = (joint + 1) % robot->njoint;
+    }
+    return false;
+}
+
 /* "TARGET ..." for a line of faults_help; false when this rig has no such target left */
 static bool write_target(struct fault_lines *lines, const char *target, bool on_wire, char *text,
                          size_t size)
@@ -156,6 +171,13 @@ static bool write_target(struct fault_lines *lines, const char *target, bool on_
         int bus = choose_bus(lines, on_wire);
 
         return bus >= 0 && snprintf(text, size, "bus %s", lines->rig->bus[bus].name) > 0;
+    }
+    if (!strcmp(target, "valve")) {
+        return write_valve(lines, text, size);
+    }
+    if (!strcmp(target, "hydraulic_supply") &&
+        lines->rig->robot->hydraulic_supply.accumulator == 0.0) {
+        return false;
     }
     return snprintf(text, size, "%s", target) > 0;
 }

@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A small rig's names for the tests of faults and their fuzzer: three joints, two sensors, two
- * buses, two boards. */
+/* A small rig's names for the tests of faults and their fuzzer: four joints, of which the last has
+ * a cylinder, two sensors, two buses, two boards. */
 #ifndef TESTS_UNIT_BOARDS_FAULT_NAMES_H
 #define TESTS_UNIT_BOARDS_FAULT_NAMES_H
 
 #include "boards/faults.h"
 
-static const char *const joints[] = {"LHipSag", "LKneeSag", "hand"};
-static const bool driven[] = {true, true, false};
+static const char *const joints[] = {"LHipSag", "LKneeSag", "hand", "lf_kfe"};
+static const bool driven[] = {true, true, false, true};
+static const bool hydraulic[] = {false, false, false, true};
 static const char *const fts[] = {"l_leg_ft", "r.leg.ft"};
 static const char *const buses[] = {"left_leg", "torso"};
 static const bool wire[] = {true, false};
@@ -16,9 +17,11 @@ static const size_t board_bus[] = {0, 0};
 static const int board_address[] = {1, 13};
 
 static const struct fault_names names = {
-    .njoint = 3,
+    .njoint = 4,
     .joint = joints,
     .driven = driven,
+    .hydraulic = hydraulic,
+    .oil_store = true,
     .nft = 2,
     .ft = fts,
     .imu = true,

@@ -54,17 +54,17 @@ static void sensors_are_numbered_through(void **unused)
     fault = parse("sensor hand.link_encoder off");
     assert_int_equal(fault.index, 2 * SENSOR_JOINT_CHANNELS);
     fault = parse("sensor l_leg_ft off");
-    assert_int_equal(fault.index, 3 * SENSOR_JOINT_CHANNELS);
+    assert_int_equal(fault.index, 4 * SENSOR_JOINT_CHANNELS);
     assert_int_equal(fault.channels, 6);
     fault = parse("sensor r.leg.ft.ty off");
-    assert_int_equal(fault.index, 3 * SENSOR_JOINT_CHANNELS + 6 + 4);
+    assert_int_equal(fault.index, 4 * SENSOR_JOINT_CHANNELS + 6 + 4);
     assert_int_equal(fault.channels, 1);
     fault = parse("sensor r.leg.ft off");
-    assert_int_equal(fault.index, 3 * SENSOR_JOINT_CHANNELS + 6);
+    assert_int_equal(fault.index, 4 * SENSOR_JOINT_CHANNELS + 6);
     fault = parse("sensor imu.accel_z off");
-    assert_int_equal(fault.index, 3 * SENSOR_JOINT_CHANNELS + 2 * 6 + 5);
+    assert_int_equal(fault.index, 4 * SENSOR_JOINT_CHANNELS + 2 * 6 + 5);
     fault = parse("sensor imu.quat_z off");
-    assert_int_equal(fault.index, 3 * SENSOR_JOINT_CHANNELS + 2 * 6 + 12);
+    assert_int_equal(fault.index, 4 * SENSOR_JOINT_CHANNELS + 2 * 6 + 12);
     fault = parse("sensor imu off");
     assert_int_equal(fault.channels, 13);
 }
@@ -96,12 +96,19 @@ static void parameters_have_keys_defaults_and_a_first(void **unused)
     fault = parse("supply sag 30 1..1.05");
     assert_int_equal(fault.target, FAULT_SUPPLY);
     assert_true(fault.value[0] == 30.0);
+    fault = parse("valve lf_kfe leak 1e-5 2..");
+    assert_int_equal(fault.target, FAULT_VALVE);
+    assert_int_equal(fault.index, 3);
+    assert_true(fault.value[0] == 1e-5);
+    fault = parse("hydraulic_supply pump_loss");
+    assert_int_equal(fault.target, FAULT_HYDRAULIC_SUPPLY);
+    assert_true(fault.value[0] == 1.0);
 }
 
 static void refuses_what_it_does_not_know_and_names_the_nearest(void **unused)
 {
     (void)unused;
-    assert_refused("", ERROR_INPUT, "expected sensor, board, motor, bus or supply");
+    assert_refused("", ERROR_INPUT, "expected sensor, board, motor, bus, supply, valve or");
     assert_refused("engine LKneeSag jam", ERROR_INPUT, "found \"engine\"");
     assert_refused("motor LKneeSga jam", ERROR_INPUT, "\"LKneeSag\"");
     assert_refused("motor LKneeSag jamm", ERROR_INPUT, "\"jam\"");
@@ -137,10 +144,29 @@ static void refuses_what_is_unsupported_there(void **unused)
 {
     (void)unused;
     assert_refused("motor hand jam", ERROR_UNSUPPORTED, "no drive");
+    assert_refused("motor lf_kfe jam", ERROR_UNSUPPORTED, "expected \"valve lf_kfe\"");
+    assert_refused("valve LHipSag off", ERROR_UNSUPPORTED, "expected \"motor LHipSag\"");
+    assert_refused("valve lf_kfe jam", ERROR_INPUT, "off, stuck, shifted, leak");
+    assert_refused("valve lf_kfe shifted 1.5", ERROR_INPUT, "share=-1 to 1");
+    assert_refused("hydraulic_supply sag 3", ERROR_INPUT, "pump_loss, leak, relief_shut");
     assert_refused("bus torso error_burst 0.1", ERROR_UNSUPPORTED, "not in wire mode");
     assert_refused("bus torso id_collision", ERROR_UNSUPPORTED, "not in wire mode");
     parse("bus left_leg error_burst 0.1");
     parse("bus left_leg id_collision");
+}
+
+/* A pressure that is constant by definition, or of a robot without oil, cannot be lost. */
+static void a_supply_without_accumulator_cannot_break(void **unused)
+{
+    struct fault_names constant = names;
+    struct fault fault;
+    struct error error;
+
+    (void)unused;
+    constant.oil_store = false;
+    assert_int_equal(fault_parse("hydraulic_supply leak 1e-5", &constant, &fault, &error),
+                     ERROR_UNSUPPORTED);
+    assert_non_null(strstr(error.text, "with an accumulator"));
 }
 
 static void any_text_is_refused_or_read_and_nothing_else(void **unused)
@@ -190,6 +216,7 @@ int main(void)
         cmocka_unit_test(refuses_what_it_does_not_know_and_names_the_nearest),
         cmocka_unit_test(refuses_wrong_numbers_and_windows),
         cmocka_unit_test(refuses_what_is_unsupported_there),
+        cmocka_unit_test(a_supply_without_accumulator_cannot_break),
         cmocka_unit_test(any_text_is_refused_or_read_and_nothing_else),
         cmocka_unit_test(help_lists_every_kind_once),
     };

@@ -69,9 +69,14 @@ static void arm(struct bench *bench, const char *const *line)
 {
     static const char *const joint[] = {"hip", "knee"};
     static const char *const ft[] = {"foot"};
-    static const bool driven[] = {true, true};
-    const struct fault_names names = {
-        .njoint = JOINTS, .joint = joint, .driven = driven, .nft = FTS, .ft = ft, .imu = true};
+    static const bool driven[] = {true, true}, hydraulic[] = {false, false};
+    const struct fault_names names = {.njoint = JOINTS,
+                                      .joint = joint,
+                                      .driven = driven,
+                                      .hydraulic = hydraulic,
+                                      .nft = FTS,
+                                      .ft = ft,
+                                      .imu = true};
     struct fault fault[8];
     struct error error;
     size_t count = 0;

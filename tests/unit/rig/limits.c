@@ -231,6 +231,7 @@ static const struct limit robot_limits[] = {
     {"hydraulic_supply.pump_m3_s", 0, 10},
     {"hydraulic_supply.accumulator_m3", 0, 10},
     {"hydraulic_supply.precharge_pa", 0, 1e9},
+    {"hydraulic_supply.line_m3", 1e-7, 1},
     {"hydraulic_supply.relief_pa", 0, 1e9},
     {"hydraulic_supply.relief_m3_s_pa", 0, 1e-3},
     {"*.stiffness_nm_rad", 0, 1e9},

@@ -332,22 +332,31 @@ static void every_fault_has_its_emergency(void **state)
 {
     static const struct {
         const char *frame;
-        double supply_v, winding_c, current_a, q, qm, torque_nm;
-    } rows[] = {{"20 32 05 00 01 00 00 00", 10.0, 0, 0, 0, 0, 0},
-                {"10 32 05 00 02 00 00 00", 70.0, 0, 0, 0, 0, 0},
-                {"05 73 21 00 08 00 00 00", 48.0, 0, 0, 0, NAN, 0},
-                {"06 73 21 00 10 00 00 00", 48.0, 0, 0, NAN, 0, 0},
-                {"01 FF 81 00 20 00 00 00", 48.0, 0, 0, 0, 0, NAN},
-                {"10 43 09 00 40 00 00 00", 48.0, 130.0, 0, 0, 0, 0}};
+        double supply_v, winding_c, current_a, q, qm, torque_nm, oil_pa;
+    } rows[] = {{"20 32 05 00 01 00 00 00", 10.0, 0, 0, 0, 0, 0, 0},
+                {"10 32 05 00 02 00 00 00", 70.0, 0, 0, 0, 0, 0, 0},
+                {"05 73 21 00 08 00 00 00", 48.0, 0, 0, 0, NAN, 0, 0},
+                {"06 73 21 00 10 00 00 00", 48.0, 0, 0, NAN, 0, 0, 0},
+                {"01 FF 81 00 20 00 00 00", 48.0, 0, 0, 0, 0, NAN, 0},
+                {"10 43 09 00 40 00 00 00", 48.0, 130.0, 0, 0, 0, 0, 0},
+                {"02 FF 81 00 00 20 00 00", 48.0, 0, 0, 0, 0, 0, 7.9e6},
+                {"03 FF 81 00 00 40 00 00", 48.0, 0, 0, 0, 0, 0, 2.01e7}};
 
     (void)state;
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         struct board_bench bench;
         struct motor_sense healthy;
 
-        start(&bench);
+        configure(&bench);
+        bench.board[0].axis[0].valve = rows[i].oil_pa > 0.0;
+        bench.board[0].under_pressure_pa = 8e6;
+        bench.board[0].over_pressure_pa = 2e7;
+        bench.sensors.oil_pa = 1.6e7;
+        bench_start(&bench);
+        bench_tick(&bench);
         healthy = bench.sense[0];
         bench.sensors.supply_v = rows[i].supply_v;
+        bench.sensors.oil_pa = rows[i].oil_pa;
         bench.sense[0] = (struct motor_sense){.q = rows[i].q,
                                               .qm = rows[i].qm,
                                               .current_a = rows[i].current_a,
@@ -361,6 +370,7 @@ static void every_fault_has_its_emergency(void **state)
 
         /* gone when it was reset, on both axes where both had it */
         bench.sensors.supply_v = SUPPLY_V;
+        bench.sensors.oil_pa = 1.6e7;
         bench.sense[0] = healthy;
         bench_ticks(&bench, 3);
         WRITE(0x6040, 0, 2, 0x80);

@@ -318,6 +318,59 @@ static void a_valve_tells_its_pressures_and_takes_speeds_as_voltages(void **stat
     close_bench(&bench);
 }
 
+/* A supply below half or above 1.25 times the nominal pressure closes the valves of the axes that
+ * have one; each has its bit. */
+static void a_lost_oil_pressure_closes_the_valve(void **state)
+{
+    static const char valves[] = HIL_SOURCE_DIR "/config/protocols/servo-valve.yaml";
+    static const struct {
+        double pa;
+        unsigned bit;
+    } wrong[] = {{79.9e5, 7}, {200.1e5, 8}, {NAN, 7}};
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, valves, 0);
+    bench_stop(base);
+    base->board[0].axis[0].valve = true;
+    base->board[0].under_pressure_pa = 80e5;
+    base->board[0].over_pressure_pa = 200e5;
+    bench_start(base);
+    base->sensors.oil_pa = 80.1e5;
+    bench_tick(base);
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        const struct bus_frame *frame = NULL;
+
+        bench_send(base, 0, 0x020, "01 01 00 00 00");
+        bench_send(base, 0, 0x040, "64 00");
+        bench_ticks(base, 2);
+        assert_true(base->motor[0].bridge_on);
+        base->sensors.oil_pa = wrong[i].pa;
+        for (int ms = 0; ms < 5 && !frame; ms++) {
+            bench_tick(base);
+            frame = bench_find(base, 0, 0x200);
+            frame = frame && frame->data[0] % 8 == 7 ? frame : NULL;
+        }
+        assert_non_null(frame);
+        assert_false(base->motor[0].bridge_on);
+        assert_int_equal((frame->data[1] | frame->data[2] << 8) & 0x1ff, 1u << wrong[i].bit);
+
+        /* off clears it once the pressure is back */
+        base->sensors.oil_pa = 199.9e5;
+        bench_send(base, 0, 0x020, "00 01 00 00 00");
+        bench_ticks(base, 2);
+        assert_false(boards_fault(base->boards));
+    }
+
+    /* the axis beside it is a motor's */
+    bench_send(base, 0, 0x020, "01 02 00 00 00");
+    base->sensors.oil_pa = 0.0;
+    bench_ticks(base, 2);
+    assert_true(base->motor[2].bridge_on);
+    close_bench(&bench);
+}
+
 static void a_valve_refuses_laws_of_current(void **state)
 {
     static const char compact[] = HIL_SOURCE_DIR "/config/protocols/compact.yaml";
@@ -355,6 +408,7 @@ int main(void)
         cmocka_unit_test(a_watchdog_disarms_until_errors_are_cleared),
         cmocka_unit_test(a_fault_opens_the_bridge_and_its_bit_is_told),
         cmocka_unit_test(a_valve_tells_its_pressures_and_takes_speeds_as_voltages),
+        cmocka_unit_test(a_lost_oil_pressure_closes_the_valve),
         cmocka_unit_test(a_valve_refuses_laws_of_current),
     };
 
