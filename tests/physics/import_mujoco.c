@@ -6,7 +6,8 @@
  *
  *     test_import_mujoco FILE.urdf robots/NAME.yaml
  *
- * in which shapes are left out and links that MuJoCo finds no joint for are not compared.
+ * in which shapes are left out and links that MuJoCo finds no joint for are not compared; then once
+ * more with the inertias of the robot in both, which shows what import has repaired.
  */
 #include "app/import/import.h"
 #include "base/random.h"
@@ -190,6 +191,17 @@ static struct {
 } noted[512];
 static size_t nnoted;
 
+/* Turns A onto its principal axes, the columns of V. */
+static void find_principal_axes(double A[3][3], double V[9])
+{
+    mat3_identity(V);
+    for (int sweep = 0; sweep < 12; sweep++) {
+        rotate_plane(A, V, 0, 1);
+        rotate_plane(A, V, 1, 2);
+        rotate_plane(A, V, 2, 0);
+    }
+}
+
 static void note_moments(const xmlNode *inertial, double A[3][3])
 {
     xmlChar *name = xmlGetProp(inertial->parent, (const xmlChar *)"name");
@@ -234,12 +246,7 @@ static void diagonalize_inertial(xmlNode *inertial)
             xmlFree(value);
         }
     }
-    mat3_identity(V);
-    for (int sweep = 0; sweep < 12; sweep++) {
-        rotate_plane(A, V, 0, 1);
-        rotate_plane(A, V, 1, 2);
-        rotate_plane(A, V, 2, 0);
-    }
+    find_principal_axes(A, V);
     note_moments(inertial, A);
     for (int a = 0; a < 3; a++) {
         for (int b = a; b < 3; b++) {
@@ -373,6 +380,36 @@ static void compare_body(const mjModel *m, int id, const struct robot_body *body
     }
 }
 
+/* Masses, centers and inertias of the robot for MuJoCo, those of what is fixed to a link with it:
+ * then accelerations differ by arithmetic alone, whatever import has repaired. */
+static void give_inertias(mjModel *m, mjData *data, const struct robot *robot)
+{
+    for (int id = 1; id < m->nbody; id++) {
+        m->body_mass[id] = 0.0;
+        memset(m->body_inertia + 3 * id, 0, 3 * sizeof *m->body_inertia);
+    }
+    for (size_t b = 0; b < robot->nbody; b++) {
+        const struct robot_inertia *own = &robot->body[b].inertia;
+        int id = mj_name2id(m, mjOBJ_BODY, robot->body[b].name);
+        double A[3][3], V[9];
+
+        if (id <= 0 || (b == 0 && !robot->floating)) {
+            continue;
+        }
+        for (int i = 0; i < 9; i++) {
+            A[i / 3][i % 3] = own->I[sym3_index[i / 3][i % 3]];
+        }
+        find_principal_axes(A, V);
+        m->body_mass[id] = own->mass;
+        memcpy(m->body_ipos + 3 * id, own->com, 3 * sizeof *own->com);
+        mju_mat2Quat(m->body_iquat + 4 * id, V);
+        for (int a = 0; a < 3; a++) {
+            m->body_inertia[3 * id + a] = A[a][a];
+        }
+    }
+    mj_setConst(m, data);
+}
+
 /* One state: random positions, rates and torques into both, accelerations out of both. */
 static void compare_state(const mjModel *m, mjData *data, const struct dynamics *dynamics,
                           struct differences *d)
@@ -440,7 +477,8 @@ static void compare_state(const mjModel *m, mjData *data, const struct dynamics 
 }
 
 /* Everything of the robot that MuJoCo has too, which has read path. */
-static struct differences compare_files(const char *path, const struct robot *robot, int states)
+static struct differences compare_files(const char *path, const struct robot *robot, int states,
+                                        bool own_inertias)
 {
     const char prepared[] = "/tmp/hil-import-mujoco.urdf";
     char why[512] = "";
@@ -477,6 +515,9 @@ static struct differences compare_files(const char *path, const struct robot *ro
     }
     data = mj_makeData(m);
     assert_non_null(data);
+    if (own_inertias) {
+        give_inertias(m, data, robot);
+    }
     assert_int_equal(dynamics_generic(robot, &arena, &dynamics, NULL), ERROR_NONE);
     d.joints = m->njnt;
     for (int i = 0; i < states; i++) {
@@ -529,7 +570,7 @@ static void random_trees_are_those_of_mujoco(void **state)
             fail_msg("tree %d: %s", tree, error.text);
         }
         assert_true(result.loaded->floating == floats);
-        d = compare_files(path, result.loaded, STATES);
+        d = compare_files(path, result.loaded, STATES, false);
         worst.mass = fmax(worst.mass, d.mass);
         worst.com = fmax(worst.com, d.com);
         worst.inertia = fmax(worst.inertia, d.inertia);
@@ -604,7 +645,7 @@ static void bodies_of_mjcf_are_those_of_mujoco(void **state)
     assert_int_equal(robot->njoint, 4);
     assert_true(robot->imu_frame >= 0);
     dice = random_named(1, "toy");
-    d = compare_files(path, robot, 50);
+    d = compare_files(path, robot, 50, false);
     print_message("# MJCF: %d bodies, masses %.1e, centers %.1e m, inertias %.1e, accelerations "
                   "%.1e\n",
                   d.bodies, d.mass, d.com, d.inertia, d.acceleration);
@@ -637,10 +678,14 @@ static void file_is_that_of_mujoco(void **state)
     if (robot_load(hand_robot, NULL, &arena, &robot, &error)) {
         fail_msg("%s", error.text);
     }
-    d = compare_files(hand_file, robot, 100);
-    print_message("# %d bodies, %d joints: masses %.1e, centers %.1e m, inertias %.1e, "
-                  "accelerations %.1e\n",
-                  d.bodies, d.joints, d.mass, d.com, d.inertia, d.acceleration);
+    for (int own = 0; own < 2; own++) {
+        dice = random_named(1, "hand");
+        d = compare_files(hand_file, robot, 100, own);
+        print_message("# %d bodies, %d joints: masses %.1e, centers %.1e m, inertias %.1e, "
+                      "accelerations %.1e%s\n",
+                      d.bodies, d.joints, d.mass, d.com, d.inertia, d.acceleration,
+                      own ? " with the robot's inertias in both" : "");
+    }
 }
 
 int main(int argc, char **argv)

@@ -242,6 +242,23 @@ static const char *const coman[] = {
     "command 2 ms, squat 0.2258 0.201 0.1 m, 4 s, 4 cycles",
 };
 
+/* Encoders of 80,000 counts; a valve shows no current. */
+static const char *const hyq[] = {
+    "hyq: hyq, tick 1 ms of 1, clock 0, integrator 1, personality 4, 48 V, 0 ohm",
+    "start: standing, hold 1, settle 1, lockstep bus 0 0x6f0 0x6ff 1 s, priority 80, cpu -1",
+    "contact: engine 2, law 0, friction 1, transition 0.01 m/s",
+    "pairs:",
+    "ground: 100000 Pa / 0.001 m, 10 s/m, 1.1 0.9 0 s/m on 1e+10 Pa/m",
+    "capsules: 100000 Pa / 0.0002 m, 10 s/m, 1.1 0.9 0 s/m on 3e+10 Pa/m",
+    "axes: 12, 12732.4 12732.4 ticks/rad, 200 Nm, time-out 0.1 s, strict 0",
+    "left_front 0x01 kind 0 0 ms: 0 lf_haa 1 A 70 C 1 lf_hfe 1 A 70 C 2 lf_kfe 1 A 70 C",
+    "right_front 0x01 kind 0 0 ms: 0 rf_haa 1 A 70 C 1 rf_hfe 1 A 70 C 2 rf_kfe 1 A 70 C",
+    "left_hind 0x01 kind 0 0 ms: 0 lh_haa 1 A 70 C 1 lh_hfe 1 A 70 C 2 lh_kfe 1 A 70 C",
+    "right_hind 0x01 kind 0 0 ms: 0 rh_haa 1 A 70 C 1 rh_hfe 1 A 70 C 2 rh_kfe 1 A 70 C",
+    "from lf_haa: kp 4 ki 8 kd 0 kw 0.36 trim 0 load 0 limit 0",
+    "command 1 ms, squat 0 0 0 m, 0 s, 0 cycles",
+};
+
 /* Drives of 50 A and 10 A (walkman_robotran_edu_2017); depth, period and cycles of the paper's
  * section 7; limits of 40 V and 24 V of the drives that take no 80 V. */
 static const char *const walkman[] = {
@@ -338,6 +355,12 @@ static void coman_has_its_numbers(void **state)
 {
     (void)state;
     check_rig("coman", coman, ARRAY_COUNT(coman));
+}
+
+static void hyq_has_its_numbers(void **state)
+{
+    (void)state;
+    check_rig("hyq", hyq, ARRAY_COUNT(hyq));
 }
 
 static void walkman_has_its_numbers(void **state)
@@ -501,6 +524,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(coman_has_its_numbers, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(hyq_has_its_numbers, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(walkman_has_its_numbers, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(walkman_walks_with_the_drives_that_it_squats_with,
                                         open_arena, close_arena),
