@@ -3,6 +3,7 @@
 #include "app/import/drive.h"
 
 #include "app/import/catalogue.h"
+#include "app/import/shapes.h"
 #include "base/count.h"
 #include "base/vec3.h"
 #include "model/dynamics.h"
@@ -13,6 +14,8 @@
 #define PLACEHOLDER_TIMES 20.0 /* of what gravity asks: no strength */
 #define STRENGTH_TIMES 3.0     /* of it: an assumed strength */
 #define CARRY_TIMES 1.5        /* of what a joint bears in a pose: the least strength */
+#define UPRIGHT_TIMES 1.5      /* of what tips a standing robot over a joint: the least stiffness */
+#define FOOT_M 0.02            /* what ends so near the ground stands on it */
 #define SPEED_RAD_S (2.0 * M_PI)
 #define SPEED_MOST_RAD_S 100.0
 #define GEAR 100.0
@@ -315,10 +318,51 @@ static double gain_trial_inertia(struct gain_trial *t, size_t j)
     return 1.0 / (t->vdot[at] - t->still[at]);
 }
 
-static struct import_gains gains_choose(const struct robot_sea *sea, double I, double load)
+/* What tips the robot over each joint above its feet, N m/rad: its weight by the height of its
+ * center above the joint, shared by the feet. tips is 0 for the others. */
+static enum error_code robot_find_tipping(const struct robot *robot, const double *joint,
+                                          struct arena *arena, double *tips, struct error *error)
+{
+    struct body_motion *bodies = arena_alloc(arena, robot->nbody, sizeof *bodies);
+    bool *foot = arena_alloc(arena, robot->nbody, sizeof *foot);
+    double lowest, mass = 0.0, moment = 0.0;
+    int feet = 0;
+
+    if (!bodies || !foot) {
+        return error_set(error, ERROR_MEMORY, "no memory for the gains");
+    }
+    if (!import_find_lowest(robot, joint, bodies, &lowest)) {
+        return ERROR_NONE;
+    }
+    for (size_t c = 0; c < robot->ncapsule; c++) {
+        bool down = import_capsule_bottom(&robot->capsule[c], bodies) < lowest + FOOT_M;
+
+        feet += down && !foot[robot->capsule[c].body];
+        foot[robot->capsule[c].body] |= down;
+    }
+    for (size_t b = 0; b < robot->nbody; b++) {
+        double com[3];
+
+        mat3_apply(bodies[b].R, robot->body[b].inertia.com, com);
+        mass += robot->body[b].inertia.mass;
+        moment += robot->body[b].inertia.mass * (bodies[b].p[2] + com[2]);
+    }
+    for (size_t b = 1; b < robot->nbody; b++) {
+        for (int up = (int)b; foot[b] && up > 0; up = robot->body[up].parent) {
+            double height = moment / mass - bodies[up].p[2];
+
+            tips[up - 1] = fmax(tips[up - 1], GRAVITY * mass * height / feet);
+        }
+    }
+    return ERROR_NONE;
+}
+
+static struct import_gains gains_choose(const struct robot_sea *sea, double I, double load,
+                                        double tips)
 {
     double own = sea->Dm + sea->Kt * sea->Kw / sea->R, most = own + sea->J / DELAYED_DAMPING_S;
-    double K = fmin(fmax(5.0 * load, 30.0 * 30.0 * I), 60.0 * 60.0 * I), D;
+    double least = fmax(fmax(5.0 * load, UPRIGHT_TIMES * tips), 30.0 * 30.0 * I);
+    double K = fmin(least, 60.0 * 60.0 * I), D;
 
     /* Above the resonance with the spring the loop moves the rotor alone */
     K = fmin(K, fmin(most * most / I, 100.0 * 100.0 * sea->J));
@@ -326,20 +370,23 @@ static struct import_gains gains_choose(const struct robot_sea *sea, double I, d
     return (struct import_gains){K * sea->R / sea->Kt, fmax(D, 0.0) * sea->R / sea->Kt};
 }
 
-enum error_code import_find_gains(const struct robot *robot, const double *joint,
+enum error_code import_find_gains(const struct robot *robot, const double *joint, bool stands,
                                   struct arena *arena, struct import_gains *gains,
                                   struct error *error)
 {
     const size_t n = robot->njoint + 1;
     double *reach = arena_alloc(arena, n, sizeof *reach),
-           *load = arena_alloc(arena, n, sizeof *load);
+           *load = arena_alloc(arena, n, sizeof *load), *tips = arena_alloc(arena, n, sizeof *tips);
     struct gain_trial trial;
     enum error_code code;
 
-    if (!reach || !load) {
+    if (!reach || !load || !tips) {
         return error_set(error, ERROR_MEMORY, "no memory for the gains");
     }
     code = gain_trial_make(robot, joint, arena, &trial, error);
+    if (!code && stands) {
+        code = robot_find_tipping(robot, joint, arena, tips, error);
+    }
     if (code) {
         return code;
     }
@@ -349,7 +396,7 @@ enum error_code import_find_gains(const struct robot *robot, const double *joint
         double I = gain_trial_inertia(&trial, j);
 
         if (robot->joint[j].sea.present && I > 0.0 && isfinite(I)) {
-            gains[j] = gains_choose(&robot->joint[j].sea, I, load[j]);
+            gains[j] = gains_choose(&robot->joint[j].sea, I, load[j], tips[j]);
         }
     }
     return ERROR_NONE;

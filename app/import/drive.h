@@ -35,12 +35,14 @@ struct import_gains {
 
 /* Gains from the drives and from the inertia I that every joint shows in that pose when the others
  * are free to give way, its rotor included. The stiffness K = kp N Kt / R is five times what
- * gravity takes at the worst, within (30 rad/s)^2 I and (60 rad/s)^2 I; above that the delay of the
- * buses, some 4 ms, would eat the phase. The damping makes the loop aperiodic, D = 2 sqrt(K I),
+ * gravity takes at the worst, and 1.5 times what tips the robot over the joint where it stands in
+ * that pose (its weight by the height of its center above the joint, by the feet), within
+ * (30 rad/s)^2 I and (60 rad/s)^2 I; above that the delay of the buses, some 4 ms, would eat the
+ * phase. The damping makes the loop aperiodic, D = 2 sqrt(K I),
  * less what the motor has itself, Dm + N Kt N Kw / R. Above the resonance with the spring the loop
  * moves the rotor alone: what is fed back of D is J / 10 ms at most, and K at most (100 rad/s)^2 J
  * and D^2 / I, which is half of the aperiodic damping. */
-enum error_code import_find_gains(const struct robot *robot, const double *joint,
+enum error_code import_find_gains(const struct robot *robot, const double *joint, bool stands,
                                   struct arena *arena, struct import_gains *gains,
                                   struct error *error);
 

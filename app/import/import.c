@@ -227,7 +227,7 @@ static enum error_code import_write_bench(struct importer *m)
         (code = import_choose_poses(m, &rig)) ||
         (code = import_find_gains(rig.robot,
                                   rig.robot->pose[robot_find_pose(rig.robot, rig.pose)].joint,
-                                  m->arena, gains, m->error)) ||
+                                  rig.standing != NULL, m->arena, gains, m->error)) ||
         (code = path_make(m, "rigs/", rig.robot->name, ".yaml", m->result->rig)) ||
         (code = import_write_rig(&rig, m->result->rig, m->error)) ||
         (code = import_check_rig(m, m->result->rig, true))) {

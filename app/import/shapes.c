@@ -250,6 +250,22 @@ enum error_code import_add_shapes(struct import_robot *from, const struct import
     return code;
 }
 
+double import_capsule_bottom(const struct robot_capsule *capsule, const struct body_motion *bodies)
+{
+    const struct body_motion *body = &bodies[capsule->body];
+    double end[3], world[3], bottom = INFINITY;
+
+    for (int side = -1; side <= 1; side += 2) {
+        for (int m = 0; m < 3; m++) {
+            end[m] =
+                capsule->position[m] + 0.5 * side * capsule->length * capsule->rotation[3 * m + 2];
+        }
+        mat3_apply(body->R, end, world);
+        bottom = fmin(bottom, body->p[2] + world[2] - capsule->radius);
+    }
+    return bottom;
+}
+
 bool import_find_lowest(const struct robot *robot, const double *joint, struct body_motion *bodies,
                         double *height)
 {
@@ -258,18 +274,7 @@ bool import_find_lowest(const struct robot *robot, const double *joint, struct b
 
     robot_place_bodies(robot, origin, upright, joint, bodies);
     for (size_t c = 0; c < robot->ncapsule; c++) {
-        const struct robot_capsule *capsule = &robot->capsule[c];
-        const struct body_motion *body = &bodies[capsule->body];
-        double end[3], world[3];
-
-        for (int side = -1; side <= 1; side += 2) {
-            for (int m = 0; m < 3; m++) {
-                end[m] = capsule->position[m] +
-                         0.5 * side * capsule->length * capsule->rotation[3 * m + 2];
-            }
-            mat3_apply(body->R, end, world);
-            lowest = fmin(lowest, body->p[2] + world[2] - capsule->radius);
-        }
+        lowest = fmin(lowest, import_capsule_bottom(&robot->capsule[c], bodies));
     }
     *height = lowest;
     return isfinite(lowest);

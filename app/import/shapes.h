@@ -18,6 +18,9 @@ enum error_code import_add_shapes(struct import_robot *from, const struct import
                                   const char *folder, struct arena *arena,
                                   struct import_notes *notes, size_t *written, struct error *error);
 
+/* How low a capsule reaches, its bodies where they are. */
+double import_capsule_bottom(const struct robot_capsule *capsule, const struct body_motion *bodies);
+
 /* The height of the lowest point of the robot's capsules over its base's origin, m, in a pose;
  * false when it has none. bodies: room for nbody motions. */
 bool import_find_lowest(const struct robot *robot, const double *joint, struct body_motion *bodies,

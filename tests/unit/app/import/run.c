@@ -170,15 +170,66 @@ static void a_box_gets_the_capsule_that_holds_it(void **state)
     assert_true(fabs(capsule->position[2] - 0.03) < 1e-6);
 }
 
+/* A biped of 40 kg whose center is 0.85 m above its ankles, which alone show little inertia: they
+ * are stiff enough to keep it from tipping over them, and other joints are as before. */
+static void ankles_hold_up_what_stands_on_them(void **state)
+{
+    static const char text[] =
+        "<mujoco model='biped'><compiler angle='radian'/><worldbody>"
+        "<body name='trunk' pos='0 0 0.9'><freejoint/><inertial pos='0 0 0' mass='39' "
+        "diaginertia='2 2 1'/><geom type='sphere' size='0.1'/>"
+        "<body name='left' pos='0 0.1 -0.85'><joint name='left_ankle' axis='0 1 0' range='-1 1' "
+        "armature='0.1'/><inertial pos='0.05 0 -0.03' mass='0.5' diaginertia='1e-3 1e-3 1e-3'/>"
+        "<geom type='capsule' fromto='-0.1 0 -0.03 0.2 0 -0.03' size='0.02'/></body>"
+        "<body name='right' pos='0 -0.1 -0.85'><joint name='right_ankle' axis='0 1 0' "
+        "range='-1 1' armature='0.1'/><inertial pos='0.05 0 -0.03' mass='0.5' "
+        "diaginertia='1e-3 1e-3 1e-3'/><geom type='capsule' fromto='-0.1 0 -0.03 0.2 0 -0.03' "
+        "size='0.02'/></body>"
+        "<body name='arm' pos='0 0.2 0.2'><joint name='elbow' axis='0 1 0' range='-1 1' "
+        "armature='0.1'/><inertial pos='0.05 0 0' mass='0.01' diaginertia='1e-3 1e-3 1e-3'/>"
+        "<geom type='sphere' size='0.02'/></body>"
+        "</body></worldbody><actuator><motor joint='left_ankle' ctrlrange='-40 40'/>"
+        "<motor joint='right_ankle' ctrlrange='-40 40'/><motor joint='elbow' ctrlrange='-9 9'/>"
+        "</actuator><keyframe><key name='stand' qpos='0 0 0.9 1 0 0 0 0 0 0'/></keyframe></mujoco>";
+    const double tips = 0.5 * 9.81 * (40.01 * 0.85 - 1.0 * 0.88);
+    struct import_request request = {.file = file, .folder = folder};
+    struct import_result result;
+    const struct rig *rig;
+    struct error error;
+    FILE *out;
+
+    (void)state;
+    snprintf(file, sizeof file, "%s/biped.xml", folder);
+    out = fopen(file, "w");
+    assert_non_null(out);
+    fputs(text, out);
+    assert_int_equal(fclose(out), 0);
+    if (import_run(&request, &arena, &result, &error) ||
+        rig_load(result.standing, &arena, &rig, &error)) {
+        fail_msg("%s", error.text);
+    }
+    assert_int_equal(rig->naxis, 3);
+    for (size_t i = 0; i < rig->naxis; i++) {
+        const struct robot_sea *sea = &result.loaded->joint[i].sea;
+        double stiffness = rig->servo.gains[i].kp_v_per_rad * sea->Kt / sea->R;
+
+        assert_string_equal(rig->axis[i].joint, result.loaded->joint[i].name);
+        if (i < 2) {
+            assert_true(fabs(stiffness / (1.5 * tips) - 1.0) < 0.02);
+        } else {
+            assert_true(stiffness < 900.0 * 0.11);
+        }
+    }
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, open_folder, remove_folder)
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(no_bus_is_loaded_beyond_the_share),
-        TEST(too_many_joints_name_the_way_out),
-        TEST(same_file_gives_the_same_bytes),
-        TEST(a_box_gets_the_capsule_that_holds_it),
+        TEST(no_bus_is_loaded_beyond_the_share),  TEST(too_many_joints_name_the_way_out),
+        TEST(same_file_gives_the_same_bytes),     TEST(a_box_gets_the_capsule_that_holds_it),
+        TEST(ankles_hold_up_what_stands_on_them),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
