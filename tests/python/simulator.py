@@ -288,6 +288,40 @@ def test_boards_that_do_not_obey_are_told():
         assert sim.joints["LElbj"].is_on
 
 
+def test_a_hydraulic_leg_moves_by_its_valves():
+    """Two volts of ten open a fifth; without current the valve closes and the leg stays."""
+    from coman_hil import Simulator
+    with Simulator(RIGS / "hyq-leg.yaml",
+                   faults=["dark: valve hip off manual",
+                           "burst: hydraulic_supply leak 1e-3 manual"]) as sim:
+        sim.enable()
+        hip, start = sim.joints["hip"], sim.status()["joints"]["hip"]
+        hip.voltage_v = 2
+        sim.step(60)
+        opening, piston, rod = truth(sim, "valve_opening_hip", "piston_pressure_hip_pa",
+                                     "rod_pressure_hip_pa")
+        assert abs(opening - 0.2) < 0.002 and min(piston, rod) >= 2e5 and max(piston, rod) < 2e7
+        assert 0.05 < sim.status()["joints"]["hip"] - start < 0.6
+        assert 1.2e7 < truth(sim, "hydraulic_supply_pa")[0] < 1.7e7
+        sim.fault("dark")
+        sim.step(300)
+        rest = sim.status()["joints"]["hip"]
+        sim.step(100)
+        assert abs(truth(sim, "valve_opening_hip")[0]) < 1e-6
+        assert abs(sim.status()["joints"]["hip"] - rest) < 0.03     # it swings on the oil
+        sim.fault("burst")
+        sim.step(400)
+        assert truth(sim, "hydraulic_supply_pa")[0] < 2e6
+
+
+def test_a_protocol_of_a_file_is_refused():
+    """Which boards speak what a rig describes is not in the package."""
+    from coman_hil import BoardError, Simulator
+    with raises(BoardError, "found protocol described, expected one of icub, foc, compact"):
+        with Simulator(RIGS / "hyq.yaml"):
+            pass
+
+
 def test_steps_a_second():
     """Reported, not judged."""
     from coman_hil import Simulator

@@ -221,7 +221,7 @@ def judge_pauses(run):
 
 
 def main():
-    print("1..41")
+    print("1..42")
     with Simulator("coman", "--clock", "real", "--task", "squat", "--fault",
                    "jam: motor LKneeSag jam manual") as run:
         judge_states(run)
@@ -244,6 +244,13 @@ def main():
               "without a control socket nobody may control")
     with Simulator("coman", "--clock", "free", "--ticks", "2000000") as run:
         judge_pauses(run)
+    with Simulator("hyq-leg", "--clock", "free", "--ticks", "2000000") as run:
+        units = {signal["name"]: signal["unit"]
+                 for signal in Page(run.port, run.look).hello["signals"]}
+        found = [units.get(f"{name}_knee_pa") for name in ("piston_pressure", "rod_pressure")]
+        check(found == ["Pa", "Pa"] and "valve_opening_knee" in units
+              and units.get("hydraulic_supply_pa") == "Pa",
+              "pressures and valves of hydraulic joints can be plotted", found)
     with Simulator("coman", "--clock", "lockstep") as run:
         lead = Page(run.port, run.control)
         lead.ask("step", count=100)
