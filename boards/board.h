@@ -131,6 +131,10 @@ struct board_config {
                                   * with the policy 0x7f, compact telemetry */
     bool keep_firmware;          /* icub motors: an image of what is downloaded: boards_firmware */
     bool discovery_stops_motors; /* as BLL firmware: class 7 discovery switches PWM off */
+    bool external;               /* a real board on the same bus: nothing is sent or obeyed for it,
+                                  * its motors are left alone; boards_external_heard. */
+    bool external_torque;        /* whose joints follow the torque that it tells, not the angle */
+    int64_t external_timeout_ns; /* without a frame of it for so long it is silent */
 };
 
 struct boards_config {
@@ -160,6 +164,9 @@ enum board_event_kind {
     BOARD_EVENT_FIRMWARE,    /* a download into the bootloader ended: a = bytes, b = CRC-32 */
     BOARD_EVENT_OVERFLOW,    /* a board loses replies or frames: a = how many so far */
     BOARD_EVENT_OVER_HEATED, /* icub: the winding of an axis is too hot: a = 0.1 degree C */
+    BOARD_EVENT_SILENT,      /* an external board has not been heard: a = ms, since the start or its
+                              * last frame */
+    BOARD_EVENT_HEARD,       /* an external board is heard, for the first time or again */
 };
 
 /* What the fault bits of a personality mean, from bit 0 on; NULL at the end. */
@@ -229,9 +236,20 @@ struct board_state {
     uint8_t address, naxis;
     bool in_bootloader, faulty; /* faulty: an axis is in hardware fault */
     bool away;                  /* a fault keeps it from the bus */
+    bool external, silent;      /* external: a real one; silent: and it is not heard */
     uint8_t mode[BOARD_AXES_MAX];
-    int64_t heard_ns; /* when it last received a frame that is meant for it; -1 = never */
+    int64_t heard_ns; /* when it last received a frame that is meant for it, when an external one
+                       * last sent one; -1 = never */
 };
+
+/* Whoever listens to the external boards (boards know no telemetry but their own) says when one has
+ * sent a frame, and once a tick that time passes. Events tell of its silence and of its return.
+ * RT-safe, in the thread of the boards. */
+void boards_external_heard(struct boards *boards, int64_t now_ns, size_t board);
+void boards_external_step(struct boards *boards, int64_t now_ns);
+
+/* Whether an external board is heard: within its time-out. RT-safe. */
+bool boards_external_present(const struct boards *boards, size_t board);
 
 /* In the thread of the boards; RT-safe. */
 void boards_state(const struct boards *boards, size_t board, struct board_state *state);

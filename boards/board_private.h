@@ -113,7 +113,8 @@ struct board {
     uint16_t node;              /* of its frames: its number among the boards of its bus */
     uint8_t address;
     bool in_bootloader;
-    bool away;                             /* a fault keeps it from the bus */
+    bool away;                             /* a fault keeps it from the bus, or it is a real one */
+    bool present, silence_told;            /* external: heard; that it is not has been told */
     uint32_t boots;                        /* how often it has entered the bootloader */
     int64_t application_ns;                /* in the bootloader until then */
     int64_t heard_ns;                      /* the last frame meant for it; -1 = none yet */

@@ -97,7 +97,8 @@ static bool boards_make_board(struct boards *boards, size_t index,
     }
 
     board->ops->power_up(board);
-    if (config->boot_ns > 0) {
+    board->away = config->external;
+    if (config->boot_ns > 0 && !config->external) {
         board->in_bootloader = true;
         board->application_ns = config->boot_ns;
     }
@@ -218,6 +219,9 @@ void board_queue(struct board *board, uint32_t id, uint8_t len, const uint8_t *d
     struct board_bus *bus = board->bus;
     struct queued_reply *reply = &bus->replies[(bus->head + bus->waiting) % bus->capacity];
 
+    if (board->config.external) {
+        return; /* the real one answers */
+    }
     if (board->replies == BOARD_REPLIES_MAX) {
         board_lose(board);
         return;
@@ -277,7 +281,7 @@ void boards_count_frame(struct boards *boards, struct board *listener, enum boar
 {
     bool unknown = verdict == BOARD_UNKNOWN;
 
-    if (!listener) {
+    if (!listener || listener->config.external) {
         boards->counters.foreign++;
         return;
     }
@@ -311,7 +315,7 @@ void boards_receive(struct boards *boards, int64_t now_ns, size_t bus,
 
 static void board_shut_down(struct board *board, struct plant_command *command)
 {
-    if (board->ops->shut_down) {
+    if (board->ops->shut_down && !board->config.external) {
         board->ops->shut_down(board, command);
     }
 }
@@ -336,8 +340,9 @@ void boards_control(struct boards *boards, int64_t now_ns, struct plant_command 
     boards->now_ns = now_ns + boards->tick_ns;
     for (size_t i = 0; i < boards->nboard; i++) {
         struct board *board = boards->board[i];
-        enum board_health health =
-            board->faults ? board_faults_control(board, command) : BOARD_WORKS;
+        enum board_health health = board->config.external ? BOARD_HUNG
+                                   : board->faults        ? board_faults_control(board, command)
+                                                          : BOARD_WORKS;
 
         if (health == BOARD_WORKS) {
             board_control(board, span, command);
@@ -360,7 +365,7 @@ bool boards_fault(const struct boards *boards)
     for (size_t i = 0; i < boards->nboard; i++) {
         const struct board *board = boards->board[i];
 
-        if (board->ops->fault && board->ops->fault(board)) {
+        if (board->ops->fault && !board->config.external && board->ops->fault(board)) {
             return true;
         }
     }
@@ -374,8 +379,10 @@ void boards_state(const struct boards *boards, size_t index, struct board_state 
     *state = (struct board_state){
         .address = board->address,
         .in_bootloader = board->in_bootloader,
-        .away = board->away,
-        .faulty = board->ops->fault && board->ops->fault(board),
+        .away = board->away && !board->config.external,
+        .external = board->config.external,
+        .silent = board->config.external && !board->present,
+        .faulty = !board->config.external && board->ops->fault && board->ops->fault(board),
         .heard_ns = board->heard_ns,
     };
     for (unsigned i = 0; board->ops->mode && i < BOARD_AXES_MAX && board_joint(board, i) >= 0;

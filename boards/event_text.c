@@ -242,6 +242,12 @@ static void event_describe(enum board_personality personality, const struct boar
         snprintf(text, size, "axis %u is too hot: %.1f degree C", axis,
                  (int32_t)a * ICUB_TEMPERATURE_C);
         return;
+    case BOARD_EVENT_SILENT:
+        snprintf(text, size, "external board silent for %" PRIu32 " ms", a);
+        return;
+    case BOARD_EVENT_HEARD:
+        snprintf(text, size, "external board heard");
+        return;
     }
     snprintf(text, size, "event %d", (int)event->kind);
 }

@@ -13,7 +13,9 @@ size_t boards_settings(const struct boards *boards, size_t board, size_t axis)
 {
     const struct board *of = boards_board_at(boards, board);
 
-    return of->ops->settings && board_joint(of, axis) >= 0 ? of->ops->settings->count : 0;
+    return of->ops->settings && !of->config.external && board_joint(of, axis) >= 0
+               ? of->ops->settings->count
+               : 0;
 }
 
 void boards_setting(const struct boards *boards, size_t board, size_t axis, size_t index,

@@ -37,6 +37,7 @@ set(HIL_CONFIG
     rigs/coman-imu.yaml
     rigs/coman-mini-cheetah.yaml
     rigs/coman-odrive.yaml
+    rigs/coman-rest-bus.yaml
     rigs/coman-sensors.yaml
     rigs/coman-standing.yaml
     rigs/coman.yaml

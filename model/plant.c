@@ -31,8 +31,8 @@ static void set_drive_condition(struct plant *plant, size_t d, unsigned conditio
     double before = plant_drive_energy(plant, plant->state, d);
     struct robot_sea *sea = &plant->sea[d];
 
-    /* A rotor that jams or comes free is at rest */
-    if ((condition ^ plant->condition[d]) & DRIVE_JAM) {
+    /* A rotor that jams, is led by somebody else or comes free is at rest */
+    if ((condition ^ plant->condition[d]) & (DRIVE_JAM | DRIVE_IMPOSED)) {
         plant->state[plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED] = 0.0;
     }
     plant->condition[d] = condition;
@@ -44,7 +44,7 @@ static void set_drive_condition(struct plant *plant, size_t d, unsigned conditio
         sea->Ks = sea->Ds = 0.0;
         sea->stop = (struct robot_stop){0};
     }
-    if (condition & DRIVE_JAM || plant->balanced) {
+    if (condition & (DRIVE_JAM | DRIVE_IMPOSED) || plant->balanced) {
         sea->J = JAMMED_INERTIA;
     }
     if (plant->config.account_energy) {
@@ -66,6 +66,16 @@ void plant_balance(struct plant *plant, bool balanced)
     }
 }
 
+/* A rotor that somebody else leads has his speed, which its inertia keeps over the steps. */
+static void hold_imposed_speed(struct plant *plant, size_t d, const struct motor_command *motor)
+{
+    size_t speed = plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED;
+    bool led = !(motor->condition & DRIVE_JAM) && !plant->balanced;
+
+    plant->state[speed] = led && isfinite(motor->rotor_rad_s) ? motor->rotor_rad_s : 0.0;
+    plant->lost[speed] = 0.0;
+}
+
 /* Takes the command over for the coming steps, which last so many seconds together. */
 static void hold_command(struct plant *plant, double seconds)
 {
@@ -80,6 +90,9 @@ static void hold_command(struct plant *plant, double seconds)
         /* What the bridge puts across the winding */
         if (motor->condition != plant->condition[d]) {
             set_drive_condition(plant, d, motor->condition);
+        }
+        if (motor->condition & DRIVE_IMPOSED) {
+            hold_imposed_speed(plant, d, motor);
         }
         plant->bridge_on[d] = (motor->bridge_on || shorted) && !open;
         plant->voltage[d] =

@@ -20,6 +20,7 @@ enum drive_condition {
     DRIVE_SPRING_BREAK = 1 << 3, /* Ks = Ds = 0, no stop: the link hangs loose */
     DRIVE_VALVE_OFF = 1 << 4,    /* a servo valve without current: its spool goes to the middle */
     DRIVE_VALVE_STUCK = 1 << 5,  /* the spool stays where it is */
+    DRIVE_IMPOSED = 1 << 6,      /* not broken: the rotor turns at rotor_rad_s, whatever loads it */
 };
 
 /* One drive's bridge for the coming tick. */
@@ -28,6 +29,7 @@ struct motor_command {
     double voltage_v;    /* average terminal voltage; the plant clips it to +-supply */
     double pretension_m; /* p of the parallel spring, paper eq. (5) */
     unsigned condition;  /* of the drive: bits of enum drive_condition */
+    double rotor_rad_s;  /* DRIVE_IMPOSED: of the rotor, link side; a jam is stronger */
     /* Of a hydraulic joint: the spool's middle is off by that share of the full opening, positive
      * as a voltage; oil leaks past the piston, m3/s per Pa, beside the cylinder's own leakage */
     double valve_shift, piston_leak;

@@ -225,6 +225,10 @@ static enum error_code board_build_motor(struct rig_builder *b, const struct raw
         if (!code && board->axis[i].valve && b->bus[board->bus].described) {
             code = board_check_valve(b, b->bus[board->bus].described, &raw->axis[i]);
         }
+        if (!code && board->axis[i].joint >= 0) {
+            code = rig_check_external_axis(b, raw, &raw->axis[i],
+                                           &b->robot->joint[board->axis[i].joint]);
+        }
         if (code) {
             return code;
         }
@@ -324,6 +328,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
     enum error_code code = board_check_keys(b, raw);
 
     code = code ? code : board_check_address(b, raw, limits);
+    code = code ? code : rig_check_external(b, raw, bus_personality(b, raw_bus), limits->name);
     if (!code && b->bus[bus].described) {
         code = board_check_described(b, raw, b->bus[bus].described);
     }
@@ -358,6 +363,9 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
         .over_pressure_pa = BOARD_OVER_PRESSURE_RATIO * b->robot->hydraulic_supply.pressure,
         .transmit_at_start = raw->transmit_at_start,
         .discovery_stops_motors = motors->discovery_stops_motors,
+        .external = raw->external,
+        .external_torque = raw->external_torque != 0,
+        .external_timeout_ns = llround(raw->external_timeout_s * 1e9),
     };
     if (!board->name) {
         return rig_no_memory(b);

@@ -72,6 +72,13 @@ enum error_code rig_add_robot_surfaces(struct rig_builder *b, struct contact_sur
 enum error_code rig_add_robot_pairs(struct rig_builder *b, struct contact_pair *pair,
                                     size_t *npair);
 
+/* Whether a board may be external, and one with such an axis; name: of the personality. */
+enum error_code rig_check_external(struct rig_builder *b, const struct raw_board *raw,
+                                   enum board_personality personality, const char *name);
+enum error_code rig_check_external_axis(struct rig_builder *b, const struct raw_board *raw,
+                                        const struct yaml_name *name,
+                                        const struct robot_joint *joint);
+
 /* Checks that every drive belongs to an axis or is listed in "undriven". */
 enum error_code rig_check_drives(struct rig_builder *b);
 

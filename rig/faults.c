@@ -62,6 +62,22 @@ static bool rig_collect_fault_names(const struct rig *rig, const bool *wire, str
     return true;
 }
 
+/* One line; what a real board does nobody here can disturb. */
+static enum error_code rig_parse_fault(const struct rig *rig, const char *text,
+                                       const struct fault_names *names, struct fault *fault,
+                                       struct error *error)
+{
+    enum error_code code = fault_parse(text, names, fault, error);
+
+    if (!code && fault->target == FAULT_BOARD && rig->boards.board[fault->index].external) {
+        return error_set(error, ERROR_INPUT,
+                         "\"%.100s\": found a fault of board %s, which is external, expected one "
+                         "of the simulator's own",
+                         text, rig->boards.board[fault->index].name);
+    }
+    return code;
+}
+
 /* The lines of the rig, then those of the command line. */
 static enum error_code rig_parse_faults(const struct rig *rig, const struct fault_names *names,
                                         const char *const *extra, size_t nextra,
@@ -71,7 +87,7 @@ static enum error_code rig_parse_faults(const struct rig *rig, const struct faul
         const struct yaml_name *line = i < rig->nfault ? &rig->fault[i] : NULL;
         const char *text = line ? line->name : extra[i - rig->nfault];
 
-        if (!fault_parse(text, names, &fault[i], error)) {
+        if (!rig_parse_fault(rig, text, names, &fault[i], error)) {
             continue;
         }
         if (line) {

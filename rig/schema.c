@@ -61,6 +61,7 @@ static const struct yaml_enum kind_names[] = {
     {"motor", BOARD_MOTOR},       {"ft", BOARD_FT}, {"torque", BOARD_TORQUE},
     {"inertial", BOARD_INERTIAL}, {NULL, 0},
 };
+static const struct yaml_enum follows_names[] = {{"position", 0}, {"torque", 1}, {NULL, 0}};
 static const struct yaml_enum overrun_names[] = {
     {"skip", LOOP_OVERRUN_SKIP},
     {"slip", LOOP_OVERRUN_SLIP},
@@ -291,9 +292,14 @@ static const struct yaml_field board_fields[] = {
     {"period_s", YAML_REAL, false, AT(period_s), .min = 0.001, .max = 0.255,
      .mark_offset = AT(period_mark), .given_offset = AT(period_given)},
     {"transmit_at_start", YAML_BOOL, false, .offset = AT(transmit_at_start)},
+    {"external", YAML_BOOL, false, .offset = AT(external), .mark_offset = AT(external_mark)},
+    {"external_follows", YAML_ENUM, false, AT(external_torque), .names = follows_names,
+     .mark_offset = AT(external_follows_mark), .given_offset = AT(external_follows_given)},
+    {"external_timeout_s", YAML_REAL, false, AT(external_timeout_s), .min = 0.001, .max = 60.0,
+     .mark_offset = AT(external_timeout_mark), .given_offset = AT(external_timeout_given)},
 };
 #undef STRUCT
-static const struct raw_board board_defaults = {.period_s = 0.001};
+static const struct raw_board board_defaults = {.period_s = 0.001, .external_timeout_s = 0.02};
 static const struct yaml_schema board_schema = {
     .what = "a board",
     .size = sizeof(struct raw_board),

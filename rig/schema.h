@@ -135,6 +135,14 @@ struct raw_board {
     double period_s; /* BOARD_FT, BOARD_TORQUE, BOARD_INERTIAL */
     struct yaml_mark period_mark;
     bool transmit_at_start;
+    bool external; /* a real one */
+    struct yaml_mark external_mark;
+    int external_torque; /* its joints follow the torque that it tells, not the angle */
+    struct yaml_mark external_follows_mark;
+    bool external_follows_given;
+    double external_timeout_s;
+    struct yaml_mark external_timeout_mark;
+    bool external_timeout_given;
     bool axis_given, current_given, joint_given, sensor_given, full_scale_n_given,
         full_scale_nm_given, period_given;
 };

@@ -24,6 +24,14 @@ static enum error_code simulator_check_config(const struct simulator_config *con
                          "%s: the period of recorded signals must be a multiple of the tick, %g ms",
                          rig->file, (double)rig->tick_ns * 1e-6);
     }
+    for (size_t i = 0; config->energy && i < rig->boards.nboard; i++) {
+        if (rig->boards.board[i].external) {
+            return error_set(error, ERROR_UNSUPPORTED,
+                             "%s: an account of energy cannot hold what the real motors of "
+                             "external board %s put in",
+                             rig->file, rig->boards.board[i].name);
+        }
+    }
     return config->task ? task_runner_check_name(config->task, error) : ERROR_NONE;
 }
 
@@ -284,6 +292,12 @@ static enum error_code simulator_create_boards(struct simulator *simulator, stru
     return ERROR_NONE;
 }
 
+static enum error_code simulator_create_external(struct simulator *simulator, struct error *error)
+{
+    return external_create(simulator->config.rig, simulator->boards, simulator->plant,
+                           simulator->arena, &simulator->external, error);
+}
+
 static enum error_code simulator_create_watch(struct simulator *simulator, struct error *error)
 {
     return watch_create(simulator->config.rig, simulator->plant, simulator->arena,
@@ -440,6 +454,7 @@ enum error_code simulator_assemble(struct simulator *simulator, char notice[256]
         simulator_create_faults,
         simulator_create_sensing,
         simulator_create_boards,
+        simulator_create_external,
         simulator_create_watch,
         simulator_play_stimulus,
         simulator_create_task,

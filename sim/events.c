@@ -30,6 +30,7 @@ static enum journal_priority board_event_priority(enum board_event_kind kind)
     case BOARD_EVENT_ADDRESS:
     case BOARD_EVENT_RESTART:
     case BOARD_EVENT_FIRMWARE:
+    case BOARD_EVENT_HEARD:
         return JOURNAL_INFO;
     default:
         return JOURNAL_WARNING;

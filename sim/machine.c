@@ -44,9 +44,13 @@ static void machine_receive(void *context, int64_t now_ns, size_t bus,
     struct simulator *simulator = context;
 
     boards_receive(simulator->boards, now_ns, bus, frame);
+    if (simulator->external) {
+        external_receive(simulator->external, now_ns, bus, frame);
+    }
 }
 
-/* How many motors the boards drive, and how many of them are on. */
+/* How many motors the boards drive, and how many of them are on; those of an external board are
+ * when it is heard. */
 static size_t simulator_count_motors(const struct simulator *simulator, size_t *on)
 {
     const struct rig *rig = simulator->config.rig;
@@ -61,7 +65,8 @@ static size_t simulator_count_motors(const struct simulator *simulator, size_t *
             int joint = board->axis[k].joint;
 
             driven += joint >= 0;
-            *on += joint >= 0 && command->motor[joint].bridge_on;
+            *on += joint >= 0 && (board->external ? boards_external_present(simulator->boards, i)
+                                                  : command->motor[joint].bridge_on);
         }
     }
     return driven;
@@ -111,6 +116,9 @@ static void machine_control(void *context, int64_t now_ns)
     struct simulator *simulator = context;
 
     boards_control(simulator->boards, now_ns, plant_command(simulator->plant));
+    if (simulator->external) {
+        external_control(simulator->external, now_ns);
+    }
     simulator_note_clamped_trip(simulator, now_ns);
     simulator_release_robot(simulator, now_ns);
 }

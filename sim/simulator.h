@@ -23,7 +23,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { SIMULATOR_JOINTS_MAX = 64, SIMULATOR_CONTACTS_MAX = 64, SIMULATOR_FREE_MAX = 16 };
+enum {
+    SIMULATOR_JOINTS_MAX = 64,
+    SIMULATOR_CONTACTS_MAX = 64,
+    SIMULATOR_FREE_MAX = 16,
+    SIMULATOR_EXTERNAL_MAX = 64,
+};
 
 /* A callback in the loop's thread, free run and lockstep only: called before each tick with the
  * virtual time at which it begins, when everything that the tick before has sent is on the buses;
@@ -94,6 +99,10 @@ struct simulator_status {
     double force_z[SIMULATOR_CONTACTS_MAX]; /* contact bodies, world frame, N */
     double free[SIMULATOR_FREE_MAX][7]; /* of the first free bodies: origin (m), quaternion wxyz */
     struct bus_status bus[RIG_BUSES_MAX];
+    /* Of the external boards, in the rig's order, the first so many: when each was last heard, -1 =
+     * never; a bit for each that is silent */
+    int64_t external_heard_ns[SIMULATOR_EXTERNAL_MAX];
+    uint64_t external_silent;
 };
 
 struct simulator;

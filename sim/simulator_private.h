@@ -9,6 +9,7 @@
 
 #include "model/symbolic/builtin.h"
 #include "rt/pace.h"
+#include "sim/external.h"
 #include "sim/injection.h"
 #include "sim/interfaces.h"
 #include "sim/robot_steering.h"
@@ -41,6 +42,7 @@ struct simulator {
     struct sensing *sensing;
     const struct plant_sensors *measured; /* what the boards see; the plant's are the truth */
     struct boards *boards;
+    struct external *external; /* NULL = the rig has no external boards */
     struct watch *watch;
     struct buses buses;
     struct interfaces interfaces; /* of SocketCAN; none with local buses */

@@ -46,6 +46,23 @@ static void status_fill_plant(struct simulator *simulator)
     }
 }
 
+static void status_fill_external(struct simulator *simulator)
+{
+    const struct boards_config *boards = &simulator->config.rig->boards;
+    size_t count = 0;
+
+    simulator->status.external_silent = 0;
+    for (size_t i = 0; i < boards->nboard && count < SIMULATOR_EXTERNAL_MAX; i++) {
+        struct board_state state;
+
+        if (boards->board[i].external) {
+            boards_state(simulator->boards, i, &state);
+            simulator->status.external_heard_ns[count] = state.heard_ns;
+            simulator->status.external_silent |= (uint64_t)state.silent << count++;
+        }
+    }
+}
+
 static void status_fill_counters(struct simulator *simulator, const struct loop_stats *stats)
 {
     struct simulator_status *status = &simulator->status;
@@ -78,6 +95,9 @@ void simulator_fill_start(struct simulator *simulator)
     status_fill_faults(simulator);
     status_fill_buses(simulator);
     status_fill_plant(simulator);
+    if (simulator->external) {
+        status_fill_external(simulator);
+    }
 }
 
 void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *stats)
@@ -89,6 +109,9 @@ void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *s
     status_fill_faults(simulator);
     status_fill_buses(simulator);
     status_fill_plant(simulator);
+    if (simulator->external) {
+        status_fill_external(simulator);
+    }
     snapshot_write(simulator->published, &simulator->status);
     simulator_offer_view(simulator);
 }

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A controller's frames, read from a log in two passes: counted, then kept. */
+/* A controller's frames, and those of external boards, read from a log in two passes: counted, then
+ * kept. */
 #include "sim/stimulus.h"
 
 #include "boards/messages.h"
@@ -22,12 +23,19 @@ struct stimulus_reader {
 
 /* ---- whose frame it is ---- */
 
+/* Where the boards' messages of a bus are marked. */
+struct stimulus_marks {
+    const struct board_config *board;
+    uint8_t *sent;
+};
+
 static bool stimulus_mark_sent(void *context, const struct message *message)
 {
-    uint8_t *sent = context;
+    const struct stimulus_marks *marks = context;
+    bool external = message->sender >= 0 && marks->board[message->sender].external;
 
-    if (!message->from_host) {
-        sent[message->id % STANDARD_IDS] = 1;
+    if (!message->from_host && !external) {
+        marks->sent[message->id % STANDARD_IDS] = 1;
     }
     return true;
 }
@@ -42,7 +50,7 @@ static int stimulus_find_bus(const struct stimulus_reader *reader, const char *n
     return rig_find_bus(reader->rig, name);
 }
 
-/* Whether a frame is the controller's and to be played. */
+/* Whether a frame came from outside and is to be played. */
 static bool stimulus_takes_frame(const struct stimulus_reader *reader, size_t bus,
                                  const struct bus_frame *frame)
 {
@@ -164,7 +172,9 @@ enum error_code stimulus_load(const char *path, const struct rig *rig, const cha
         return error_set(error, ERROR_INPUT, "the name of the log to play is too long");
     }
     for (size_t b = 0; b < rig->nbus; b++) {
-        boards_messages(&rig->boards, (int)b, stimulus_mark_sent, reader->sent[b]);
+        struct stimulus_marks marks = {rig->boards.board, reader->sent[b]};
+
+        boards_messages(&rig->boards, (int)b, stimulus_mark_sent, &marks);
     }
     return stimulus_read(reader, arena, stimulus, error);
 }

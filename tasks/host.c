@@ -284,6 +284,40 @@ int64_t host_time_ns(const struct host *host)
     return host->now_ns;
 }
 
+/* ---- listening only ---- */
+
+void host_begin_listening(struct host *host)
+{
+    /* Boards have the slots that they would name in answer to discovery: in the rig's order */
+    for (size_t b = 0; b < host->config.nbus; b++) {
+        unsigned slot = 0;
+
+        for (size_t i = 0; i < host->config.naxis && slot < HOST_SLOTS; i++) {
+            if (host->config.axis[i].bus == (int)b) {
+                host->line[b].slot[slot++] = (int)i;
+            }
+        }
+        for (unsigned a = 0; a < HOST_ADDRESSES; a++) {
+            host->line[b].node[a].found = true;
+        }
+    }
+}
+
+void host_listen(struct host *host, size_t bus, const struct bus_frame *frame, int64_t now_ns)
+{
+    if (frame->flags & (FRAME_ERROR | FRAME_EXTENDED | FRAME_REMOTE)) {
+        return;
+    }
+    for (size_t i = 0; i < host->config.nft; i++) {
+        if (host->config.ft[i].bus == (int)bus) {
+            host->force[i].force_seen = host->force[i].torque_seen = false;
+        }
+    }
+    host->now_ns = now_ns;
+    host->line[bus].ops->read(host, bus, frame);
+    host->line[bus].queued = 0; /* what it would answer stays unsaid */
+}
+
 /* ---- commands ---- */
 
 void host_queue(struct host *host, size_t bus, const struct bus_frame *frame)

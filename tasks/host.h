@@ -71,6 +71,12 @@ int64_t host_time_ns(const struct host *host);
 /* Continues the start-up by one period; returns the phase reached. */
 enum host_phase host_start_up(struct host *host);
 
+/* For whoever only listens, beside a host that commands: prepares a new host for boards that
+ * somebody else has started (it sends nothing and asks nothing; its ports may be NULL), and reads a
+ * frame, whoever sent it. What a force's seen says is of the last frame on its bus alone. */
+void host_begin_listening(struct host *host);
+void host_listen(struct host *host, size_t bus, const struct bus_frame *frame, int64_t now_ns);
+
 /* Commands of this period. A motor that is switched, on or off, gets 0 V. Where a personality wants
  * set-points every period the last voltage is repeated. */
 void host_set_motor(struct host *host, size_t axis, bool on);

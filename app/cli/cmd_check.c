@@ -176,6 +176,13 @@ static void print_board(const struct rig *rig, const struct board_config *board)
         }
         printf(", %g N m, every %g ms\n", board->full_scale[0], (double)board->period_ns * 1e-6);
     }
+    if (board->external) {
+        printf("         external: a real board, silent after %g ms%s\n",
+               (double)board->external_timeout_ns * 1e-6,
+               board->kind != BOARD_MOTOR ? ""
+               : board->external_torque   ? "; its joints follow its torque"
+                                          : "; its joints follow its angles");
+    }
 }
 
 static void check_print_buses(const struct rig *rig)

@@ -49,7 +49,8 @@ def test_each_joint_has_its_own_voltage():
     speaks; the plant says which terminal voltage each motor has."""
     from coman_hil import Simulator
     others = {RIGS / f"coman-{kind}.yaml" for kind in
-              ("bench", "cia402", "described", "foc-leg", "mini-cheetah", "odrive")}
+              ("bench", "cia402", "described", "foc-leg", "mini-cheetah", "odrive",
+               "rest-bus")}
     others |= {RIGS / "hyq.yaml", RIGS / "hyq-leg.yaml"}
     for path in sorted(set(RIGS.glob("*.yaml")) - others):
         with Simulator(path, hold="always") as sim:

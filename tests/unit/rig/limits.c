@@ -65,6 +65,7 @@ static const struct limit rig_limits[] = {
     {"buses[].boards[].full_scale_n", 1, 65535},
     {"buses[].boards[].full_scale_nm", 1, 65535},
     {"buses[].boards[].period_s", 0.001, 0.255},
+    {"buses[].boards[].external_timeout_s", 0.001, 60},
     {"wire.queue", 1, 4096},
     {"wire.restart_s", 0, 3600},
     {"lockstep.step_id", 0, 2047},

@@ -1,0 +1,70 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Which boards of a rig file may be external, that is real ones on the same bus. */
+#include "rig/builder_private.h"
+
+/* Keys that mean something only of an external board. */
+static enum error_code external_check_keys(struct rig_builder *b, const struct raw_board *raw)
+{
+    if (!raw->external && raw->external_timeout_given) {
+        return yaml_error(b->error, &raw->external_timeout_mark,
+                          "found external_timeout_s without external: true, expected both or none");
+    }
+    if (!raw->external && raw->external_follows_given) {
+        return yaml_error(b->error, &raw->external_follows_mark,
+                          "found external_follows without external: true, expected both or none");
+    }
+    return ERROR_NONE;
+}
+
+/* A real board is one whose frames the host's codec reads without having configured it. */
+enum error_code rig_check_external(struct rig_builder *b, const struct raw_board *raw,
+                                   enum board_personality personality, const char *name)
+{
+    if (!raw->external) {
+        return external_check_keys(b, raw);
+    }
+    if (personality == BOARD_CIA402 || personality == BOARD_DESCRIBED) {
+        return yaml_error(b->error, &raw->external_mark,
+                          "found external: true with personality %s, expected it with icub, foc or "
+                          "compact only",
+                          name);
+    }
+    if (raw->kind != BOARD_MOTOR && raw->kind != BOARD_FT) {
+        return yaml_error(b->error, &raw->external_mark,
+                          "found external: true on a board of another kind, expected it on a motor "
+                          "or an F/T board");
+    }
+
+    /* What its joints follow */
+    if (raw->external_follows_given && raw->kind != BOARD_MOTOR) {
+        return yaml_error(b->error, &raw->external_follows_mark,
+                          "found external_follows on an F/T board, expected it on a motor board: "
+                          "no joint follows a sensor");
+    }
+    if (raw->external_torque && personality != BOARD_COMPACT) {
+        return yaml_error(b->error, &raw->external_follows_mark,
+                          "found external_follows: torque with personality %s, expected it with "
+                          "compact only, whose motor boards tell the torque of their joints",
+                          name);
+    }
+    return ERROR_NONE;
+}
+
+enum error_code rig_check_external_axis(struct rig_builder *b, const struct raw_board *raw,
+                                        const struct yaml_name *name,
+                                        const struct robot_joint *joint)
+{
+    if (raw->external && joint->hydraulic.present) {
+        return yaml_error(b->error, &name->mark,
+                          "found joint \"%s\" with a hydraulic drive on an external board, "
+                          "expected one with a motor: there is no rotor that could follow",
+                          name->name);
+    }
+    if (raw->external_torque && joint->sea.Ks <= 0.0) {
+        return yaml_error(b->error, &name->mark,
+                          "found joint \"%s\" without a spring on a board with external_follows: "
+                          "torque, expected one with a spring, which exerts it",
+                          name->name);
+    }
+    return ERROR_NONE;
+}

@@ -1,0 +1,167 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Boards that a rig calls external: what becomes of the keys, and where they are refused. */
+#include "rig/faults.h"
+#include "rig/rig.h"
+
+#include "tests/unit/rig/rig_bench.h"
+
+#define SHIN "{name: shin, kind: motor, address: 3, axes: [knee]}"
+#define RIGHT "  - name: right\n    interface: can1\n"
+
+/* The toy rig with another shin board (line 36, from column 9 on), its bus of some personality. */
+static void write_shin(const char *personality, const char *keys)
+{
+    char text[sizeof toy_rig + 512], shin[256], bus[128];
+
+    strcpy(text, toy_rig);
+    snprintf(shin, sizeof shin, "{%s name: shin, kind: motor, address: 3, axes: [knee]}", keys);
+    snprintf(bus, sizeof bus, "  - {name: right, personality: %s, interface: can1, boards: [\n",
+             personality);
+    assert_true(replace(text, sizeof text, SHIN, shin));
+    if (personality[0]) {
+        /* One line less above it; the F/T board goes, which not all have there */
+        assert_true(replace(text, sizeof text, RIGHT "    boards:\n      - ", bus));
+        strcpy(strchr(strstr(text, shin), '\n'), "]}\n");
+    }
+    write_rig_file(text);
+}
+
+static void refused(const char *personality, const char *keys, const char *message)
+{
+    write_shin(personality, keys);
+    assert_rig_refused(keys, message);
+}
+
+static const struct board_config *load_shin(const char *personality, const char *keys)
+{
+    const struct rig *rig;
+
+    write_shin(personality, keys);
+    rig = load_rig(rig_path);
+    return &rig->boards.board[rig->bus[1].first_board];
+}
+
+static void a_board_may_be_external(void **state)
+{
+    const struct board_config *shin = load_shin("", "");
+
+    (void)state;
+    assert_false(shin->external || shin->external_torque);
+    shin = load_shin("", "external: true,");
+    assert_true(shin->external && !shin->external_torque);
+    assert_int_equal(shin->external_timeout_ns, 20000000);
+    shin =
+        load_shin("compact", "external: true, external_timeout_s: 0.5, external_follows: torque,");
+    assert_true(shin->external && shin->external_torque);
+    assert_int_equal(shin->external_timeout_ns, 500000000);
+    shin = load_shin("foc", "external: true, external_follows: position,");
+    assert_true(shin->external && !shin->external_torque);
+}
+
+static void what_only_external_boards_have_is_refused_of_others(void **state)
+{
+    (void)state;
+    refused("", "external_timeout_s: 0.1,",
+            "36:30: found external_timeout_s without external: true, expected both or none");
+    refused("", "external: false, external_timeout_s: 0.1,",
+            "36:47: found external_timeout_s without external: true, expected both or none");
+    refused("", "external_follows: position,",
+            "36:28: found external_follows without external: true, expected both or none");
+    refused("", "external: maybe,", "36:20: found \"maybe\", expected true or false");
+    refused("compact", "external: true, external_follows: force,",
+            "34:36: found \"force\", expected position or torque");
+}
+
+static void boards_that_cannot_be_read_are_refused(void **state)
+{
+    char text[sizeof toy_rig + 512];
+
+    (void)state;
+    refused("cia402", "external: true,",
+            "34:12: found external: true with personality cia402, expected it with icub, foc or "
+            "compact only");
+    refused("icub", "external: true, external_follows: torque,",
+            "34:36: found external_follows: torque with personality icub, expected it with compact "
+            "only, whose motor boards tell the torque of their joints");
+
+    /* Kinds of boards, on the icub buses of the toy rig */
+    strcpy(text, toy_rig);
+    assert_true(replace(text, sizeof text, "{kind: torque,", "{external: true, kind: torque,"));
+    write_rig_file(text);
+    assert_rig_refused("torque",
+                       "32:20: found external: true on a board of another kind, expected it on a "
+                       "motor or an F/T board");
+    strcpy(text, toy_rig);
+    assert_true(replace(text, sizeof text, "{kind: ft,",
+                        "{external: true, external_follows: position, kind: ft,"));
+    write_rig_file(text);
+    assert_rig_refused("ft", "37:44: found external_follows on an F/T board, expected it on a "
+                             "motor board: no joint follows a sensor");
+}
+
+static void a_joint_without_rotor_or_spring_cannot_follow(void **state)
+{
+    char robot[sizeof toy_robot + 64], copy[512];
+
+    (void)state;
+    snprintf(copy, sizeof copy, "cp '%s/config/robots/hyq-leg.yaml' '%s/config/robots/toy.yaml'",
+             HIL_SOURCE_DIR, tree);
+    assert_int_equal(system(copy), 0);
+    write_rig_file("name: valve\nsupply_v: 48\n"
+                   "robot: {file: ../robots/toy.yaml}\n"
+                   "motors: {joint_ticks_per_rev: 65536, motor_ticks_per_link_rev: 65536,\n"
+                   "         torque_full_scale_nm: 200, current_limit_a: 10}\n"
+                   "initial: {pose: bent}\n"
+                   "buses:\n"
+                   "  - name: leg\n"
+                   "    interface: can0\n"
+                   "    boards: [{kind: motor, address: 1, axes: [hip, knee], external: true}]\n");
+    assert_rig_refused("valve", "10:47: found joint \"hip\" with a hydraulic drive on an external "
+                                "board, expected one with a motor: there is no rotor that could "
+                                "follow");
+
+    strcpy(robot, toy_robot);
+    assert_true(replace(robot, sizeof robot, "Ks_nm_rad: 400", "Ks_nm_rad: 0"));
+    assert_int_equal(write_file("config/robots/toy.yaml", robot, strlen(robot)), 0);
+    refused("compact", "external: true, external_follows: torque,",
+            "34:88: found joint \"knee\" without a spring on a board with external_follows: "
+            "torque, expected one with a spring, which exerts it");
+    assert_true(load_shin("compact", "external: true,")->external);
+}
+
+/* ---- faults ---- */
+
+static void what_a_real_board_does_nobody_disturbs(void **state)
+{
+    static const char *const fault[] = {"board shin off", "motor knee jam"};
+    const bool wire[2] = {false, false};
+    const struct rig *rig;
+    struct faults *faults;
+    struct error error;
+
+    (void)state;
+    write_shin("", "external: true,");
+    rig = load_rig(rig_path);
+    assert_int_equal(rig_faults_create(rig, fault, 1, 1, wire, &arena, &faults, &error),
+                     ERROR_INPUT);
+    assert_string_equal(error.text,
+                        "--fault: \"board shin off\": found a fault of board shin, which is "
+                        "external, expected one of the simulator's own");
+    assert_int_equal(rig_faults_create(rig, fault + 1, 1, 1, wire, &arena, &faults, &error),
+                     ERROR_NONE);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, open_rig_tree, close_rig_tree)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(a_board_may_be_external),
+        TEST(what_only_external_boards_have_is_refused_of_others),
+        TEST(boards_that_cannot_be_read_are_refused),
+        TEST(a_joint_without_rotor_or_spring_cannot_follow),
+        TEST(what_a_real_board_does_nobody_disturbs),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
