@@ -20,7 +20,13 @@ enum {
 };
 
 enum state_flag { STATE_PAUSED = 1, STATE_CLAMPED = 2 };
-enum board_flag { STATE_BOARD_LOADER = 1, STATE_BOARD_AWAY = 2, STATE_BOARD_FAULTY = 4 };
+enum board_flag {
+    STATE_BOARD_LOADER = 1,
+    STATE_BOARD_AWAY = 2,
+    STATE_BOARD_FAULTY = 4,
+    STATE_BOARD_EXTERNAL = 8,
+    STATE_BOARD_SILENT = 16,
+};
 
 #define MEASURE_NS (250 * CLOCK_MS)
 #define CONTACT_LEAST_N 1e-3
@@ -225,7 +231,9 @@ static uint8_t *put_boards(const struct viewer *viewer, uint8_t *to)
         to = put_u8(to, board->address);
         to = put_u8(to, (uint8_t)((board->in_bootloader ? STATE_BOARD_LOADER : 0) |
                                   (board->away ? STATE_BOARD_AWAY : 0) |
-                                  (board->faulty ? STATE_BOARD_FAULTY : 0)));
+                                  (board->faulty ? STATE_BOARD_FAULTY : 0) |
+                                  (board->external ? STATE_BOARD_EXTERNAL : 0) |
+                                  (board->silent ? STATE_BOARD_SILENT : 0)));
         to = put_u8(to, board->naxis);
         to = put_u8(to, 0);
         for (size_t k = 0; k < 4; k++) {

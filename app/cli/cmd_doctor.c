@@ -73,19 +73,55 @@ static void doctor_measure_wakeups(const struct rig *rig, double seconds)
 struct doctor_options {
     const char *rig;
     bool local;
-    double measure_s;
+    double measure_s, listen_s;
 };
+
+/* Ports on the interfaces that external boards are on; what cannot be opened stays NULL, and the
+ * finding of its interface says why. */
+static void doctor_open_ports(const struct rig *rig, struct arena *arena, struct can_port **port)
+{
+    for (size_t i = 0; i < rig->boards.nboard; i++) {
+        const int bus = rig->boards.board[i].bus;
+        const struct socketcan_config config = {.interface = rig->bus[bus].interface,
+                                                .fd = rig->bus[bus].fd};
+        struct error error;
+
+        if (rig->boards.board[i].external && !port[bus] &&
+            socketcan_open(&config, arena, &port[bus], &error)) {
+            port[bus] = NULL;
+        }
+    }
+}
+
+static void doctor_close_ports(const struct rig *rig, struct can_port **port)
+{
+    for (size_t b = 0; b < rig->nbus; b++) {
+        if (port[b]) {
+            port[b]->ops->close(port[b]);
+        }
+    }
+}
 
 static int doctor_examine_rig(void *context, const struct rig *rig, struct arena *arena)
 {
     static struct doctor_finding findings[DOCTOR_FINDINGS_MAX];
     const struct doctor_options *options = context;
-    struct doctor_config config = {
-        .root = "", .rig = rig, .local = options->local, .interfaces = &interface_kernel};
+    struct can_port *port[RIG_BUSES_MAX] = {NULL};
+    struct doctor_config config = {.root = "",
+                                   .rig = rig,
+                                   .local = options->local,
+                                   .interfaces = &interface_kernel,
+                                   .port = port,
+                                   .listen_ns = (int64_t)(options->listen_s * 1e9),
+                                   .clock = clock_monotonic(),
+                                   .arena = arena};
     size_t count;
 
-    (void)arena;
+    if (!options->local) {
+        doctor_open_ports(rig, arena, port);
+    }
     count = doctor_examine(&config, findings, DOCTOR_FINDINGS_MAX);
+    doctor_close_ports(rig, port);
     for (size_t i = 0; i < count; i++) {
         print_finding(&findings[i]);
     }
@@ -99,10 +135,13 @@ static int doctor_examine_rig(void *context, const struct rig *rig, struct arena
 
 int cmd_doctor(int argc, char **argv)
 {
-    static struct doctor_options o = {.measure_s = 1.0};
+    static struct doctor_options o = {.measure_s = 1.0, .listen_s = 1.0};
     static const struct option_spec options[] = {
         {"--measure", OPTION_REAL, "S", "measure wake-ups for S seconds, 1 by default; 0 does not",
          .value = &o.measure_s, .min = 0.0, .max = 3600.0, .unit = "seconds"},
+        {"--listen", OPTION_REAL, "S",
+         "listen for the rig's external boards for S seconds, 1 by default; 0 does not",
+         .value = &o.listen_s, .min = 0.0, .max = 60.0, .unit = "seconds"},
         {"--local", OPTION_FLAG, NULL, "buses inside the process: skip CAN interfaces",
          .value = &o.local},
     };

@@ -127,6 +127,7 @@ size_t doctor_examine(const struct doctor_config *config, struct doctor_finding 
     doctor_examine_machine(&d);
     doctor_examine_board(&d);
     doctor_examine_buses(&d);
+    doctor_examine_external(&d);
     return d.count;
 }
 

@@ -1,14 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Examines a machine for what keeps it from 1 kHz: the kernel, the rights of this process,
- * processors, interrupts, power saving, CAN interfaces, the load of the rig's buses. Reads files
- * below /proc and /sys and queries CAN controllers, changes nothing. Not RT-safe.
+ * processors, interrupts, power saving, CAN interfaces, the load of the rig's buses, the external
+ * boards. Reads files below /proc and /sys, queries CAN controllers and listens, changes and sends
+ * nothing. Not RT-safe.
  */
 #ifndef APP_CLI_DOCTOR_H
 #define APP_CLI_DOCTOR_H
 
 #include "canbus/interface.h"
+#include "canbus/port.h"
 #include "rig/rig.h"
+#include "rt/clock.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -33,6 +36,12 @@ struct doctor_config {
     const struct rig *rig;
     bool local; /* the buses are in the process: CAN interfaces are not looked at */
     const struct interface_ops *interfaces; /* NULL = controllers are not asked */
+    /* Where external boards are listened for: a port for each bus, NULL = not on that one; none at
+     * all with port NULL. For so long, by the clock; memory for it from arena. */
+    struct can_port **port;
+    int64_t listen_ns;
+    struct clock *clock;
+    struct arena *arena;
 };
 
 /* Fills at most max findings, in an order that does not change; returns how many. */

@@ -45,9 +45,10 @@ const char *doctor_realtime_kernel(const struct doctor *d);
 const char *doctor_command_line(const struct doctor *d);
 
 /* Kernel, rights, processors: doctor_machine.c. What only ARM has: doctor_board.c. CAN interfaces
- * and loads: doctor_buses.c. */
+ * and loads: doctor_buses.c. Real boards on the buses: doctor_external.c. */
 void doctor_examine_machine(struct doctor *d);
 void doctor_examine_board(struct doctor *d);
 void doctor_examine_buses(struct doctor *d);
+void doctor_examine_external(struct doctor *d);
 
 #endif

@@ -164,6 +164,37 @@ static json_t *status_faults(const struct control *control, const struct simulat
     return control_whole_or_null(array, good);
 }
 
+/* The real boards of the rig, none for most; unknown before the first tick. */
+static json_t *status_external(const struct control *control, const struct simulator_status *now)
+{
+    const struct boards_config *boards = &control->rig->boards;
+    json_t *array = json_array();
+    bool good = array != NULL;
+    size_t count = 0;
+
+    for (size_t i = 0; i < boards->nboard && count < SIMULATOR_EXTERNAL_MAX && good; i++) {
+        const struct board_config *board = &boards->board[i];
+        json_t *entry;
+
+        if (!board->external || now->tick == 0) {
+            continue;
+        }
+        entry = json_object();
+        good = control_put(entry, "board", control_text(board->name));
+        good = control_put(entry, "bus", control_text(control->rig->bus[board->bus].name)) && good;
+        good =
+            control_put(entry, "silent", json_boolean(now->external_silent >> count & 1)) && good;
+        good = control_put(entry, "heard_s",
+                           now->external_heard_ns[count] < 0
+                               ? json_null()
+                               : control_seconds(now->external_heard_ns[count])) &&
+               good;
+        good = control_append(array, entry) && good;
+        count++;
+    }
+    return control_whole_or_null(array, good);
+}
+
 static json_t *status_task(const struct control *control)
 {
     static const char *const names[] = {
@@ -243,6 +274,7 @@ json_t *control_status(const struct control *control, struct control_client *cli
     good = control_put(body, "joints", status_joints(control, &now)) && good;
     good = control_put(body, "contacts", status_contacts(control, &now)) && good;
     good = control_put(body, "faults", status_faults(control, &now)) && good;
+    good = control_put(body, "external", status_external(control, &now)) && good;
     good = control_put(body, "control", status_control(control)) && good;
     client->before = now;
     client->seen = true;

@@ -18,4 +18,7 @@ if(NOT HIL_SANITIZE)
     hil_script_test(service_run_vcan LABELS service TIMEOUT 150
         COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 130
                 ${CMAKE_CURRENT_SOURCE_DIR}/service/run_vcan.sh)
+    hil_script_test(service_rest_bus_vcan LABELS service TIMEOUT 90
+        COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 80
+                ${CMAKE_CURRENT_SOURCE_DIR}/service/rest_bus_vcan.sh)
 endif()

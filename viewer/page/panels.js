@@ -61,6 +61,7 @@ export class Boards {
 
   /** What the axes of a board are in, in words. */
   #mode(board, state) {
+    if (state.external) return state.silent ? 'real board, silent' : 'real board';
     if (state.away) return 'off the bus';
     if (state.loader) return 'bootloader';
     if (board.kind !== 'motor') return 'measures';
@@ -78,8 +79,9 @@ export class Boards {
       setText(tile.mode, now.faulty ? `fault: ${mode}` : mode);
       setText(tile.age, now.age < 0 ? 'never heard of' : now.age < 1 ? `${fixed(1e3 * now.age, 0)} ms`
         : `${fixed(now.age, 1)} s`);
-      tile.age.title = 'since the last frame for this board';
-      setClass(tile.element, 'bad', now.faulty || now.away);
+      tile.age.title = now.external ? 'since the last telemetry of this board'
+        : 'since the last frame for this board';
+      setClass(tile.element, 'bad', now.faulty || now.away || now.silent);
       setClass(tile.element, 'off', !now.faulty && (now.loader || mode === 'idle' || mode === 'off'));
       setClass(tile.element, 'run', board.kind === 'motor' && !now.faulty && mode !== 'idle' && mode !== 'off');
       setClass(tile.age, 'late', late);

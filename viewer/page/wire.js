@@ -41,7 +41,8 @@ export function readState(buffer) {
   for (let i = 0; i < nboard; i++, at += 12) {
     const bits = view.getUint8(at + 5);
     state.boards.push({ age: f32(at), address: view.getUint8(at + 4), loader: Boolean(bits & 1),
-      away: Boolean(bits & 2), faulty: Boolean(bits & 4), naxis: view.getUint8(at + 6),
+      away: Boolean(bits & 2), faulty: Boolean(bits & 4), external: Boolean(bits & 8),
+      silent: Boolean(bits & 16), naxis: view.getUint8(at + 6),
       mode: [8, 9, 10, 11].map((k) => view.getUint8(at + k)) });
   }
   for (let i = 0; i < nfault; i++) {

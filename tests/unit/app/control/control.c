@@ -51,6 +51,28 @@ static void hello_says_who_it_is(void **state)
     stop_and_close();
 }
 
+/* a board that nobody plays is silent from the first tick on, and was never heard */
+static void status_tells_of_external_boards(void **state)
+{
+    json_t *answer, *board;
+
+    (void)state;
+    bench_open(&bench, &(struct bench_options){.rig = "coman-rest-bus", .clock = LOOP_CLOCK_FREE});
+    answer = ask("{\"cmd\":\"status\"}");
+    assert_int_equal(json_array_size(json_object_get(answer, "external")), 0);
+    json_decref(answer);
+    bench_do(&bench, "{\"cmd\":\"step\",\"count\":5}");
+    answer = ask("{\"cmd\":\"status\"}");
+    assert_int_equal(json_array_size(json_object_get(answer, "external")), 3);
+    board = json_array_get(json_object_get(answer, "external"), 2);
+    assert_string_equal(string_of(board, "board"), "hip_yaw");
+    assert_string_equal(string_of(board, "bus"), "left_hip");
+    assert_true(json_is_true(json_object_get(board, "silent")));
+    assert_true(json_is_null(json_object_get(board, "heard_s")));
+    json_decref(answer);
+    stop_and_close();
+}
+
 static void status_is_that_of_the_tick(void **state)
 {
     json_t *answer;
@@ -325,6 +347,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(hello_says_who_it_is),
         cmocka_unit_test(status_is_that_of_the_tick),
+        cmocka_unit_test(status_tells_of_external_boards),
         cmocka_unit_test(statistics_count_every_tick),
         cmocka_unit_test(lists_have_patterns),
         cmocka_unit_test(tunables_are_set_and_read_back),

@@ -166,6 +166,7 @@ static inline void *bench_loop(void *context)
 }
 
 struct bench_options {
+    const char *rig; /* by name; NULL = coman */
     enum loop_clock clock;
     const char *task;
     const char *const *fault;
@@ -203,16 +204,16 @@ static inline void bench_open(struct bench *bench, const struct bench_options *o
     struct control_config control = {.path = bench->path, .patience_ns = options->patience_ns};
     struct realtime_report report;
     struct error error;
-    char notice[256];
+    char notice[256], file[512];
 
     memset(bench, 0, sizeof *bench);
     snprintf(bench->folder, sizeof bench->folder, "/tmp/coman-hil-control-XXXXXX");
     assert_non_null(mkdtemp(bench->folder));
     snprintf(bench->path, sizeof bench->path, "%s/control", bench->folder);
     assert_int_equal(arena_init(&bench->arena, (size_t)512 << 20, &error), ERROR_NONE);
-    assert_int_equal(
-        rig_load(HIL_SOURCE_DIR "/config/rigs/coman.yaml", &bench->arena, &bench->rig, &error),
-        ERROR_NONE);
+    snprintf(file, sizeof file, "%s/config/rigs/%s.yaml", HIL_SOURCE_DIR,
+             options->rig ? options->rig : "coman");
+    assert_int_equal(rig_load(file, &bench->arena, &bench->rig, &error), ERROR_NONE);
     config.rig = bench->rig;
     assert_int_equal(simulator_create(&config, &bench->arena, &bench->simulator, notice, &error),
                      ERROR_NONE);
