@@ -187,6 +187,42 @@ static void jammed_rotor_stays_to_the_last_bit_and_draws_the_stall_current(void 
     }
 }
 
+/* 2 rad/s for 20 ms, against a spring that is wound up by a voltage; then as if it was jammed */
+static void led_rotor_goes_its_way_whatever_loads_it(void **unused)
+{
+    (void)unused;
+    for (int i = 0; i < INTEGRATORS; i++) {
+        struct plant_rig rig;
+        struct motor_command *motor = start(&rig, integrators[i]);
+        double qm;
+
+        motor->bridge_on = true;
+        motor->voltage_v = 10.0;
+        run(&rig, 5);
+        qm = hip(&rig)->qm;
+        motor->condition = DRIVE_IMPOSED;
+        motor->rotor_rad_s = 2.0;
+        for (int k = 1; k <= 20; k++) {
+            run(&rig, 1);
+            assert_close(hip(&rig)->qm, qm + 2e-3 * k, 1e-13);
+            assert_true(hip(&rig)->qmd == 2.0);
+        }
+
+        /* A jam is stronger; no number is no speed; at the end it is free, and at rest at first */
+        qm = hip(&rig)->qm;
+        motor->condition = DRIVE_IMPOSED | DRIVE_JAM;
+        run(&rig, 5);
+        motor->condition = DRIVE_IMPOSED;
+        motor->rotor_rad_s = NAN;
+        run(&rig, 5);
+        assert_true(hip(&rig)->qm == qm);
+        motor->condition = 0;
+        run(&rig, 1);
+        assert_true(hip(&rig)->qm != qm && fabs(hip(&rig)->qm - qm) < 1e-3);
+        plant_rig_fini(&rig);
+    }
+}
+
 static void energy_that_breaks_away_counts_as_friction(void **unused)
 {
     static const unsigned breaks[] = {DRIVE_JAM, DRIVE_SPRING_BREAK, DRIVE_OPEN_PHASE, DRIVE_SHORT,
@@ -377,6 +413,7 @@ int main(void)
         cmocka_unit_test(shorted_winding_brakes_a_loose_rotor),
         cmocka_unit_test(short_does_not_ask_the_bridge),
         cmocka_unit_test(jammed_rotor_stays_to_the_last_bit_and_draws_the_stall_current),
+        cmocka_unit_test(led_rotor_goes_its_way_whatever_loads_it),
         cmocka_unit_test(energy_that_breaks_away_counts_as_friction),
         cmocka_unit_test(condition_ends_with_a_reset),
         cmocka_unit_test(supply_sags_under_the_power_that_the_bridges_take),
