@@ -273,6 +273,69 @@ static void a_stopped_node_sends_no_segments(void **state)
     bench_stop(&bench);
 }
 
+/* ---- back in time ---- */
+
+/* What a checkpoint holds: the boards' memory, and here the bench's time. */
+struct kept {
+    struct board_bench bench;
+    unsigned char *memory;
+};
+
+static struct kept keep_moment(const struct board_bench *bench)
+{
+    struct kept kept = {.bench = *bench, .memory = malloc(bench->arena.used)};
+
+    assert_non_null(kept.memory);
+    arena_join(bench->arena.memory, bench->arena.used);
+    memcpy(kept.memory, bench->arena.memory, bench->arena.used);
+    return kept;
+}
+
+static void return_to_moment(struct board_bench *bench, struct kept *kept)
+{
+    *bench = kept->bench;
+    memcpy(bench->arena.memory, kept->memory, bench->arena.used);
+}
+
+/* Whatever came of the transfer meanwhile, from the checkpoint on it ends as it would have. */
+static void a_block_transfer_goes_on_from_a_checkpoint(void **state)
+{
+    struct board_bench bench;
+    struct kept kept;
+
+    (void)state;
+    start(&bench);
+
+    /* down, after the first of two segments: the other way it is aborted, and another text comes */
+    sdo(&bench, 4, DOWN);
+    say(&bench, "01 31 32 33 34 35 36 37");
+    kept = keep_moment(&bench);
+    say(&bench, "80 00 20 00 00 00 00 08");
+    sdo(&bench, 4, "C0 00 20 00 00 00 00 00", "A4 00 20 00 7F 00 00 00");
+    sdo(&bench, 4, "81 61 62 63 00 00 00 00", "A2 01 7F 00 00 00 00 00");
+    sdo(&bench, 4, "D1 00 00 00 00 00 00 00", "A1 00 00 00 00 00 00 00");
+    return_to_moment(&bench, &kept);
+    sdo(&bench, 4, "82 38 39 00 00 00 00 00", "A2 02 7F 00 00 00 00 00");
+    sdo(&bench, 4, "D5 C3 31 00 00 00 00 00", "A1 00 00 00 00 00 00 00");
+    free(kept.memory);
+
+    /* up, with one segment sent and one to come: twice the same, then the check value */
+    sdo(&bench, 4, "A4 00 20 00 7F 00 00 00", "C6 00 20 00 09 00 00 00");
+    sdo(&bench, 4, "A3 00 00 00 00 00 00 00", "01 31 32 33 34 35 36 37");
+    kept = keep_moment(&bench);
+    for (int pass = 0; pass < 2; pass++) {
+        bench_tick(&bench);
+        bench_expect(&bench, 0, REPLY, "82 38 39 00 00 00 00 00");
+        sdo(&bench, 4, "A2 02 7F 00 00 00 00 00", "D5 C3 31 00 00 00 00 00");
+        say(&bench, "A1 00 00 00 00 00 00 00");
+        if (pass == 0) {
+            return_to_moment(&bench, &kept);
+        }
+    }
+    free(kept.memory);
+    bench_stop(&bench);
+}
+
 /* ---- a client on a lossy line ---- */
 
 /* The remainder of the long division of the data's bits, by its definition. */
@@ -464,6 +527,7 @@ int main(void)
         TEST(an_abort_or_a_new_request_ends_a_block_transfer),
         TEST(a_silent_client_has_its_block_transfer_aborted_after_a_second),
         TEST(a_stopped_node_sends_no_segments),
+        TEST(a_block_transfer_goes_on_from_a_checkpoint),
         TEST(random_blocks_on_a_lossy_line_arrive),
         TEST(a_domain_is_kept_when_it_was_stored),
     };
