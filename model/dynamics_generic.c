@@ -18,23 +18,47 @@ static void base_rotation(const struct dynamics *d, const double *q, double R[9]
     }
 }
 
+/* The joints' transforms. A stage of an integrator asks for motions, accelerations and velocities at
+ * one q in turn: what is known of it stays, to the last bit. */
+static void find_transforms(const struct dynamics *d, const double *q)
+{
+    struct generic *g = d->work;
+    const size_t first = d->robot->nq - d->robot->njoint;
+
+    if (g->turned_known && memcmp(g->q, q, d->robot->nq * sizeof *q) == 0) {
+        return;
+    }
+    memcpy(g->q, q, d->robot->nq * sizeof *q);
+    g->turned_known = true;
+    g->moving_known = false;
+    g->place_known = false;
+    for (size_t b = 1; b < g->nbody; b++) {
+        joint_transform(&g->link[b], q[first + b - 1], &g->state[b]);
+    }
+}
+
 /* Velocities and bias accelerations of all bodies */
 static void sweep_velocity(const struct dynamics *d, const double *q, const double *v)
 {
-    const struct generic *g = d->work;
+    struct generic *g = d->work;
     struct link_state *state = g->state;
 
+    find_transforms(d, q);
+    if (g->moving_known && memcmp(g->v, v, d->robot->nv * sizeof *v) == 0) {
+        return;
+    }
+    memcpy(g->v, v, d->robot->nv * sizeof *v);
+    g->moving_known = true;
     memset(&state[0].v, 0, sizeof state[0].v);
     if (d->robot->floating) {
         memcpy(state[0].v.l, v + BASE_V_LINEAR, sizeof state[0].v.l);
         memcpy(state[0].v.a, v + BASE_V_ANGULAR, sizeof state[0].v.a);
     }
-    q += d->robot->nq - d->robot->njoint;
     v += g->first;
     for (size_t b = 1; b < g->nbody; b++) {
         const struct link *link = &g->link[b];
 
-        BY_JOINT(link, outward_velocity, link, &state[link->parent], q[b - 1], v[b - 1], &state[b]);
+        BY_JOINT(link, outward_velocity, link, &state[link->parent], v[b - 1], &state[b]);
     }
 }
 
@@ -63,9 +87,13 @@ static void sweep_acceleration(const struct dynamics *d, const double *vdot, con
 /* Rotations and positions of all bodies; the joints' transforms are known */
 static void sweep_place(const struct dynamics *d, const double *q)
 {
-    const struct generic *g = d->work;
+    struct generic *g = d->work;
     struct link_state *state = g->state;
 
+    if (g->place_known) {
+        return;
+    }
+    g->place_known = true;
     base_rotation(d, q, state[0].R);
     memset(state[0].position, 0, sizeof state[0].position);
     if (d->robot->floating) {
@@ -319,8 +347,10 @@ enum error_code dynamics_generic(const struct robot *robot, struct arena *arena,
     struct generic *g = arena_alloc(arena, 1, sizeof *g);
     struct link *link = arena_alloc(arena, robot->nbody, sizeof *link);
     struct link_state *state = arena_alloc(arena, robot->nbody, sizeof *state);
+    double *q = arena_alloc(arena, robot->nq, sizeof *q);
+    double *v = arena_alloc(arena, robot->nv, sizeof *v);
 
-    if (!g || !link || !state) {
+    if (!g || !link || !state || !q || !v) {
         return error_set(error, ERROR_MEMORY, "no memory for the dynamics of %s", robot->name);
     }
 
@@ -332,8 +362,12 @@ enum error_code dynamics_generic(const struct robot *robot, struct arena *arena,
                              b > 0 ? &link[body->parent] : NULL, &link[b]);
         memcpy(state[b].r, link[b].origin, sizeof state[b].r);
     }
-    *g = (struct generic){
-        .nbody = robot->nbody, .first = robot->nv - robot->njoint, .link = link, .state = state};
+    *g = (struct generic){.nbody = robot->nbody,
+                          .first = robot->nv - robot->njoint,
+                          .link = link,
+                          .state = state,
+                          .q = q,
+                          .v = v};
     *out = (struct dynamics){.ops = &ops, .robot = robot, .work = g};
     return ERROR_NONE;
 }

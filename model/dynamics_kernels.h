@@ -57,6 +57,10 @@ struct generic {
     size_t first; /* index in q and v of the first joint */
     struct link *link;
     struct link_state *state;
+    double *q, *v;     /* what the states hold belongs to; the same again is not computed again */
+    bool turned_known; /* c, s and r are those of q, */
+    bool moving_known; /* v and bias those of q and v, */
+    bool place_known;  /* R and position those of q */
 };
 
 /* Calls kernel(type, axis, ...) with both as constants. */
@@ -222,16 +226,28 @@ static inline void subtract_wrench(const struct link *link, const struct wrench 
     }
 }
 
-/* The joint's transform and what it makes of the parent's velocity */
+/* The joint's transform, from q */
+INLINE void joint_transform(const struct link *link, double q, struct link_state *state)
+{
+    if (link->type == JOINT_REVOLUTE) {
+        portable_sincos(q, &state->s, &state->c);
+        return;
+    }
+    state->c = 1.0;
+    state->s = 0.0;
+    for (int m = 0; m < 3; m++) {
+        state->r[m] = link->origin[m] + link->slide[m] * q;
+    }
+}
+
+/* What the joint makes of the parent's velocity */
 INLINE void outward_velocity(enum joint_type type, int k, const struct link *link,
-                             const struct link_state *parent, double q, double qd,
-                             struct link_state *state)
+                             const struct link_state *parent, double qd, struct link_state *state)
 {
     int i = (k + 1) % 3, j = (k + 2) % 3;
 
     /* The bias is what the joint's own motion turns: v x (axis qd) */
     if (type == JOINT_REVOLUTE) {
-        portable_sincos(q, &state->s, &state->c);
         motion_down(k, link, state, &parent->v, &state->v);
         state->v.a[k] += qd;
         state->bias.a[k] = 0.0;
@@ -241,11 +257,6 @@ INLINE void outward_velocity(enum joint_type type, int k, const struct link *lin
         state->bias.l[i] = state->v.l[j] * qd;
         state->bias.l[j] = -state->v.l[i] * qd;
     } else {
-        state->c = 1.0;
-        state->s = 0.0;
-        for (int m = 0; m < 3; m++) {
-            state->r[m] = link->origin[m] + link->slide[m] * q;
-        }
         motion_down(k, link, state, &parent->v, &state->v);
         state->v.l[k] += qd;
         memset(&state->bias, 0, sizeof state->bias);
