@@ -169,9 +169,9 @@ static void bench_engine_get_accelerations(void *memory, double *vdot)
 
 const struct peer_dynamics bench_ours[BENCH_OURS] = {
     {"generic", HIL_VERSION, bench_engine_create_generic, bench_engine_destroy,
-     bench_engine_put_state, bench_engine_run_state, bench_engine_get_accelerations},
+     bench_engine_put_state, bench_engine_run_state, bench_engine_get_accelerations, NULL},
     {"generated", HIL_VERSION, bench_engine_create_generated, bench_engine_destroy,
-     bench_engine_put_state, bench_engine_run_state, bench_engine_get_accelerations},
+     bench_engine_put_state, bench_engine_run_state, bench_engine_get_accelerations, NULL},
 };
 
 enum error_code bench_part(const struct robot *whole, size_t njoint, struct arena *arena,

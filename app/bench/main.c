@@ -15,6 +15,8 @@ static const struct program_command benchmarks[] = {
      bench_paper},
     {"pendulum", "pendulums in relative and absolute coordinates, the paper's Table 1 and Fig. 3",
      bench_pendulum},
+    {"throughput", "simulated seconds that a sweep gets out of a processor in an hour",
+     bench_throughput},
 };
 
 static const struct program coman_hil_bench = {

@@ -11,10 +11,11 @@
 #include "base/error.h"
 #include "model/robot.h"
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#define PEERS_ABI 1
+#define PEERS_ABI 2
 #define PEERS_FILE "libhil-peers.so"
 
 enum { PEER_SLOTS = 64 };
@@ -31,6 +32,9 @@ struct peer_dynamics {
     void (*run)(void *engine, size_t slot);
     /* vdot (nv) of the last run. */
     void (*get)(void *engine, double *vdot);
+    /* Steps a kept state on, from there again at each call; false when it does not stay finite.
+     * NULL: the peer is not there for that. */
+    bool (*step)(void *engine, size_t slot, double dt, size_t steps);
 };
 
 /* A chain of one or two bodies that turn about horizontal parallel axes; its motion in a plane. */

@@ -64,6 +64,40 @@ says err 'ours only'
 says out generic
 conclude without_other_simulators_ours_are_measured
 
+# cases of 0.2 s, once: what it counts, never what it times
+run 0 throughput hyq-leg --rounds 1 --seconds 0.2 --peers "$module" -o throughput.json
+says out 'simulated s/core-hour'
+says out 'hyq-leg'
+python3 - throughput.json <<'END' || problem="$problem; figures"
+import json, sys
+file = json.load(open(sys.argv[1]))
+(rig,) = file["rigs"]
+assert (file["format_version"], file["rounds"], file["case_s"]) == (1, 1, 0.2)
+assert (rig["rig"], rig["task"], rig["buses"], rig["axes"]) == ("hyq-leg", "hold", 1, 2)
+for name in "simulated_s_per_core_hour", "cases_per_core_hour", "case_mb", "start_in_range_ms":
+    assert rig[name]["median"] > 0, name
+assert (rig["mujoco_s_per_core_hour"] is None) == (file["mujoco"] is None)
+END
+conclude throughput_measures_whole_cases
+
+# refuses STATUS WORD ARGUMENTS...: no measurement, and WORD in what is said
+refuses() {
+    expected=$1
+    word=$2
+    shift 2
+    run "$expected" throughput "$@"
+    says err "$word"
+    refused="$refused$problem"
+}
+refused=
+refuses 2 no-such-rig no-such-rig
+refuses 2 danse hyq-leg --task danse
+refuses 2 --rounds hyq-leg --rounds 0
+refuses 2 --seconds hyq-leg --seconds 0.01
+refuses 4 none.so hyq-leg --peers "$work/none.so"
+problem=$refused
+conclude throughput_refuses_what_it_cannot_measure
+
 run 0 dynamics "$source/config/robots/coman.yaml" --rounds 2 --out results --peers "$module"
 says out "29: times "
 says results/dynamics.csv 'engine,version,degrees_of_freedom,median_us,low_us,high_us,difference'

@@ -292,5 +292,21 @@ static void get(void *memory, double *vdot)
     }
 }
 
-const struct peer_dynamics peer_mujoco = {"MuJoCo", PEERS_MUJOCO_VERSION, create, destroy, put, run,
-                                          get};
+/* Euler's method, as MuJoCo's default has it: rates first. */
+static bool step(void *memory, size_t slot, double dt, size_t steps)
+{
+    struct engine *engine = memory;
+
+    mj_resetData(engine->model, engine->data);
+    engine->model->opt.timestep = dt;
+    run(engine, slot);
+    for (size_t i = 0; i < steps; i++) {
+        mj_step(engine->model, engine->data);
+    }
+    return engine->data->warning[mjWARN_BADQPOS].number == 0 &&
+           engine->data->warning[mjWARN_BADQVEL].number == 0 &&
+           engine->data->warning[mjWARN_BADQACC].number == 0;
+}
+
+const struct peer_dynamics peer_mujoco = {
+    "MuJoCo", PEERS_MUJOCO_VERSION, create, destroy, put, run, get, step};

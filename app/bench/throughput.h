@@ -1,0 +1,94 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * How many simulated seconds a sweep gets out of a processor in an hour, by rig: cases with boards,
+ * buses, contact and controller, run by coman-hil test as a sweep runs them; beside them MuJoCo,
+ * which steps the same bodies and has none of that. CPU time, not time on a clock. Not RT-safe.
+ */
+#ifndef APP_BENCH_THROUGHPUT_H
+#define APP_BENCH_THROUGHPUT_H
+
+#include "base/error.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdio.h>
+
+enum {
+    THROUGHPUT_RIGS = 32,
+    THROUGHPUT_ROUNDS = 99,
+    THROUGHPUT_RANGE = 10, /* cases in the range whose start is measured */
+    THROUGHPUT_FORMAT_VERSION = 1,
+};
+
+/* What one process cost; CPU seconds of it and of those it waited for. */
+struct throughput_cost {
+    double cpu_s;
+    double instructions; /* NAN where the machine does not count them */
+    double resident_mb;  /* the most that any of them had at a time */
+};
+
+/* A round: a case of one tick alone, a whole one alone, THROUGHPUT_RANGE of one tick in a range. */
+struct throughput_sample {
+    struct throughput_cost start, whole, range;
+    double mujoco_s; /* CPU seconds for the same time; NAN without it */
+};
+
+/* Of the rounds; NAN when one of them has none. */
+struct throughput_spread {
+    double median, low, high;
+};
+
+struct throughput_rig {
+    const char *rig, *task;
+    size_t nbus, nboard, naxis, nv;
+    double tick_s, step_s;
+    struct throughput_sample sample[THROUGHPUT_ROUNDS];
+};
+
+/* Derived from the samples. */
+struct throughput_figures {
+    struct throughput_spread rate; /* simulated seconds in an hour of a processor, without start */
+    struct throughput_spread mujoco; /* the same */
+    struct throughput_spread hourly; /* whole cases in a range, in an hour of a processor */
+    struct throughput_spread start_ms, range_ms,
+        whole_ms; /* of a case; range_ms: its start there */
+    struct throughput_spread start_mb, whole_mb;
+    struct throughput_spread start_instructions, tick_instructions; /* of a tick without start */
+};
+
+struct throughput {
+    size_t rounds, nrig;
+    double seconds;     /* of a case */
+    const char *mujoco; /* its version; NULL = not there */
+    struct throughput_rig rig[THROUGHPUT_RIGS];
+};
+
+/* Of count values, at least 1, which it sorts. */
+struct throughput_spread throughput_spread(double *value, size_t count);
+
+/* Where the whole case was not dearer than its start, by noise, what follows from it is NAN. */
+void throughput_derive(const struct throughput *all, const struct throughput_rig *rig,
+                       struct throughput_figures *figures);
+
+/* Tables for people. */
+void throughput_print(const struct throughput *all, FILE *out);
+
+/* One JSON object. */
+void throughput_write_json(const struct throughput *all, FILE *out);
+
+/* Fills in what the rig files say, and the task where it is NULL: walk or grasp where the file has
+ * such a section, else hold. ERROR_INPUT and others of rig_load. */
+enum error_code throughput_read_rig(struct throughput_rig *rig, struct error *error);
+
+/* The version of a MuJoCo in the module of other simulators (app/bench/peers.h), or "": without
+ * path a missing one is no error. */
+enum error_code throughput_find_mujoco(const char *path, char version[32], struct error *error);
+
+/* Measures a round of a rig with program, the path of coman-hil, in folder, which is empty but for
+ * what earlier rounds of the same rig left there. peers as of throughput_find_mujoco, used when
+ * mujoco is wanted. */
+enum error_code throughput_measure(const struct throughput *all, const struct throughput_rig *rig,
+                                   const char *program, const char *folder, const char *peers,
+                                   struct throughput_sample *sample, struct error *error);
+
+#endif

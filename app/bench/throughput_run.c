@@ -1,0 +1,386 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * One round of the throughput of a rig. Everything runs in processes of its own, so that this one
+ * stays small: what Linux tells of a process' memory counts what it was forked from.
+ */
+#include "app/bench/throughput.h"
+
+#include "app/bench/output.h"
+#include "app/bench/timing.h"
+#include "base/json_text.h"
+#include "rig/rig.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <linux/perf_event.h>
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#define ARENA_BYTES ((size_t)512 << 20) /* of address space */
+
+enum { WARM_UP_STEPS = 100 };
+
+/* ---- answers of a forked process ---- */
+
+struct throughput_answer {
+    enum error_code code;
+    struct error error;
+    double cpu_s;
+    char task[32], version[32];
+    size_t nbus, nboard, naxis, nv;
+    double tick_s, step_s;
+};
+
+struct throughput_question {
+    const char *rig, *peers;
+    double seconds;
+    void (*find)(const struct throughput_question *question, struct throughput_answer *answer);
+};
+
+/* Lets a forked process find the answer. */
+static enum error_code throughput_ask(const struct throughput_question *question,
+                                      struct throughput_answer *answer, struct error *error)
+{
+    int end[2], status;
+    ssize_t got;
+    pid_t child;
+
+    if (pipe2(end, O_CLOEXEC)) {
+        return error_set_errno(error, errno, "cannot make a pipe");
+    }
+    fflush(NULL);
+    child = fork();
+    if (child == 0) {
+        memset(answer, 0, sizeof *answer);
+        question->find(question, answer);
+        got = write(end[1], answer, sizeof *answer);
+        _exit(got != (ssize_t)sizeof *answer);
+    }
+    close(end[1]);
+    got = child < 0 ? 0 : read(end[0], answer, sizeof *answer);
+    close(end[0]);
+    if (child < 0) {
+        return error_set_errno(error, errno, "cannot fork");
+    }
+    waitpid(child, &status, 0);
+    if (got != (ssize_t)sizeof *answer) {
+        return error_set(error, ERROR_SYSTEM, "a process that was to measure %s has died",
+                         question->rig ? question->rig : "other simulators");
+    }
+    if (answer->code) {
+        *error = answer->error;
+    }
+    return answer->code;
+}
+
+static void throughput_find_rig(const struct throughput_question *question,
+                                struct throughput_answer *answer)
+{
+    const struct rig *rig;
+    struct arena arena;
+
+    if ((answer->code = arena_init(&arena, ARENA_BYTES, &answer->error)) ||
+        (answer->code = rig_load(question->rig, &arena, &rig, &answer->error))) {
+        return;
+    }
+    snprintf(answer->task, sizeof answer->task, "%s",
+             rig->walk           ? "walk"
+             : rig->grasp.nphase ? "grasp"
+                                 : "hold");
+    answer->nbus = rig->nbus;
+    answer->nboard = rig->boards.nboard;
+    answer->naxis = rig->naxis;
+    answer->nv = rig->robot->nv;
+    answer->tick_s = 1e-9 * (double)rig->tick_ns;
+    answer->step_s = 1e-9 * (double)rig->substep_ns;
+}
+
+enum error_code throughput_read_rig(struct throughput_rig *rig, struct error *error)
+{
+    static const char *const tasks[] = {"walk", "grasp", "hold"};
+    const struct throughput_question question = {.rig = rig->rig, .find = throughput_find_rig};
+    struct throughput_answer answer;
+    enum error_code code = throughput_ask(&question, &answer, error);
+
+    if (code) {
+        return code;
+    }
+    for (size_t i = 0; !rig->task && i < 3; i++) {
+        rig->task = strcmp(tasks[i], answer.task) == 0 ? tasks[i] : NULL;
+    }
+    rig->nbus = answer.nbus;
+    rig->nboard = answer.nboard;
+    rig->naxis = answer.naxis;
+    rig->nv = answer.nv;
+    rig->tick_s = answer.tick_s;
+    rig->step_s = answer.step_s;
+    return ERROR_NONE;
+}
+
+/* ---- MuJoCo ---- */
+
+static const struct peer_dynamics *throughput_stepper(const struct peers *peers)
+{
+    for (size_t i = 0; peers && i < peers->ndynamics; i++) {
+        if (peers->dynamics[i].step) {
+            return &peers->dynamics[i];
+        }
+    }
+    return NULL;
+}
+
+static void throughput_ask_mujoco(const struct throughput_question *question,
+                                  struct throughput_answer *answer)
+{
+    const struct peer_dynamics *peer;
+    struct peers_library library;
+
+    answer->code = bench_peers(question->peers, "MuJoCo is left out", &library, &answer->error);
+    peer = answer->code ? NULL : throughput_stepper(library.peers);
+    if (peer) {
+        snprintf(answer->version, sizeof answer->version, "%s", peer->version);
+    }
+}
+
+enum error_code throughput_find_mujoco(const char *path, char version[32], struct error *error)
+{
+    const struct throughput_question question = {.peers = path, .find = throughput_ask_mujoco};
+    struct throughput_answer answer;
+    enum error_code code = throughput_ask(&question, &answer, error);
+
+    snprintf(version, 32, "%s", code ? "" : answer.version);
+    return code;
+}
+
+/* The robot from the rig's pose, without forces: a floating one falls, a fixed one swings. */
+static void throughput_time_mujoco(const struct throughput_question *question,
+                                   struct throughput_answer *answer)
+{
+    const struct peer_dynamics *peer;
+    struct peers_library library;
+    const struct rig *rig;
+    struct arena arena;
+    char message[256];
+    double *q, *v, *tau, begin, dt;
+    void *engine;
+    size_t base;
+    bool good;
+
+    if ((answer->code = arena_init(&arena, ARENA_BYTES, &answer->error)) ||
+        (answer->code = rig_load(question->rig, &arena, &rig, &answer->error)) ||
+        (answer->code = peers_open(question->peers, &library, &answer->error))) {
+        return;
+    }
+    peer = throughput_stepper(library.peers);
+    q = arena_alloc(&arena, rig->robot->nq, sizeof *q);
+    v = arena_alloc(&arena, rig->robot->nv, sizeof *v);
+    tau = arena_alloc(&arena, rig->robot->nv, sizeof *tau);
+    engine = peer && q && v && tau ? peer->create(rig->robot, message, sizeof message) : NULL;
+    if (!engine) {
+        answer->code = error_set(&answer->error, ERROR_UNSUPPORTED, "MuJoCo: %s: %s", question->rig,
+                                 peer ? message : "no longer there");
+        return;
+    }
+
+    /* The pose, some steps that fill the caches, then those that count */
+    base = rig->robot->nq - rig->robot->njoint;
+    if (rig->robot->floating) {
+        memcpy(q + BASE_Q_POSITION, rig->base_position, sizeof rig->base_position);
+        memcpy(q + BASE_Q_QUATERNION, rig->base_quaternion, sizeof rig->base_quaternion);
+    }
+    memcpy(q + base, rig->joint, rig->robot->njoint * sizeof *q);
+    dt = 1e-9 * (double)rig->substep_ns;
+    peer->put(engine, 0, q, v, tau);
+    peer->step(engine, 0, dt, WARM_UP_STEPS);
+    begin = bench_cpu_s();
+    good = peer->step(engine, 0, dt, (size_t)llround(question->seconds / dt));
+    answer->cpu_s = good ? bench_cpu_s() - begin : (double)NAN;
+}
+
+/* ---- cases ---- */
+
+/* User instructions of this process and its children; -1 where nothing counts them. */
+static int throughput_open_counter(void)
+{
+    struct perf_event_attr wanted = {
+        .type = PERF_TYPE_HARDWARE,
+        .size = sizeof wanted,
+        .config = PERF_COUNT_HW_INSTRUCTIONS,
+        .inherit = 1,
+        .exclude_kernel = 1,
+        .exclude_hv = 1,
+    };
+
+    return (int)syscall(SYS_perf_event_open, &wanted, 0, -1, -1, PERF_FLAG_FD_CLOEXEC);
+}
+
+/* The first line of what a command said. */
+static enum error_code throughput_command_failed(const char *folder, const char *rig,
+                                                 struct error *error)
+{
+    char path[PATH_MAX], line[256] = "";
+    FILE *file;
+
+    snprintf(path, sizeof path, "%s/said", folder);
+    file = fopen(path, "r");
+    if (file) {
+        line[fread(line, 1, sizeof line - 1, file)] = '\0';
+        line[strcspn(line, "\n")] = '\0';
+        fclose(file);
+    }
+    return error_set(error, ERROR_INPUT, "%s: %s", rig, line);
+}
+
+/* Runs coman-hil test with its arguments in folder and waits for it. */
+static enum error_code throughput_run_test(const char *program, const char *folder, const char *rig,
+                                           const char *const argument[4],
+                                           struct throughput_cost *cost, struct error *error)
+{
+    int counter = throughput_open_counter(), status = 0, said;
+    uint64_t count = 0;
+    struct rusage used;
+    pid_t child;
+
+    fflush(NULL);
+    child = fork();
+    if (child == 0) {
+        if (!chdir(folder) &&
+            (said = open("said", O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600)) >= 0 &&
+            dup2(said, STDOUT_FILENO) >= 0 && dup2(said, STDERR_FILENO) >= 0) {
+            execl(program, "coman-hil", "test", argument[0], argument[1], argument[2], argument[3],
+                  (char *)NULL);
+        }
+        _exit(127);
+    }
+    if (child > 0) {
+        wait4(child, &status, 0, &used);
+    }
+    cost->instructions = counter >= 0 && read(counter, &count, sizeof count) == sizeof count
+                             ? (double)count
+                             : (double)NAN;
+    if (counter >= 0) {
+        close(counter);
+    }
+    if (child < 0 || (WIFEXITED(status) && WEXITSTATUS(status) == 127)) {
+        return error_set(error, ERROR_SYSTEM, "cannot run %s", program);
+    }
+    if (!WIFEXITED(status) || WEXITSTATUS(status)) {
+        return throughput_command_failed(folder, rig, error);
+    }
+    cost->cpu_s = (double)(used.ru_utime.tv_sec + used.ru_stime.tv_sec) +
+                  1e-6 * (double)(used.ru_utime.tv_usec + used.ru_stime.tv_usec);
+    cost->resident_mb = 1024e-6 * (double)used.ru_maxrss;
+    return ERROR_NONE;
+}
+
+static FILE *throughput_create_file(const char *folder, const char *name)
+{
+    char path[PATH_MAX];
+
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    return fopen(path, "w");
+}
+
+/* The scenario, and a sweep over it: first cases of one tick, then whole ones. */
+static enum error_code throughput_write_sweep(const struct throughput *all,
+                                              const struct throughput_rig *rig, const char *folder,
+                                              struct error *error)
+{
+    char path[PATH_MAX];
+    const char *name = realpath(rig->rig, path) ? path : rig->rig;
+    FILE *scenario = throughput_create_file(folder, "case.yaml");
+    FILE *sweep = throughput_create_file(folder, "sweep.yaml");
+    int failed = !scenario || !sweep;
+
+    if (scenario) {
+        fputs("name: throughput\ndescription: A rig with its task.\nrig: ", scenario);
+        json_text_put(name, scenario);
+        fprintf(scenario,
+                "\ntask: %s\nduration_s: ${duration_s}\nparameters:\n"
+                "  duration_s: {values: [1]}\n  number: {values: [0]}\nexpectations:\n"
+                "  - {name: the task goes on, signal: task.status, between: [0, 1]}\n",
+                rig->task);
+        failed |= fclose(scenario);
+    }
+    if (sweep) {
+        fprintf(sweep,
+                "name: throughput\nscenarios: [case.yaml]\nsamples: %d\nparameters:\n"
+                "  duration_s: {grid: [%.9g, %.9g]}\n  number: {uniform: [0, 1]}\n",
+                THROUGHPUT_RANGE, rig->tick_s, all->seconds);
+        failed |= fclose(sweep);
+    }
+    return failed ? error_set(error, ERROR_SYSTEM, "%s: cannot be written", folder) : ERROR_NONE;
+}
+
+/* So that the cases run again. */
+static void throughput_forget_results(const char *folder)
+{
+    char path[PATH_MAX];
+
+    for (int number = 1; number <= THROUGHPUT_RANGE + 1; number++) {
+        snprintf(path, sizeof path, "%s/cases.results/%d.json", folder, number);
+        unlink(path);
+    }
+}
+
+/* That a case has passed: one that falls costs something else. */
+static enum error_code throughput_check_case(const char *folder, const char *rig,
+                                             struct error *error)
+{
+    char path[PATH_MAX], line[256] = "";
+    FILE *file;
+
+    snprintf(path, sizeof path, "%s/said", folder);
+    file = fopen(path, "r");
+    if (file) {
+        line[fread(line, 1, sizeof line - 1, file)] = '\0';
+        fclose(file);
+    }
+    return strstr(line, " passed") ? ERROR_NONE : throughput_command_failed(folder, rig, error);
+}
+
+enum error_code throughput_measure(const struct throughput *all, const struct throughput_rig *rig,
+                                   const char *program, const char *folder, const char *peers,
+                                   struct throughput_sample *sample, struct error *error)
+{
+    const struct throughput_question question = {
+        .rig = rig->rig, .peers = peers, .seconds = all->seconds, .find = throughput_time_mujoco};
+    struct throughput_answer answer;
+    struct throughput_cost planning;
+    char whole[16], range[16];
+    enum error_code code;
+
+    snprintf(whole, sizeof whole, "--case=%d", THROUGHPUT_RANGE + 1);
+    snprintf(range, sizeof range, "--case=1-%d", THROUGHPUT_RANGE);
+    throughput_forget_results(folder);
+    (void)((code = throughput_write_sweep(all, rig, folder, error)) ||
+           (code =
+                throughput_run_test(program, folder, rig->rig,
+                                    (const char *[4]){"--plan", "sweep.yaml", "--output", "cases"},
+                                    &planning, error)) ||
+           (code = throughput_run_test(program, folder, rig->rig,
+                                       (const char *[4]){"--case=1", "cases"}, &sample->start,
+                                       error)));
+    if (code) {
+        return code;
+    }
+    throughput_forget_results(folder);
+    (void)((code = throughput_run_test(program, folder, rig->rig,
+                                       (const char *[4]){range, "cases", "--jobs=1"},
+                                       &sample->range, error)) ||
+           (code = throughput_run_test(program, folder, rig->rig, (const char *[4]){whole, "cases"},
+                                       &sample->whole, error)) ||
+           (code = throughput_check_case(folder, rig->rig, error)));
+    sample->mujoco_s = NAN;
+    if (!code && all->mujoco && !(code = throughput_ask(&question, &answer, error))) {
+        sample->mujoco_s = answer.cpu_s;
+    }
+    return code;
+}
