@@ -90,6 +90,7 @@ set(HIL_CONFIG
     scenarios/stale_torque_source.yaml
     scenarios/stand_push_step.yaml
     scenarios/stand_pushed.yaml
+    scenarios/stand_sensor_board_reboot.yaml
     scenarios/start_up_discovery.yaml
     scenarios/start_up_on_a_lossy_bus.yaml
     scenarios/unknown_command.yaml
@@ -103,5 +104,6 @@ set(HIL_CONFIG
     scenarios/walk_noisy_sensors.yaml
     scenarios/walk_on_a_lossy_bus.yaml
     scenarios/walk_pushed.yaml
+    scenarios/walk_sensor_board_reboot.yaml
     scenarios/walk_slope.yaml
     scenarios/wrong_length.yaml)

@@ -21,7 +21,6 @@ struct estimator {
     size_t force[BODY_SIDES]; /* index of the host's force-torque board */
     double *angle;            /* by axis of the host */
     struct body_pose *pose;   /* by link, in the pelvis's frame */
-    int64_t motion_ns;        /* of the last message of the inertial board that was used */
     bool located;             /* the center of mass has a value */
     struct estimate now;
 };
@@ -35,12 +34,16 @@ static enum error_code estimator_find_boards(struct estimator *estimator, struct
         return error_set(error, ERROR_INPUT,
                          "the rig has no inertial board, expected one on the pelvis");
     }
+
+    /* Without any of these there is no balance */
+    host_watch_motion(estimator->host);
     for (int side = 0; side < BODY_SIDES; side++) {
         bool found = false;
 
         for (size_t i = 0; i < config->nft; i++) {
             if (strcmp(config->ft[i].name, foot_force_name[side]) == 0) {
                 estimator->force[side] = i;
+                host_watch_force(estimator->host, i);
                 found = true;
             }
         }
@@ -111,7 +114,7 @@ static bool estimate_attitude_error(const struct estimator *estimator, double tu
     const struct host_motion *motion = host_motion(estimator->host);
     const double *R = estimator->now.R;
 
-    if (motion->quaternion_seen) {
+    if (motion->quaternion_time_ns >= 0) {
         double board[9], apart[9];
 
         estimate_board_attitude(estimator, board);
@@ -126,7 +129,7 @@ static bool estimate_attitude_error(const struct estimator *estimator, double tu
         turn[2] = (apart[3] - apart[1]) / 2;
         return true;
     }
-    if (motion->acceleration_seen && vec3_norm(motion->acceleration_m_s2) > 1) {
+    if (motion->acceleration_time_ns >= 0 && vec3_norm(motion->acceleration_m_s2) > 1) {
         double felt[3], norm = vec3_norm(motion->acceleration_m_s2);
 
         mat3_apply(estimator->model->imu.rotation, motion->acceleration_m_s2, felt);
@@ -291,7 +294,7 @@ void estimator_start(struct estimator *estimator)
 
     memset(now, 0, sizeof *now);
     mat3_identity(now->R);
-    if (host_motion(estimator->host)->quaternion_seen) {
+    if (host_motion(estimator->host)->quaternion_time_ns >= 0) {
         estimate_board_attitude(estimator, now->R);
     }
     estimate_place(estimator);

@@ -143,10 +143,12 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
         host->line = arena_alloc(arena, config->nbus, sizeof *host->line);
         host->joint = arena_alloc(arena, config->naxis, sizeof *host->joint);
         host->force = arena_alloc(arena, config->nft, sizeof *host->force);
+        host->force_watched = arena_alloc(arena, config->nft, sizeof *host->force_watched);
         host->volts = arena_alloc(arena, config->naxis, sizeof *host->volts);
         host->want = arena_alloc(arena, config->naxis, sizeof *host->want);
     }
-    if (!host || !host->line || !host->joint || !host->force || !host->volts || !host->want) {
+    if (!host || !host->line || !host->joint || !host->force || !host->force_watched ||
+        !host->volts || !host->want) {
         return error_set(error, ERROR_MEMORY, "no memory for the host");
     }
     host->config = *config;
@@ -174,7 +176,10 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
         if (code) {
             return code;
         }
+        host->force[i].force_time_ns = host->force[i].torque_time_ns = -1;
     }
+    host->motion.acceleration_time_ns = -1;
+    host->motion.rate_time_ns = host->motion.quaternion_time_ns = -1;
     *out = host;
     return host_map_inertial(host, error);
 }

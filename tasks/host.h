@@ -45,7 +45,8 @@ struct host_joint {
 
 struct host_force {
     double force_n[3], torque_nm[3];
-    bool force_seen, torque_seen, overflow;
+    int64_t force_time_ns, torque_time_ns; /* host time of the last of each; -1 = none yet */
+    bool overflow;
 };
 
 /* The latest of the inertial sensor, in its own axes; all 0 until it is heard. */
@@ -53,8 +54,8 @@ struct host_motion {
     double acceleration_m_s2[3]; /* specific force: 9.81 up at rest */
     double rate_rad_s[3];
     double quaternion[4]; /* wxyz, sensor to world, w not negative; 0 0 0 0: not known */
-    bool acceleration_seen, rate_seen, quaternion_seen;
-    int64_t time_ns; /* host time of the newest of them */
+    /* Host time of the last of each; -1 = none yet */
+    int64_t acceleration_time_ns, rate_time_ns, quaternion_time_ns;
 };
 
 /* Memory from arena; the ports stay the caller's. */
@@ -104,8 +105,15 @@ const struct host_config *host_configuration(const struct host *host);
 /* Axis by joint name, -1 = none. Not RT-safe. */
 int host_find_axis(const struct host *host, const char *joint);
 
-/* Checks that every motor is on, without fault, and that telemetry is fresh; false with a message
- * otherwise. */
+/* For a task that cannot do without a sensor: from now on a force-torque board, or the inertial
+ * board, that is silent for 100 ms, or for ten of its periods if that is longer, is not healthy.
+ * Of the inertial board these are the rate and what tells of the attitude: the quaternion, or the
+ * acceleration when no quaternion has come. */
+void host_watch_force(struct host *host, size_t ft);
+void host_watch_motion(struct host *host);
+
+/* Checks that every motor is on, without fault, and that telemetry is fresh, that of watched
+ * sensors too; false with a message otherwise. */
 bool host_healthy(struct host *host);
 
 const char *host_message(const struct host *host);

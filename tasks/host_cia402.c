@@ -76,18 +76,20 @@ static void host_cia402_read_telemetry(struct host *host, struct host_joint *joi
     joint->motor_time_ns = joint->joint_time_ns = joint->torque_time_ns = host->now_ns;
 }
 
-static void host_cia402_read_wrench(struct host_force *force, const struct bus_frame *frame,
-                                    unsigned number)
+static void host_cia402_read_wrench(struct host *host, const struct host_node *node,
+                                    const struct bus_frame *frame, unsigned number)
 {
+    struct host_force *force = &host->force[node->ft];
+
     for (int c = 0; c < 3 && frame->len == 6; c++) {
         double count = get_i16_le(frame->data + 2 * c);
 
         if (number == 0) {
             force->force_n[c] = count * CIA402_FORCE_N;
-            force->force_seen = true;
+            force->force_time_ns = host->now_ns;
         } else {
             force->torque_nm[c] = count * CIA402_MOMENT_NM;
-            force->torque_seen = true;
+            force->torque_time_ns = host->now_ns;
         }
     }
 }
@@ -106,7 +108,7 @@ static void host_cia402_read_pdo(struct host *host, struct host_node *node, unsi
         }
         break;
     case HOST_FT_BOARD:
-        host_cia402_read_wrench(&host->force[node->ft], frame, number);
+        host_cia402_read_wrench(host, node, frame, number);
         break;
     case HOST_INERTIAL_BOARD:
         host_inertial_read_cia402(host, number, frame);

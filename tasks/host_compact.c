@@ -74,8 +74,10 @@ static void host_compact_read_axis(struct host *host, struct host_line *line,
     }
 }
 
-static void host_compact_read_wrench(struct host_force *force, const struct bus_frame *frame)
+static void host_compact_read_wrench(struct host *host, const struct host_node *node,
+                                     const struct bus_frame *frame)
 {
+    struct host_force *force = &host->force[node->ft];
     unsigned function = frame->id >> 5;
     bool both = function == COMPACT_WRENCH_FD;
     const uint8_t *moment = frame->data + (both ? COMPACT_FORCE_LENGTH : 0);
@@ -86,11 +88,11 @@ static void host_compact_read_wrench(struct host_force *force, const struct bus_
     for (int c = 0; c < 3; c++) {
         if (function != COMPACT_MOMENT) {
             force->force_n[c] = get_i16_le(frame->data + 2 * c) * COMPACT_FORCE_N;
-            force->force_seen = true;
+            force->force_time_ns = host->now_ns;
         }
         if (function != COMPACT_FORCE) {
             force->torque_nm[c] = get_i16_le(moment + 2 * c) * COMPACT_MOMENT_NM;
-            force->torque_seen = true;
+            force->torque_time_ns = host->now_ns;
         }
     }
 }
@@ -172,7 +174,7 @@ static void host_compact_read_node(struct host *host, size_t bus, const struct b
     case COMPACT_MOMENT:
     case COMPACT_WRENCH_FD:
         if (node->kind == HOST_FT_BOARD) {
-            host_compact_read_wrench(&host->force[node->ft], frame);
+            host_compact_read_wrench(host, node, frame);
         }
         break;
     case COMPACT_FT_STATE:

@@ -178,9 +178,9 @@ static void described_read_motor_field(struct host *host, const struct described
     }
 }
 
-static void described_read_force(struct host_force *force, const struct described_news *news,
-                                 size_t field)
+static void described_read_force(struct host *host, const struct described_news *news, size_t field)
 {
+    struct host_force *force = &host->force[news->node->ft];
     const struct described_field *of = &news->row->field[field];
     double value = described_value(described_layout(news->row, field), of, news->values[field]);
     int channel = (int)of->meaning - DESCRIBED_FT_CHANNEL;
@@ -189,10 +189,10 @@ static void described_read_force(struct host_force *force, const struct describe
         force->overflow = news->values[field] != 0;
     } else if (channel >= 0 && channel < 3) {
         force->force_n[channel] = value;
-        force->force_seen = true;
+        force->force_time_ns = host->now_ns;
     } else if (channel >= 3 && channel < HOST_CHANNELS) {
         force->torque_nm[channel - 3] = value;
-        force->torque_seen = true;
+        force->torque_time_ns = host->now_ns;
     }
 }
 
@@ -205,17 +205,14 @@ static void described_read_motion(struct host *host, const struct described_news
 
     if (of->meaning >= DESCRIBED_ACCELERATION && of->meaning < DESCRIBED_RATE) {
         motion->acceleration_m_s2[of->meaning - DESCRIBED_ACCELERATION] = value;
-        motion->acceleration_seen = true;
+        motion->acceleration_time_ns = host->now_ns;
     } else if (of->meaning >= DESCRIBED_RATE && of->meaning < DESCRIBED_QUATERNION) {
         motion->rate_rad_s[of->meaning - DESCRIBED_RATE] = value;
-        motion->rate_seen = true;
+        motion->rate_time_ns = host->now_ns;
     } else if (of->meaning >= DESCRIBED_QUATERNION && of->meaning < DESCRIBED_MAGNETIC) {
         motion->quaternion[of->meaning - DESCRIBED_QUATERNION] = value;
-        motion->quaternion_seen = true;
-    } else {
-        return;
+        motion->quaternion_time_ns = host->now_ns;
     }
-    motion->time_ns = host->now_ns;
 }
 
 void host_described_read(struct host *host, size_t bus, const struct bus_frame *frame)
@@ -253,7 +250,7 @@ void host_described_read(struct host *host, size_t bus, const struct bus_frame *
             if (news.node->kind == HOST_MOTOR_BOARD) {
                 described_read_motor_field(host, protocol, &news, i);
             } else if (news.node->kind == HOST_FT_BOARD) {
-                described_read_force(&host->force[news.node->ft], &news, i);
+                described_read_force(host, &news, i);
             } else {
                 described_read_motion(host, &news, i);
             }

@@ -5,6 +5,8 @@
 #include <stdio.h>
 
 static const int64_t TELEMETRY_TIMEOUT_NS = 200 * HOST_MS; /* without rotor positions */
+static const int64_t SENSOR_TIMEOUT_NS = 100 * HOST_MS;    /* without a watched sensor's values, */
+enum { SENSOR_TIMEOUT_PERIODS = 10 };                      /* or so many of its periods */
 
 void host_fail_node(struct host *host, size_t bus, unsigned address, const char *what)
 {
@@ -53,6 +55,57 @@ enum host_phase host_fail_joint(struct host *host, size_t axis, const char *what
     return host->phase = HOST_FAILED;
 }
 
+void host_watch_force(struct host *host, size_t ft)
+{
+    host->force_watched[ft] = true;
+}
+
+void host_watch_motion(struct host *host)
+{
+    host->motion_watched = true;
+}
+
+/* A value that a task needs and that came at time_ns, -1 = never: one from before the start-up's
+ * end is waited for from there on. */
+static void host_judge_sensor(struct host *host, int bus, unsigned address, int64_t time_ns,
+                              const char *what)
+{
+    int64_t period_ns = host->line[bus].node[address].period_ns;
+    int64_t since_ns = time_ns > host->phase_since_ns ? time_ns : host->phase_since_ns;
+    int64_t timeout_ns = SENSOR_TIMEOUT_PERIODS * period_ns;
+
+    timeout_ns = timeout_ns > SENSOR_TIMEOUT_NS ? timeout_ns : SENSOR_TIMEOUT_NS;
+    if (host->phase != HOST_FAILED && host->now_ns - since_ns > timeout_ns) {
+        host_fail_node(host, (size_t)bus, address, what);
+        host->lost = true;
+    }
+}
+
+static void host_judge_sensors(struct host *host)
+{
+    const struct host_imu *imu = &host->config.imu;
+    const struct host_motion *motion = &host->motion;
+
+    for (size_t i = 0; i < host->config.nft; i++) {
+        const struct host_ft *ft = &host->config.ft[i];
+
+        if (host->force_watched[i]) {
+            host_judge_sensor(host, ft->bus, ft->address, host->force[i].force_time_ns,
+                              "sends no force");
+            host_judge_sensor(host, ft->bus, ft->address, host->force[i].torque_time_ns,
+                              "sends no torque");
+        }
+    }
+    if (host->motion_watched) {
+        host_judge_sensor(host, imu->bus, imu->address, motion->rate_time_ns,
+                          "sends no angular rate");
+        host_judge_sensor(host, imu->bus, imu->address,
+                          motion->quaternion_time_ns >= 0 ? motion->quaternion_time_ns
+                                                          : motion->acceleration_time_ns,
+                          "sends no attitude");
+    }
+}
+
 bool host_healthy(struct host *host)
 {
     for (size_t i = 0; i < host->config.naxis && host->phase != HOST_FAILED; i++) {
@@ -69,6 +122,7 @@ bool host_healthy(struct host *host)
             host->lost = joint->motor != HOST_MOTOR_FAULT;
         }
     }
+    host_judge_sensors(host);
     return host->phase != HOST_FAILED;
 }
 

@@ -8,14 +8,13 @@
 
 #include <math.h>
 
-static void host_motion_take(struct host *host, double *to, bool *seen, const uint8_t *data,
+static void host_motion_take(struct host *host, double *to, int64_t *time_ns, const uint8_t *data,
                              int count, double worth)
 {
     for (int i = 0; i < count; i++) {
         to[i] = get_i16_le(data + 2 * i) * worth;
     }
-    *seen = true;
-    host->motion.time_ns = host->now_ns;
+    *time_ns = host->now_ns;
 }
 
 /* ---- icub ---- */
@@ -34,13 +33,13 @@ void host_inertial_read(struct host *host, struct host_node *node, const struct 
         return;
     }
     if (type == ICUB_INERTIAL_QUATERNION) {
-        host_motion_take(host, motion->quaternion, &motion->quaternion_seen, data, 4,
+        host_motion_take(host, motion->quaternion, &motion->quaternion_time_ns, data, 4,
                          ICUB_QUATERNION);
     } else if (type == ICUB_INERTIAL_TRIPLE && data[1] == ICUB_SENSOR_ACCELERATION) {
-        host_motion_take(host, motion->acceleration_m_s2, &motion->acceleration_seen, data + 2, 3,
-                         ICUB_ACCELERATION_M_S2);
+        host_motion_take(host, motion->acceleration_m_s2, &motion->acceleration_time_ns, data + 2,
+                         3, ICUB_ACCELERATION_M_S2);
     } else if (type == ICUB_INERTIAL_TRIPLE && data[1] == ICUB_SENSOR_GYRO) {
-        host_motion_take(host, motion->rate_rad_s, &motion->rate_seen, data + 2, 3,
+        host_motion_take(host, motion->rate_rad_s, &motion->rate_time_ns, data + 2, 3,
                          ICUB_INERTIAL_DEG * M_PI / 180.0);
     }
 }
@@ -90,15 +89,15 @@ void host_inertial_read_compact(struct host *host, const struct bus_frame *frame
             continue;
         }
         if (layout[i].acceleration >= 0) {
-            host_motion_take(host, motion->acceleration_m_s2, &motion->acceleration_seen,
+            host_motion_take(host, motion->acceleration_m_s2, &motion->acceleration_time_ns,
                              frame->data + layout[i].acceleration, 3, COMPACT_ACCELERATION_M_S2);
         }
         if (layout[i].rate >= 0) {
-            host_motion_take(host, motion->rate_rad_s, &motion->rate_seen,
+            host_motion_take(host, motion->rate_rad_s, &motion->rate_time_ns,
                              frame->data + layout[i].rate, 3, COMPACT_RATE_RAD_S);
         }
         if (layout[i].orientation >= 0) {
-            host_motion_take(host, motion->quaternion, &motion->quaternion_seen,
+            host_motion_take(host, motion->quaternion, &motion->quaternion_time_ns,
                              frame->data + layout[i].orientation, 4, COMPACT_QUATERNION);
         }
     }
@@ -111,13 +110,13 @@ void host_inertial_read_cia402(struct host *host, unsigned number, const struct 
     struct host_motion *motion = &host->motion;
 
     if (number == 0 && frame->len == 6) {
-        host_motion_take(host, motion->acceleration_m_s2, &motion->acceleration_seen, frame->data,
-                         3, CIA402_ACCELERATION_M_S2);
+        host_motion_take(host, motion->acceleration_m_s2, &motion->acceleration_time_ns,
+                         frame->data, 3, CIA402_ACCELERATION_M_S2);
     } else if (number == 1 && frame->len == 6) {
-        host_motion_take(host, motion->rate_rad_s, &motion->rate_seen, frame->data, 3,
+        host_motion_take(host, motion->rate_rad_s, &motion->rate_time_ns, frame->data, 3,
                          CIA402_RATE_RAD_S);
     } else if (number == 2 && frame->len == 8) {
-        host_motion_take(host, motion->quaternion, &motion->quaternion_seen, frame->data, 4,
+        host_motion_take(host, motion->quaternion, &motion->quaternion_time_ns, frame->data, 4,
                          CIA402_QUATERNION);
     }
 }

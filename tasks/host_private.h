@@ -72,6 +72,7 @@ struct host {
     struct host_line *line; /* one a bus */
     struct host_joint *joint;
     struct host_force *force;
+    bool *force_watched, motion_watched;
     struct host_motion motion;
     double *volts; /* what each axis is to have, within the supply */
     struct host_want *want;

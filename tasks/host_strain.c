@@ -76,7 +76,7 @@ static void host_strain_read_forces(struct host *host, struct host_node *node,
 
             *(first ? &force->torque_nm[c] : &force->force_n[c]) = value;
         }
-        *(first ? &force->torque_seen : &force->force_seen) = true;
+        *(first ? &force->torque_time_ns : &force->force_time_ns) = host->now_ns;
         force->overflow = frame->len == ICUB_STRAIN_SATURATED_LENGTH && frame->data[6];
         return;
     }

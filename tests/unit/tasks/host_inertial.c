@@ -2,6 +2,8 @@
 /* The host and an inertial board, which the test plays: on an iCub bus, and on compact ones. */
 #include "tests/unit/tasks/host_bench.h"
 
+#include "base/count.h"
+
 enum { ADDRESS = 9 };
 
 static void play_icub(struct bench *bench, int bus, const struct bus_frame *frame)
@@ -25,13 +27,13 @@ static void play_compact(struct bench *bench, int bus, const struct bus_frame *f
     }
 }
 
-static struct bench *open_host(enum host_personality personality, bool fd)
+static struct bench *open_host_every(enum host_personality personality, bool fd, int64_t period_ns)
 {
     static struct bench bench;
     static struct host_bus bus[1];
     const struct host_config config = {.nbus = 1,
                                        .bus = bus,
-                                       .imu = {true, 0, ADDRESS, 5000000},
+                                       .imu = {true, 0, ADDRESS, period_ns},
                                        .supply_v = 48,
                                        .period_ns = 1000000};
 
@@ -42,12 +44,18 @@ static struct bench *open_host(enum host_personality personality, bool fd)
     return &bench;
 }
 
+static struct bench *open_host(enum host_personality personality, bool fd)
+{
+    return open_host_every(personality, fd, 5000000);
+}
+
 static void assert_motion(const struct host_motion *motion, double tolerance)
 {
     static const double acceleration[3] = {1.0, -2.0, 9.81}, rate[3] = {0.0, -0.5, 1.0};
     static const double quaternion[4] = {0.866025403784, 0.0, 0.0, 0.5};
 
-    assert_true(motion->acceleration_seen && motion->rate_seen && motion->quaternion_seen);
+    assert_true(motion->acceleration_time_ns >= 0 && motion->rate_time_ns >= 0 &&
+                motion->quaternion_time_ns >= 0);
     for (int i = 0; i < 3; i++) {
         assert_near(motion->acceleration_m_s2[i], acceleration[i], tolerance);
         assert_near(motion->rate_rad_s[i], rate[i], tolerance);
@@ -68,13 +76,14 @@ static void icub_board_is_configured_and_heard(void **state)
     assert_true(was_sent(bench, 0, 0x209, 2, (const uint8_t[]){0x35, 5}));
     assert_true(find_sent(bench, 0, 0, 0x209, 8, (const uint8_t[]){0x34, 0x15, 0, 1, 0, 0, 0, 0}) <
                 find_sent(bench, 0, 0, 0x209, 2, (const uint8_t[]){0x35, 5}));
-    assert_false(motion->acceleration_seen || motion->rate_seen || motion->quaternion_seen);
+    assert_true(motion->acceleration_time_ns < 0 && motion->rate_time_ns < 0 &&
+                motion->quaternion_time_ns < 0);
     say(bench, 0, 0x593, 8, (const uint8_t[]){7, 0, 100, 0, 0x38, 0xff, 0xd5, 0x03});
     say(bench, 0, 0x593, 8, (const uint8_t[]){7, 2, 0, 0, 0x36, 0xfe, 0x95, 0x03}); /* 1/16 deg/s */
     say(bench, 0, 0x594, 8, (const uint8_t[]){0x6d, 0x37, 0, 0, 0, 0, 0, 0x20});
     one_period(bench);
     assert_motion(motion, 1e-3);
-    assert_true(motion->time_ns == host_time_ns(bench->host));
+    assert_true(motion->rate_time_ns == host_time_ns(bench->host));
     /* Of another sensor, or of a wrong length: nothing changes */
     say(bench, 0, 0x593, 8, (const uint8_t[]){8, 1, 1, 2, 3, 4, 5, 6});
     say(bench, 0, 0x594, 7, (const uint8_t[]){1, 2, 3, 4, 5, 6, 7});
@@ -119,11 +128,77 @@ static void another_kind_of_board_there_ends_the_start_up(void **state)
     bench_close(bench);
 }
 
+/* The bus says the rate and the quaternion, or one of them, for as many periods of 1 ms. */
+static void say_motion(struct bench *bench, int periods, bool rate, bool quaternion)
+{
+    for (int i = 0; i < periods; i++) {
+        if (rate) {
+            say(bench, 0, 0x593, 8, (const uint8_t[]){7, 2, 0, 0, 0x36, 0xfe, 0x95, 0x03});
+        }
+        if (quaternion) {
+            say(bench, 0, 0x594, 8, (const uint8_t[]){0x6d, 0x37, 0, 0, 0, 0, 0, 0x20});
+        }
+        one_period(bench);
+    }
+}
+
+static void a_board_that_falls_silent_is_noticed_by_who_needs_it(void **state)
+{
+    static const struct {
+        bool rate, quaternion;
+        const char *message;
+    } part[] = {{false, false, "board 9 on can0 sends no angular rate"},
+                {false, true, "board 9 on can0 sends no angular rate"},
+                {true, false, "board 9 on can0 sends no attitude"}};
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_COUNT(part); i++) {
+        for (int watched = 0; watched < 2; watched++) {
+            struct bench *bench = open_host(HOST_ICUB, false);
+
+            assert_int_equal(start_up(bench, 100), HOST_READY);
+            if (watched) {
+                host_watch_motion(bench->host);
+            }
+            say_motion(bench, 50, true, true);
+            say_motion(bench, 100, part[i].rate, part[i].quaternion);
+            assert_true(host_healthy(bench->host));
+            say_motion(bench, 1, part[i].rate, part[i].quaternion);
+            assert_int_equal(host_healthy(bench->host), !watched);
+            assert_int_equal(host_lost(bench->host), watched);
+            if (watched) {
+                assert_string_equal(host_message(bench->host), part[i].message);
+            }
+            bench_close(bench);
+        }
+    }
+}
+
+/* One that never says anything; ten of its periods are longer than 100 ms. */
+static void a_board_that_is_never_heard_has_ten_periods(void **state)
+{
+    struct bench *bench = open_host_every(HOST_ICUB, false, 20000000);
+    int waited = 0;
+
+    (void)state;
+    assert_int_equal(start_up(bench, 100), HOST_READY);
+    host_watch_motion(bench->host);
+    while (host_healthy(bench->host) && waited < 1000) {
+        one_period(bench);
+        waited++;
+    }
+    assert_true(waited > 190 && waited <= 201);
+    assert_string_equal(host_message(bench->host), "board 9 on can0 sends no angular rate");
+    bench_close(bench);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(icub_board_is_configured_and_heard),
         cmocka_unit_test(compact_boards_are_heard),
+        cmocka_unit_test(a_board_that_falls_silent_is_noticed_by_who_needs_it),
+        cmocka_unit_test(a_board_that_is_never_heard_has_ten_periods),
         cmocka_unit_test(another_kind_of_board_there_ends_the_start_up),
     };
 
