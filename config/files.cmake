@@ -90,6 +90,7 @@ set(HIL_CONFIG
     scenarios/stale_torque_source.yaml
     scenarios/stand_push_step.yaml
     scenarios/stand_pushed.yaml
+    scenarios/stand_pushed_twice.yaml
     scenarios/stand_sensor_board_reboot.yaml
     scenarios/start_up_discovery.yaml
     scenarios/start_up_on_a_lossy_bus.yaml

@@ -59,6 +59,7 @@ void balance_pose_legs(struct balance *balance, double dt_s)
     const struct estimate *estimate = estimator_read(balance->estimator);
     const struct gait_reference *plan = &balance->gait.now;
     double error[2] = {estimate->roll_rad, estimate->pitch_rad - config->lean_rad};
+    double askew = estimate->yaw_rad - plan->yaw;
     double upright[9], offset[3], ground = 0;
     const double rpy[3] = {0, config->lean_rad, plan->yaw};
 
@@ -68,6 +69,7 @@ void balance_pose_legs(struct balance *balance, double dt_s)
         balance_target_foot(balance, i, dt_s);
         ground += 0.5 * plan->foot[i].p[2];
     }
+    askew -= 2 * M_PI * round(askew / (2 * M_PI));
     balance->pelvis_m[0] = plan->com[0] - offset[0];
     balance->pelvis_m[1] = plan->com[1] - offset[1];
     balance->ground_m += (ground - balance->ground_m) * dt_s / (config->height_s + dt_s);
@@ -78,7 +80,7 @@ void balance_pose_legs(struct balance *balance, double dt_s)
         double carries = balance_carries(balance, i, dt_s), R[9], sole_R[9], sole_p[3],
                angle[LEG_JOINTS];
         double led[3] = {(1 - carries) * error[0], config->lean_rad + (1 - carries) * error[1],
-                         plan->yaw};
+                         plan->yaw + (1 - carries) * askew};
         double sole[3] = {leg->foot.roll + leg->turn[0], leg->foot.pitch + leg->turn[1],
                           leg->foot.yaw};
         double pelvis[3];

@@ -202,7 +202,7 @@ void gait_begin_step(struct gait *gait, int stance, double transfer_s)
 
     memcpy(gait->zmp_from, gait->now.zmp, sizeof gait->zmp_from);
     gait->now.stance = stance;
-    gait->closing = gait->apart = false;
+    gait->closing = false;
     gait_foothold_of(gait, swing, &gait->now.foot[stance], !gait->command.step, &gait->next);
     memset(gait->shift, 0, sizeof gait->shift);
     gait_begin(gait, GAIT_TRANSFER, transfer_s);
@@ -443,7 +443,7 @@ void gait_update(struct gait *gait, const struct gait_command *command,
     if (now->phase == GAIT_STAND && command->step) {
         gait_set_out(gait, command->left_m_s > 0 ? BODY_RIGHT : BODY_LEFT);
     } else if (gait_rests_apart(gait, measured)) {
-        gait_set_out(gait, gait_other(now->stance));
+        gait_set_out(gait, now->stance);
     } else if (now->phase == GAIT_SWING ? gait_swing_over(gait)
                                         : gait->elapsed_s >= gait->duration_s) {
         gait_end_phase(gait, measured);

@@ -70,7 +70,7 @@ struct gait {
     bool landed;                     /* the foot in the air has met the ground */
     bool catches;                    /* this swing began at once, to catch a fall */
     double bore;                     /* share of the weight that its standing foot had then */
-    bool apart;                      /* it stands as the catching step ended */
+    bool apart;                      /* a catching step may have left its feet apart */
     unsigned steps;                  /* feet that came down */
 };
 

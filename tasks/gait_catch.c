@@ -12,8 +12,9 @@
 #define ALONG_PART 0.63  /* ... and along: later the leg's own way moves the DCM */
 #define ON_PART 0.6      /* of the way to the foot that came down: from there the other follows */
 #define ON_TRANSFER_S 0.12
-#define CALM_S 0.3  /* it has stood so long ... */
-#define CALM_M 0.01 /* ... and the DCM is so near to its plan: at rest */
+#define CALM_S 0.3    /* it has stood so long ... */
+#define CALM_M 0.025  /* ... and the DCM is so near to its plan: at rest */
+#define BESIDE_M 0.03 /* feet so near to where they stand side by side do */
 
 /* Of two points in the plane. */
 static double gait_apart(const double a[2], const double b[2])
@@ -63,7 +64,8 @@ void gait_begin_catch(struct gait *gait, const struct gait_measured *measured)
     swing = gait_other(now->stance);
     gait->bore = now->share[now->stance];
     gait->catches = true;
-    gait->closing = gait->landed = gait->apart = false;
+    gait->closing = gait->landed = false;
+    gait->apart = true;
     gait->lift = now->foot[swing];
     gait_foothold_of(gait, swing, &now->foot[now->stance], true, &gait->next);
     memset(gait->shift, 0, sizeof gait->shift);
@@ -132,7 +134,7 @@ void gait_end_catch(struct gait *gait, const struct gait_measured *measured)
         gait_begin_step(gait, swing, ON_TRANSFER_S);
         return;
     }
-    gait->closing = gait->apart = true;
+    gait->closing = true;
     gait_begin(gait, GAIT_TRANSFER, gait->config.start_s);
     gait_begin_at(gait, measured->dcm);
 }
@@ -140,7 +142,12 @@ void gait_end_catch(struct gait *gait, const struct gait_measured *measured)
 bool gait_rests_apart(const struct gait *gait, const struct gait_measured *measured)
 {
     const struct gait_reference *now = &gait->now;
+    struct gait_foothold beside;
 
-    return gait->apart && now->phase == GAIT_STAND && gait->elapsed_s > CALM_S &&
-           gait_apart(measured->dcm, now->dcm) < CALM_M;
+    if (!gait->apart || now->phase != GAIT_STAND || gait->elapsed_s <= CALM_S ||
+        gait_apart(measured->dcm, now->dcm) >= CALM_M) {
+        return false;
+    }
+    gait_foothold_of(gait, BODY_LEFT, &now->foot[BODY_RIGHT], true, &beside);
+    return gait_apart(beside.p, now->foot[BODY_LEFT].p) > BESIDE_M;
 }

@@ -35,7 +35,8 @@ struct walk {
     unsigned from_steps; /* of the gait, when it began to walk */
     struct task_setting setting[WALK_SETTINGS];
     _Atomic double value[WALK_SETTINGS]; /* another thread writes them */
-    atomic_bool holds_heading;           /* rather than to turn at a rate */
+    atomic_bool holds_heading;           /* of WALK_HEADING, rather than to turn at a rate */
+    double kept_rad; /* heading when it is not to turn: that of its begin, or of its last turn */
 };
 
 /* ---- settings ---- */
@@ -135,18 +136,21 @@ static double walk_approach(double now, double goal, double most)
     return now + fmin(fmax(goal - now, -most), most);
 }
 
-/* The rate that turns the next foot to the wanted heading, seen from the one that stands. */
-static double walk_turn(const struct walk *walk, const struct gait *gait)
+/* The rate that turns the next foot to the wanted heading, seen from the one that stands: feet slip
+ * and land askew, so that without it a walk straight on becomes a curve. */
+static double walk_turn(struct walk *walk, const struct gait *gait)
 {
-    double rate = walk->value[WALK_TURN];
+    bool holds = walk->holds_heading;
+    double rate = walk->value[WALK_TURN], off;
 
-    if (walk->holds_heading) {
-        double off = walk->value[WALK_HEADING] - gait->now.foot[gait->now.stance].yaw;
-
-        rate = off / (HEADING_STEPS * walk->value[WALK_STEP_TIME]);
-        rate = fmin(fmax(rate, -HEADING_RAD_S), HEADING_RAD_S);
+    if (!holds && rate != 0) {
+        walk->kept_rad = gait->next.yaw;
+        return rate;
     }
-    return rate;
+    off =
+        (holds ? walk->value[WALK_HEADING] : walk->kept_rad) - gait->now.foot[gait->now.stance].yaw;
+    rate = off / (HEADING_STEPS * walk->value[WALK_STEP_TIME]);
+    return fmin(fmax(rate, -HEADING_RAD_S), HEADING_RAD_S);
 }
 
 /* The command of this period: on the spot for two steps, then gaining speed. No step is longer than
@@ -194,6 +198,7 @@ static void walk_begin_or_halt(struct task *task, double t_s)
             return;
         }
         walk->from_steps = gait->steps;
+        walk->kept_rad = gait->now.yaw;
         walk->command = (struct gait_command){.step = true};
     }
     walk->command.step = on;

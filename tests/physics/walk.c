@@ -28,9 +28,9 @@ enum { SIGNALS_MAX = 64, PELVIS = 0 };
 static const char *const wanted_signal[] = {
     "estimate.roll_rad",  "estimate.pitch_rad",  "estimate.com_x_m",    "estimate.com_y_m",
     "estimate.com_z_m",   "estimate.com_vx_m_s", "estimate.com_vy_m_s", "estimate.right_fz_n",
-    "estimate.left_fz_n", "plan.steps",
+    "estimate.left_fz_n", "plan.steps",          "estimate.right_x_m",  "estimate.left_x_m",
 };
-enum { ROLL, PITCH, COM_X, COM_VX = 5, FORCE_RIGHT = 7, FORCE_LEFT, STEPS };
+enum { ROLL, PITCH, COM_X, COM_VX = 5, FORCE_RIGHT = 7, FORCE_LEFT, STEPS, RIGHT_X, LEFT_X };
 
 struct walk {
     const char *rig_name, *task;
@@ -49,6 +49,7 @@ struct walk {
     double com, com_rate, dcm, tilt; /* sums of squares of what is off */
     size_t count;
     double end[3], yaw, lowest, counted; /* of the pelvis; steps */
+    double apart_m;                      /* the right foot ahead of the left one */
     struct task_runner_status status;
 };
 
@@ -111,6 +112,7 @@ static void watch_walk(void *context, int64_t now_ns)
     memcpy(w->end, pelvis->p, sizeof w->end);
     w->yaw = atan2(pelvis->R[3], pelvis->R[0]);
     w->counted = value[w->column[STEPS]];
+    w->apart_m = value[w->column[RIGHT_X]] - value[w->column[LEFT_X]];
     w->lowest = t > 1 ? fmin(w->lowest, pelvis->p[2]) : 1;
     if (w->lowest < 0.3) {
         simulator_stop(w->simulator);
@@ -213,7 +215,7 @@ static void walks_forward_and_stops(void **state)
 static void walks_faster(void **state)
 {
     struct walk twice = {"coman-compact-imu", "walk", 16, .forward_m_s = 0.3};
-    struct walk fast = {"walk-flat", "walk", 20, .forward_m_s = 0.35};
+    struct walk fast = {"walk-flat", "walk", 40, .forward_m_s = 0.4};
 
     (void)state;
     perform(&twice);
@@ -221,7 +223,7 @@ static void walks_faster(void **state)
     assert_true(twice.end[0] > 2.8 && twice.end[0] < 3.3 && fabs(twice.end[1]) < 0.1);
     perform(&fast);
     expect_upright(&fast);
-    assert_true(fast.end[0] > 4);
+    assert_true(fast.end[0] > 11 && fabs(fast.end[1]) < 0.1);
 }
 
 static void walks_backward_on_buses_with_flexible_data_rate(void **state)
@@ -285,6 +287,7 @@ static void walks_as_the_larger_robot(void **state)
 {
     struct walk w = {"walk-walkman", "walk", 15, .forward_m_s = 0.2};
     struct walk stands = {"walk-walkman", "stand", 7, .push_at_s = 4, .push_n = {300, 0, 0}};
+    struct walk steps = {"walk-walkman", "stand", 8, .push_at_s = 3.5, .push_n = {-650, 0, 0}};
 
     (void)state;
     perform(&w);
@@ -292,7 +295,10 @@ static void walks_as_the_larger_robot(void **state)
     assert_true(w.lowest > 0.9 && w.end[0] > 1 && fabs(w.end[1]) < 0.3);
     perform(&stands);
     assert_int_equal(stands.status.status, TASK_RUNNING);
-    assert_true(stands.lowest > 0.9);
+    assert_true(stands.lowest > 0.9 && stands.counted == 0);
+    perform(&steps);
+    assert_int_equal(steps.status.status, TASK_RUNNING);
+    assert_true(steps.lowest > 0.9 && steps.counted >= 2 && steps.end[0] < -0.1);
 }
 
 static void walks_on_when_it_is_pushed(void **state)
@@ -334,7 +340,7 @@ static void steps_when_it_is_pushed_harder(void **state)
 
     (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(force); i++) {
-        struct walk w = {"walk-flat", "stand", 7, .push_at_s = 3};
+        struct walk w = {"walk-flat", "stand", 9, .push_at_s = 3};
 
         w.push_n[0] = force[i][0];
         w.push_n[1] = force[i][1];
@@ -343,6 +349,7 @@ static void steps_when_it_is_pushed_harder(void **state)
         assert_true(w.counted >= 2 && w.counted <= 6);
         assert_true(w.lowest > 0.4 && w.end[2] > 0.455);
         assert_true(force[i][0] * w.end[0] > 0 && fabs(w.end[0]) < 0.5);
+        assert_true(fabs(w.apart_m) < 0.03);
     }
 }
 
