@@ -18,8 +18,8 @@ static void base_rotation(const struct dynamics *d, const double *q, double R[9]
     }
 }
 
-/* The joints' transforms. A stage of an integrator asks for motions, accelerations and velocities at
- * one q in turn: what is known of it stays, to the last bit. */
+/* The joints' transforms. A stage of an integrator asks for motions, accelerations and velocities
+ * at one q in turn: what is known of it stays, to the last bit. */
 static void find_transforms(const struct dynamics *d, const double *q)
 {
     struct generic *g = d->work;

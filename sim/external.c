@@ -168,7 +168,7 @@ static bool external_take_news(const struct external *external, struct external_
     if (axis->sensor) {
         const struct host_force *force = host_force(external->host, axis->index);
 
-        return force->force_seen || force->torque_seen;
+        return force->force_time_ns == now_ns || force->torque_time_ns == now_ns;
     }
 
     joint = host_joint(external->host, axis->index);

@@ -313,11 +313,6 @@ void host_listen(struct host *host, size_t bus, const struct bus_frame *frame, i
     if (frame->flags & (FRAME_ERROR | FRAME_EXTENDED | FRAME_REMOTE)) {
         return;
     }
-    for (size_t i = 0; i < host->config.nft; i++) {
-        if (host->config.ft[i].bus == (int)bus) {
-            host->force[i].force_seen = host->force[i].torque_seen = false;
-        }
-    }
     host->now_ns = now_ns;
     host->line[bus].ops->read(host, bus, frame);
     host->line[bus].queued = 0; /* what it would answer stays unsaid */

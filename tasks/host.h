@@ -74,7 +74,7 @@ enum host_phase host_start_up(struct host *host);
 
 /* For whoever only listens, beside a host that commands: prepares a new host for boards that
  * somebody else has started (it sends nothing and asks nothing; its ports may be NULL), and reads a
- * frame, whoever sent it. What a force's seen says is of the last frame on its bus alone. */
+ * frame, whoever sent it. */
 void host_begin_listening(struct host *host);
 void host_listen(struct host *host, size_t bus, const struct bus_frame *frame, int64_t now_ns);
 

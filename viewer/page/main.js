@@ -194,7 +194,9 @@ function build(hello) {
   page.events = new Events(link, page.past);
   page.trace = new Trace(link, hello, complain);
   page.joints = new Joints(hello, (name) => {
-    page.plots.add(`q_${name}_rad`, `torque_${name}_nm`);
+    // of a cylinder its pressures too; a plot takes what there is
+    page.plots.add(`q_${name}_rad`, `torque_${name}_nm`,
+      `piston_pressure_${name}_pa`, `rod_pressure_${name}_pa`);
     page.bottom.open(0);
   });
   page.buses = new Buses(hello);
