@@ -8,7 +8,7 @@
 #include <stdbool.h>
 #include <string.h>
 
-enum { NAMES_MAX = 64, SUMMARY_COLUMN = 12 };
+enum { NAMES_MAX = 64, SUMMARY_COLUMN = 14 };
 
 const struct program_command *program_find(const struct program *program, const char *name)
 {
@@ -25,7 +25,7 @@ void program_print_usage(const struct program *program, FILE *out)
     fprintf(out, "usage: %s COMMAND [OPTIONS] [ARGUMENTS]\n\n%s\n\n", program->name,
             program->about);
     for (size_t i = 0; i < program->ncommand; i++) {
-        fprintf(out, "  %-10s", program->command[i].name);
+        fprintf(out, "  %-12s", program->command[i].name);
         options_wrap(program->command[i].summary, SUMMARY_COLUMN, SUMMARY_COLUMN, out);
     }
     fprintf(out, "\n%s COMMAND --help prints the manual of a %s.\n", program->name, program->noun);

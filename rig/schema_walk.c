@@ -44,6 +44,8 @@ static const struct yaml_field walk_fields[] = {
     ESTIMATE(com_per_s, 0.0, 200.0),
     {"com_walking_per_s", YAML_REAL, false, AT(config.balance.estimate.com_walking_per_s),
      .min = 0.0, .max = 200.0},
+    {"com_walking_m_s", YAML_REAL, false, AT(config.balance.estimate.com_walking_m_s), .min = 0.0,
+     .max = 2.0},
     ESTIMATE(loaded_n, 1.0, 1e4),
     GAIT(swing_s, 0.05, 10.0),
     GAIT(transfer_s, 0.01, 10.0),

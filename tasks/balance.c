@@ -170,7 +170,10 @@ void balance_update(struct balance *balance, const struct gait_command *command,
     double ramp = fmin(balance->t_s / RAMP_S, 1);
 
     balance->t_s += dt_s;
-    estimator_update(balance->estimator, command->step, dt_s);
+    estimator_update(
+        balance->estimator, command->step,
+        sqrt(command->forward_m_s * command->forward_m_s + command->left_m_s * command->left_m_s),
+        dt_s);
     estimate = estimator_read(balance->estimator);
     balance_measure(balance, &measured, dt_s);
     if (!balance->ready && balance->t_s > RAMP_S + SETTLE_S) {

@@ -307,14 +307,29 @@ void estimator_start(struct estimator *estimator)
     estimator->located = false;
 }
 
-void estimator_update(struct estimator *estimator, bool walks, double dt_s)
+/* The bandwidth of the center of mass's observer. Steps are a noise that grows with the speed. */
+static double estimate_bandwidth(const struct estimate_config *config, bool walks, double speed_m_s)
 {
-    double standing = estimator->config.com_per_s, walking = estimator->config.com_walking_per_s;
+    const double fast_m_s = config->com_walking_m_s;
+    double share = 1.0;
+
+    if (!walks || config->com_walking_per_s <= 0.0) {
+        return config->com_per_s;
+    }
+    if (fast_m_s > 0.0) {
+        share = fmin(fmax(2.0 * speed_m_s / fast_m_s - 1.0, 0.0), 1.0);
+    }
+    return config->com_per_s + share * (config->com_walking_per_s - config->com_per_s);
+}
+
+void estimator_update(struct estimator *estimator, bool walks, double speed_m_s, double dt_s)
+{
+    const double l = estimate_bandwidth(&estimator->config, walks, speed_m_s);
 
     estimate_attitude(estimator, dt_s);
     estimate_place(estimator);
     estimate_odometry(estimator);
-    estimate_center_of_mass(estimator, walks && walking > 0 ? walking : standing, dt_s);
+    estimate_center_of_mass(estimator, l, dt_s);
     estimate_zmp(&estimator->now);
 }
 

@@ -45,8 +45,8 @@ enum error_code estimator_create(const struct estimate_config *config,
 /* The robot stands on both feet: here is the origin. */
 void estimator_start(struct estimator *estimator);
 
-/* Once a control period, dt_s. walks: the robot is told to walk. */
-void estimator_update(struct estimator *estimator, bool walks, double dt_s);
+/* Once a control period, dt_s. walks: the robot is told to walk, at speed_m_s (not negative). */
+void estimator_update(struct estimator *estimator, bool walks, double speed_m_s, double dt_s);
 
 const struct estimate *estimator_read(const struct estimator *estimator);
 

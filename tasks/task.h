@@ -158,7 +158,9 @@ struct hold_config {
 struct estimate_config {
     double attitude_per_s;    /* the gyro's attitude goes to the board's, or to the plumb line */
     double com_per_s;         /* bandwidth of the center of mass's correction by the encoders */
-    double com_walking_per_s; /* the same while it is told to walk; 0: com_per_s */
+    double com_walking_per_s; /* the same while it is told to walk fast; 0: com_per_s */
+    double com_walking_m_s;   /* that fast or faster; com_per_s up to half of it, between the two a
+                               * straight line; 0: whatever the speed */
     double loaded_n;          /* a foot with more has a center of pressure */
 };
 

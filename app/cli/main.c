@@ -70,7 +70,7 @@ static void print_topics_and_statuses(FILE *out)
 {
     fprintf(out, "coman-hil help TOPIC explains\n\n");
     for (size_t i = 0; i < ARRAY_COUNT(topics); i++) {
-        fprintf(out, "  %-10s%s\n", topics[i].name, topics[i].summary);
+        fprintf(out, "  %-12s%s\n", topics[i].name, topics[i].summary);
     }
     fputc('\n', out);
     options_wrap(exit_manual, 0, 0, out);

@@ -215,7 +215,7 @@ static void walks_forward_and_stops(void **state)
 static void walks_faster(void **state)
 {
     struct walk twice = {"coman-compact-imu", "walk", 16, .forward_m_s = 0.3};
-    struct walk fast = {"walk-flat", "walk", 40, .forward_m_s = 0.4};
+    struct walk fast = {"walk-flat", "walk", 40, .forward_m_s = 0.36};
 
     (void)state;
     perform(&twice);
@@ -223,7 +223,7 @@ static void walks_faster(void **state)
     assert_true(twice.end[0] > 2.8 && twice.end[0] < 3.3 && fabs(twice.end[1]) < 0.1);
     perform(&fast);
     expect_upright(&fast);
-    assert_true(fast.end[0] > 11 && fabs(fast.end[1]) < 0.1);
+    assert_true(fast.end[0] > 10 && fabs(fast.end[1]) < 0.1);
 }
 
 static void walks_backward_on_buses_with_flexible_data_rate(void **state)

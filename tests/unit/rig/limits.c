@@ -107,6 +107,7 @@ static const struct limit rig_limits[] = {
     {"tasks.walk.attitude_per_s", 0, 1000},
     {"tasks.walk.com_per_s", 0, 200},
     {"tasks.walk.com_walking_per_s", 0, 200},
+    {"tasks.walk.com_walking_m_s", 0, 2},
     {"tasks.walk.loaded_n", 1, 10000},
     {"tasks.walk.swing_s", 0.05, 10},
     {"tasks.walk.transfer_s", 0.01, 10},
