@@ -34,15 +34,30 @@ static double between(struct fault_lines *lines, double from, double to)
 
 /* ---- what a line consists of ---- */
 
-static int write_motor(struct fault_lines *lines, char *text, size_t size)
+static bool has_motor(const struct robot_joint *joint)
+{
+    return joint->sea.present;
+}
+
+static bool has_valve(const struct robot_joint *joint)
+{
+    return joint->hydraulic.present;
+}
+
+/* A joint that has it, "TARGET JOINT"; false when none has. */
+static bool write_joint(struct fault_lines *lines, bool (*has)(const struct robot_joint *joint),
+                        const char *target, char *text, size_t size)
 {
     const struct robot *robot = lines->rig->robot;
-    size_t joint;
+    size_t joint = below(lines, robot->njoint);
 
-    do {
+    for (size_t tried = 0; tried < robot->njoint; tried++) {
+        if (has(&robot->joint[joint])) {
+            return snprintf(text, size, "%s %s", target, robot->joint[joint].name) > 0;
+        }
         joint = below(lines, robot->njoint);
-    } while (!robot->joint[joint].sea.present);
-    return snprintf(text, size, "motor %s", robot->joint[joint].name);
+    }
+    return false;
 }
 
 static int write_sensor(struct fault_lines *lines, char *text, size_t size)
@@ -139,27 +154,12 @@ static bool write_parameters(struct fault_lines *lines, char *const *word, size_
     return true;
 }
 
-/* A valve of a hydraulic joint; false when no joint has one. */
-static bool write_valve(struct fault_lines *lines, char *text, size_t size)
-{
-    const struct robot *robot = lines->rig->robot;
-    size_t joint = below(lines, robot->njoint);
-
-    for (size_t tried = 0; tried < robot->njoint; tried++) {
-        if (robot->joint[joint].hydraulic.present) {
-            return snprintf(text, size, "valve %s", robot->joint[joint].name) > 0;
-        }
-        joint = (joint + 1) % robot->njoint;
-    }
-    return false;
-}
-
 /* "TARGET ..." for a line of faults_help; false when this rig has no such target left */
 static bool write_target(struct fault_lines *lines, const char *target, bool on_wire, char *text,
                          size_t size)
 {
     if (!strcmp(target, "motor")) {
-        return write_motor(lines, text, size) > 0;
+        return write_joint(lines, has_motor, target, text, size);
     }
     if (!strcmp(target, "sensor")) {
         return write_sensor(lines, text, size) > 0;
@@ -173,7 +173,7 @@ static bool write_target(struct fault_lines *lines, const char *target, bool on_
         return bus >= 0 && snprintf(text, size, "bus %s", lines->rig->bus[bus].name) > 0;
     }
     if (!strcmp(target, "valve")) {
-        return write_valve(lines, text, size);
+        return write_joint(lines, has_valve, target, text, size);
     }
     if (!strcmp(target, "hydraulic_supply") &&
         lines->rig->robot->hydraulic_supply.accumulator == 0.0) {

@@ -5,11 +5,11 @@
  *
  * The time is cut into parts of some minutes, each a simulator of its own: COMAN hung up in a
  * harness with every kind of board, on buses with and without wire time, moved by a controller that
- * never gives up (player.h); and, standing on its feet or in front of a box, the tasks of the
- * product, which end when something breaks badly enough. A listener judges what passes on the buses
- * (listener.h), a intruder talks on them (intruder.h). In the harness every half minute ends with
- * eight seconds in which nothing is broken: in them every motor must come on again and tell where
- * it is.
+ * never gives up (player.h); and, standing on its feet, in front of a box, or as a hydraulic leg,
+ * the tasks of the product, which end when something breaks badly enough. A listener judges what
+ * passes on the buses (listener.h), an intruder talks on them (intruder.h). In the harness every
+ * half minute ends with eight seconds in which nothing is broken: in them every motor must come on
+ * again and tell where it is.
  *
  * Prints a line for each part and one for all; two runs with the same arguments agree in their
  * hash, whatever else the machine does. Exit status 1: a rule was broken, and stderr says which.
@@ -24,14 +24,15 @@
 #include <unistd.h>
 
 static const struct part programme[] = {
-    {"icub", "coman.yaml", NULL, false},
-    {"squat", "coman.yaml", "squat", false},
-    {"sensors on wires", "coman-sensors.yaml", NULL, true},
-    {"foc", "coman-foc.yaml", NULL, false},
-    {"grasp", "grasp.yaml", "grasp", false},
-    {"compact on wires", "coman-compact.yaml", NULL, true},
-    {"fd", "coman-fd.yaml", NULL, false},
-    {"squat on wires", "coman-sensors.yaml", "squat", true},
+    {"icub", "coman.yaml", NULL, false, 0},
+    {"squat", "coman.yaml", "squat", false, 0},
+    {"sensors on wires", "coman-sensors.yaml", NULL, true, 0},
+    {"foc", "coman-foc.yaml", NULL, false, 0},
+    {"hydraulic leg", "hyq-leg.yaml", "hold", false, 60},
+    {"grasp", "grasp.yaml", "grasp", false, 0},
+    {"compact on wires", "coman-compact.yaml", NULL, true, 0},
+    {"fd", "coman-fd.yaml", NULL, false, 0},
+    {"squat on wires", "coman-sensors.yaml", "squat", true, 0},
 };
 
 enum { PARTS = sizeof programme / sizeof programme[0] };

@@ -127,9 +127,10 @@ static enum error_code write_faults(struct run *run, const struct totals *totals
 
     fault_lines_init(&run->fault_lines, &run->rig, run->part->wire, seed, totals->kind);
     if (run->part->task) {
-        return fault_lines_add(&run->fault_lines, TASK_FAULTS, 0.5, TASK_S, 1.0, error)
-                   ? ERROR_NONE
-                   : error->code;
+        const size_t count = run->part->faults ? run->part->faults : TASK_FAULTS;
+
+        return fault_lines_add(&run->fault_lines, count, 0.5, TASK_S, 1.0, error) ? ERROR_NONE
+                                                                                  : error->code;
     }
     for (double t = 0.0; t < length_s; t += ROUND_S) {
         double end = fmin(t + BROKEN_S, length_s);

@@ -29,6 +29,7 @@ struct part {
     const char *name, *rig;
     const char *task; /* NULL: the player, in a harness */
     bool wire;
+    size_t faults; /* of a task, so many at once that all kinds have their turn; 0: a few */
 };
 
 /* What is kept through all parts. */
