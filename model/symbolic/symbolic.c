@@ -291,10 +291,14 @@ static void write_tables(const struct generation *g)
 static enum error_code write_file(const struct generation *g, struct error *error)
 {
     write_header(g);
+
+    /* GCC's vectorizer of straight-line code fuses products with alternating sums (vfmaddsub) even
+     * where contraction is off, and finds little in code that is in lanes already */
     fprintf(g->file, "#if !defined VARIANT\n"
                      "#include <math.h>\n#include <stddef.h>\n#include <stdint.h>\n\n"
                      "#if defined __clang__\n#pragma STDC FP_CONTRACT OFF\n"
                      "#elif defined __GNUC__\n#pragma GCC optimize(\"fp-contract=off\")\n"
+                     "#pragma GCC optimize(\"no-tree-slp-vectorize\")\n"
                      "#endif\n\n");
     write_lines(g->file, module_declaration, ARRAY_COUNT(module_declaration));
     fprintf(g->file, "\n");

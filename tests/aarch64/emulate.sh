@@ -21,6 +21,7 @@ done
 
 if [ "$what" = bits ]; then
     export HIL_BINARY_DIR=$binary HIL_EMULATOR="$emulator -L $root" HIL_INSTRUCTIONS=plain
+    export OBJDUMP=aarch64-linux-gnu-objdump
     exec bash "$HIL_SOURCE_DIR/tests/service/same_bits.sh" "$@"
 fi
 

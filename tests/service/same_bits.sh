@@ -1,7 +1,9 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # The same bits on every machine: the state hash and the recorded frames of runs of the rigs, with
-# the kernels of each instruction set that this machine has, are those of same_bits.txt. Prints TAP.
+# the kernels of each instruction set that this machine has, are those of same_bits.txt; and no
+# instruction of the program multiplies and adds at once, which rounds otherwise than the two that
+# another machine has for it (compilers have made some although they were told not to). Prints TAP.
 #
 #   same_bits.sh              judges
 #   same_bits.sh RIG:TASK...  judges these rows
@@ -51,7 +53,20 @@ for set in "${known[@]}"; do
 done
 [ "${#sets[@]}" -gt 0 ] || { echo "Bail out! the program does not start"; exit 1; }
 
-echo "1..$(($(rows "$@" | wc -l) * ${#known[@]}))"
+echo "1..$(($(rows "$@" | wc -l) * ${#known[@]} + 1))"
+
+name="no instruction of the program multiplies and adds at once"
+disassembler=${OBJDUMP:-objdump}
+if ! command -v "$disassembler" >/dev/null; then
+    skip "$name" "no $disassembler"
+else
+    "$disassembler" --disassemble --no-show-raw-insn "$HIL_BINARY_DIR/coman-hil" |
+        awk '/>:$/ {function_name = $2}
+            /\t(vfn?m(add|sub)[a-z0-9]*|fn?m(add|sub)|fml[as])[ \t]/ {print function_name, $0}' \
+            >"$work/out"
+    if [ "${PIPESTATUS[0]}" -eq 0 ] && [ ! -s "$work/out" ]
+    then ok "$name"; else not_ok "$name"; fi
+fi
 while read -r rig task ticks hash frames; do
     for set in "${known[@]}"; do
         name="$rig, task $task, has the bits of the table with $set instructions"
