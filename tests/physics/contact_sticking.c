@@ -321,13 +321,14 @@ static void friction_makes_no_energy_while_loads_change(void **state)
     for (int kind = 0; kind < KINDS; kind++) {
         struct contact_world *world, *frictionless;
         struct scene scene;
+        const int paths = kind == ON_GROUND ? 2 : 6; /* hundreds of springs */
         double least = 1, most_stored = 0;
 
         make_scene(kind, &rough, CONTACT_FRICTION_STICKING, &scene);
         world = make_world(&scene);
         make_scene(kind, &slick, CONTACT_FRICTION_REGULARIZED, &scene);
         frictionless = make_world(&scene);
-        for (int path = 0; path < 6; path++) {
+        for (int path = 0; path < paths; path++) {
             const double period = path % 2 ? 0.3 : 3, h = period / 12000;
             double amplitude[6][3], phase[6][3], y[CONTACT_BRISTLE] = {0}, taken = 0, lost = 0;
             struct body_motion motion[BODIES];
