@@ -131,7 +131,7 @@ static enum error_code urdf_make_room(const struct urdf_reader *r)
                             "%d links and as many joints and sensors, and at most %d shapes",
                             links, joints, shapes, sensors, IMPORT_LINKS_MAX, IMPORT_GEOMETRY_MAX);
     }
-    model->link = arena_alloc(r->arena, links, sizeof *model->link);
+    model->link = arena_alloc(r->arena, links + 1, sizeof *model->link); /* the world too */
     model->joint = arena_alloc(r->arena, joints + 1, sizeof *model->joint);
     model->geometry = arena_alloc(r->arena, shapes + 1, sizeof *model->geometry);
     model->sensor = arena_alloc(r->arena, sensors + 1, sizeof *model->sensor);
@@ -233,6 +233,8 @@ static enum error_code urdf_read_elements(const struct urdf_reader *r)
 
 /* ---- names ---- */
 
+#define WORLD "world"
+
 /* The link that a joint names; the nearest is not guessed, the file was written by a program. */
 static enum error_code urdf_resolve_link(const struct urdf_reader *r,
                                          const struct import_joint *joint, const char *name,
@@ -247,9 +249,28 @@ static enum error_code urdf_resolve_link(const struct urdf_reader *r,
     return ERROR_NONE;
 }
 
+/* Files of some tools hang the robot in a link "world" that is not in them. */
+static void urdf_add_world(const struct urdf_reader *r)
+{
+    struct import_model *model = r->model;
+
+    for (size_t i = 0; i < model->njoint && import_find_link(model, WORLD) < 0; i++) {
+        if (!strcmp(model->joint[i].parent, WORLD)) {
+            model->link[model->nlink++] =
+                (struct import_link){.name = WORLD, .line = model->joint[i].line};
+            import_note_add(r->notes, IMPORT_ASSUMED, r->file->name, model->joint[i].line,
+                            "link \"" WORLD "\" of joint \"%.63s\" is not in the file: it stands "
+                            "still",
+                            model->joint[i].name);
+        }
+    }
+}
+
 static enum error_code urdf_resolve_names(const struct urdf_reader *r)
 {
     struct import_model *model = r->model;
+
+    urdf_add_world(r);
 
     for (size_t i = 0; i < model->nlink; i++) {
         int first = import_find_link(model, model->link[i].name);

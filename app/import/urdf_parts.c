@@ -10,6 +10,9 @@
 
 /* Beyond these no robot is meant, and arithmetic with them says nothing. */
 #define LENGTH_MAX_M 1e3
+
+/* What stands for a point where something is to be touched. */
+#define POINT_RADIUS_M 1e-3
 #define ANGLE_MAX 1e6
 
 /* ---- links ---- */
@@ -123,7 +126,9 @@ static enum error_code urdf_read_shape(const struct urdf_reader *r, const xmlNod
     }
     if (node && xml_is(node, "sphere")) {
         shape->shape = IMPORT_SPHERE;
-        return urdf_need_length(r, node, "radius", &shape->radius);
+        code = xml_need_real(r->file, node, "radius", &shape->radius, r->error);
+        return code || shape->radius == 0 ? code
+                                          : urdf_need_length(r, node, "radius", &shape->radius);
     }
     if (node && (xml_is(node, "cylinder") || xml_is(node, "capsule"))) {
         shape->shape = xml_is(node, "cylinder") ? IMPORT_CYLINDER : IMPORT_CAPSULE;
@@ -156,6 +161,14 @@ static enum error_code urdf_read_geometry(const struct urdf_reader *r, const xml
                         "%s of link \"%.63s\": no shape that URDF knows", (const char *)node->name,
                         model->link[link].name);
         return ERROR_NONE;
+    }
+    if (shape.shape == IMPORT_SPHERE && shape.radius == 0) {
+        shape.radius = POINT_RADIUS_M;
+        if (shape.collision) {
+            import_note_add(r->notes, IMPORT_CHANGED, r->file->name, shape.line,
+                            "collision sphere of link \"%.63s\", a point, has a radius of %g m",
+                            model->link[link].name, POINT_RADIUS_M);
+        }
     }
     model->geometry[model->ngeometry++] = shape;
     return ERROR_NONE;

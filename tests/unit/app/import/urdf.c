@@ -315,6 +315,33 @@ static void bases_are_guessed_and_said(void **state)
     assert_false(made.robot->floating);
 }
 
+static void world_that_is_not_in_the_file_stands_still(void **state)
+{
+    (void)state;
+    import_good(ROBOT(LINK("base") LINK("a") JOINT("w", "fixed", "world", "base", "")
+                          JOINT("j", "revolute", "base", "a", LIMIT)));
+    assert_false(made.robot->floating);
+    assert_true(noted(IMPORT_ASSUMED, 4, "link \"world\" of joint \"w\" is not in the file"));
+    import_bad(ROBOT(LINK("base") LINK("a") JOINT("j", "revolute", "base", "World", LIMIT)),
+               "x.urdf:4: ", "found link \"World\" of joint \"j\", expected one of this file");
+}
+
+/* Points at which a foot is touched. */
+static void sphere_without_radius_is_a_point(void **state)
+{
+    (void)state;
+    import_good(ROBOT(LINK("base") "<link name='a'><inertial><mass value='1'/>" INERTIA
+                                   "</inertial><collision><geometry><sphere radius='0'/>"
+                                   "</geometry></collision></link>\n" JOINT("j", "revolute", "base",
+                                                                            "a", LIMIT)));
+    assert_int_equal(model.ngeometry, 1);
+    assert_near(model.geometry[0].radius, 1e-3, 0.0);
+    assert_true(noted(IMPORT_CHANGED, 3, "collision sphere of link \"a\", a point"));
+    import_bad(ROBOT("<link name='a'><collision><geometry><sphere radius='-1'/>"
+                     "</geometry></collision></link>"),
+               "x.urdf:2: ", "found radius -1 m, expected more than 0");
+}
+
 static void floating_joint_makes_its_child_the_base(void **state)
 {
     (void)state;
@@ -578,6 +605,8 @@ int main(void)
         TEST(names_stand_once),
         TEST(names_that_robot_files_refuse_are_changed),
         TEST(bases_are_guessed_and_said),
+        TEST(world_that_is_not_in_the_file_stands_still),
+        TEST(sphere_without_radius_is_a_point),
         TEST(floating_joint_makes_its_child_the_base),
         TEST(inertia_that_no_body_has_is_refused_or_repaired),
         TEST(repair_keeps_the_axes),
