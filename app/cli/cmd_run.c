@@ -22,7 +22,7 @@
 static int run_exit_status(const struct simulator *simulator, enum loop_end end)
 {
     const struct task_runner *runner = simulator_task_runner(simulator);
-    struct task_runner_status task = {.status = TASK_RUNNING};
+    struct task_runner_status task = {.status = TASK_RUNNING, .message = ""};
 
     if (runner) {
         task_runner_read(runner, &task);
@@ -44,6 +44,9 @@ static int run_exit_status(const struct simulator *simulator, enum loop_end end)
     }
     if (task.status == TASK_DONE) {
         printf("task %s: %s\n", simulator_configuration(simulator)->task, task.message);
+    } else if (*task.message) {
+        printf("task %s, before its end: %s\n", simulator_configuration(simulator)->task,
+               task.message);
     }
     return STATUS_OK;
 }

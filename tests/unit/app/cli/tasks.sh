@@ -23,7 +23,7 @@ refused() {
     [ $? -eq 2 ] && grep -qF -- "$text" "$work/err"
 }
 
-echo 1..9
+echo 1..10
 
 run --task sweep --joint LElbj --report "$work/sweep" --set sweep.points=2 --set sweep.from_hz=4 \
     --set sweep.to_hz=8 --set sweep.settle_s=0 --set sweep.measure_periods=2 &&
@@ -47,6 +47,10 @@ run --task follow --trajectory "$work/wave.csv" --report "$work/follow" &&
     grep -q "^RElbj,no," "$work/follow/follow.csv"
 result $? "a file is followed, with the errors of every joint"
 
+"$program" run coman --clock free --transport local --control none --quiet --task hold \
+    --duration 3 >"$work/out" 2>"$work/err" </dev/null &&
+    grep -q "^task hold, before its end: holding for 0\.[0-9] s, largest deviations: " "$work/out"
+result $? "a run that ends before its task says how far that is"
 refused "found no joint, expected one by --joint" --task sweep
 result $? "a sweep without a joint is refused"
 refused "sweep: the rig has no joint Elbow" --task sweep --joint Elbow
