@@ -68,10 +68,6 @@ enum error_code hydraulic_check(const struct robot_hydraulic *cylinder, double l
     enum { PLACES = 64 };
     double sign = 0.0;
 
-    if (!(cylinder->A2 > 0.0)) {
-        return error_set(error, ERROR_INPUT,
-                         "found a rod as thick as its bore, expected a thinner");
-    }
     for (int i = 0; i <= PLACES; i++) {
         const double q = lower + (upper - lower) * i / PLACES;
         double lever, x = hydraulic_length(cylinder, q, &lever) - cylinder->closed;

@@ -63,7 +63,7 @@ double hydraulic_speed_constant(const struct robot_hydraulic *cylinder,
                                 const struct robot_hydraulic_supply *supply, double lower,
                                 double upper);
 
-/* Whether the numbers are possible for a joint of that range; the error says which are not. */
+/* Whether the triangle is possible for a joint of that range; the error says what is not. */
 enum error_code hydraulic_check(const struct robot_hydraulic *cylinder, double lower, double upper,
                                 struct error *error);
 

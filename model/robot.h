@@ -219,20 +219,29 @@ struct robot {
 enum error_code robot_load(const char *path, const char *variant, struct arena *arena,
                            const struct robot **robot, struct error *error);
 
-/* A drive of the catalogue; ratings are those of the link side, 0 = the file gives none. */
+/* A drive of the catalogue, electric (sea is present) or hydraulic; ratings are those of the link
+ * side, 0 = the file gives none. */
 struct robot_drive {
     const char *name, *description, *source; /* source may be NULL */
     double supply_v;                         /* nominal */
     double torque, peak_torque;              /* continuous, for a short time; N m */
     double speed;                            /* without load at supply_v, rad/s */
+    double pressure;                         /* of the supply of a hydraulic one, nominal, Pa */
     double mass;                             /* kg */
     struct robot_sea sea;
+    struct robot_hydraulic hydraulic; /* without the triangle: base, arm, offset and closed are 0 */
 };
 
 /* Reads a drive's file, which has to be complete. Everything lives in arena. Errors carry
  * file:line:column. Not RT-safe. */
 enum error_code robot_load_drive(const char *path, struct arena *arena,
                                  const struct robot_drive **drive, struct error *error);
+
+/* What a drive's file says of the drive, and whether it is hydraulic; it may be incomplete. As
+ * robot_load_drive. */
+enum error_code robot_describe_drive(const char *path, struct arena *arena,
+                                     const char **description, bool *hydraulic,
+                                     struct error *error);
 
 /* Checks a robot built by hand and fills what follows from the rest: nq, nv, total_mass, hash, and
  * observed for bodies with a frame or a capsule. Masses >= 0, inertias physically possible, axes of

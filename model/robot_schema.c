@@ -109,12 +109,14 @@ static const struct yaml_schema stops_schema =
 #define DRIVE(index, word, lowest)                                                                 \
     {                                                                                              \
         .key = word, .type = YAML_REAL, .offset = offsetof(struct drive_yaml, value[index]),       \
-        .min = lowest, .max = 1e9, .given_offset = offsetof(struct drive_yaml, given[index])       \
+        .min = lowest, .max = 1e9, .given_offset = offsetof(struct drive_yaml, given[index]),      \
+        .mark_offset = offsetof(struct drive_yaml, value_mark[index])                              \
     }
 #define EFFECT(index, word, lowest, most)                                                          \
     {                                                                                              \
         .key = word, .type = YAML_REAL, .offset = offsetof(struct drive_yaml, value[index]),       \
-        .min = lowest, .max = most, .given_offset = offsetof(struct drive_yaml, given[index])      \
+        .min = lowest, .max = most, .given_offset = offsetof(struct drive_yaml, given[index]),     \
+        .mark_offset = offsetof(struct drive_yaml, value_mark[index])                              \
     }
 #define HARMONIC(word, lowest, most, must, member)                                                 \
     {                                                                                              \
@@ -141,6 +143,14 @@ static const struct yaml_schema cogging_schema =
         .count_offset = offsetof(struct drive_yaml, n##member), .schema = &entry,                  \
         .given_offset = offsetof(struct drive_yaml, has_##member)                                  \
     }
+#define CYLINDER(index, word, lowest, most)                                                        \
+    {                                                                                              \
+        .key = word, .type = YAML_REAL, .offset = offsetof(struct drive_yaml, cylinder[index]),    \
+        .min = lowest, .max = most,                                                                \
+        .given_offset = offsetof(struct drive_yaml, has_cylinder[index]),                          \
+        .mark_offset = offsetof(struct drive_yaml, cylinder_mark[index])                           \
+    }
+enum { FIRST_CYLINDER_FIELD = PARAMETER_COUNT + 3 };
 static const struct yaml_field drive_fields[] = {
     DRIVE(PARAMETER_J, "J_kg_m2", 1e-12),
     DRIVE(PARAMETER_DM, "Dm_nm_s_rad", 0.0),
@@ -176,62 +186,6 @@ static const struct yaml_field drive_fields[] = {
      .given_offset = offsetof(struct drive_yaml, has_freewheel)},
     HARMONICS("gear_error", error, error_schema),
     HARMONICS("cogging", cogging, cogging_schema),
-    {.key = "file",
-     .type = YAML_STRING,
-     .offset = offsetof(struct drive_yaml, file),
-     .min = 1,
-     .max = 255,
-     .mark_offset = offsetof(struct drive_yaml, file_mark)},
-};
-static const struct yaml_schema drive_schema = {.what = "a drive",
-                                                .size = sizeof(struct drive_yaml),
-                                                .fields = drive_fields,
-                                                .field_count = ARRAY_COUNT(drive_fields),
-                                                .alone = "file"};
-
-/* A drive of the catalogue, which is made from no other */
-static const struct yaml_schema drive_own_schema = {.what = "a drive",
-                                                    .size = sizeof(struct drive_yaml),
-                                                    .fields = drive_fields,
-                                                    .field_count = ARRAY_COUNT(drive_fields) - 1};
-
-#define RATING(word, member)                                                                       \
-    {                                                                                              \
-        .key = word, .type = YAML_REAL, .offset = offsetof(struct drive_file_yaml, member),        \
-        .min = DBL_MIN, .max = 1e6                                                                 \
-    }
-static const struct yaml_field drive_file_fields[] = {
-    NAME(struct drive_file_yaml),
-    {.key = "description",
-     .type = YAML_STRING,
-     .required = true,
-     .offset = offsetof(struct drive_file_yaml, description),
-     .min = 1,
-     .max = 400},
-    {.key = "source", .type = YAML_STRING, .offset = offsetof(struct drive_file_yaml, source)},
-    RATING("supply_v", supply_v),
-    RATING("torque_nm", torque),
-    RATING("peak_torque_nm", peak_torque),
-    RATING("speed_rad_s", speed),
-    RATING("mass_kg", mass),
-    {.key = "drive",
-     .type = YAML_MAP,
-     .required = true,
-     .offset = offsetof(struct drive_file_yaml, drive),
-     .schema = &drive_own_schema},
-};
-const struct yaml_schema drive_file_schema = {.what = "a drive's file",
-                                              .size = sizeof(struct drive_file_yaml),
-                                              .fields = drive_file_fields,
-                                              .field_count = ARRAY_COUNT(drive_file_fields),
-                                              .format_version = 1};
-
-#define CYLINDER(index, word, lowest, most)                                                        \
-    {                                                                                              \
-        .key = word, .type = YAML_REAL, .offset = offsetof(struct hydraulic_yaml, value[index]),   \
-        .min = lowest, .max = most, .given_offset = offsetof(struct hydraulic_yaml, given[index])  \
-    }
-static const struct yaml_field hydraulic_fields[] = {
     CYLINDER(HYDRAULIC_BORE, "bore_m", 1e-4, 10.0),
     CYLINDER(HYDRAULIC_ROD, "rod_m", 0.0, 10.0),
     CYLINDER(HYDRAULIC_STROKE, "stroke_m", 1e-4, 100.0),
@@ -251,9 +205,64 @@ static const struct yaml_field hydraulic_fields[] = {
     CYLINDER(HYDRAULIC_VISCOUS, "viscous_n_s_m", 0.0, 1e9),
     CYLINDER(HYDRAULIC_COULOMB, "coulomb_n", 0.0, 1e9),
     CYLINDER(HYDRAULIC_COULOMB_SPEED, "coulomb_m_s", 1e-6, 10.0),
+    {.key = "file",
+     .type = YAML_STRING,
+     .offset = offsetof(struct drive_yaml, file),
+     .min = 1,
+     .max = 255,
+     .mark_offset = offsetof(struct drive_yaml, file_mark)},
 };
-static const struct yaml_schema hydraulic_schema =
-    SCHEMA("a hydraulic drive", struct hydraulic_yaml, hydraulic_fields);
+static const struct yaml_schema drive_schema = {.what = "a drive",
+                                                .size = sizeof(struct drive_yaml),
+                                                .fields = drive_fields,
+                                                .field_count = ARRAY_COUNT(drive_fields),
+                                                .alone = "file"};
+
+/* The older spelling of a hydraulic one */
+static const struct yaml_schema hydraulic_schema = {.what = "a hydraulic drive",
+                                                    .size = sizeof(struct drive_yaml),
+                                                    .fields = drive_fields + FIRST_CYLINDER_FIELD,
+                                                    .field_count = HYDRAULIC_PARAMETERS};
+
+/* A drive of the catalogue, which is made from no other */
+static const struct yaml_schema drive_own_schema = {.what = "a drive",
+                                                    .size = sizeof(struct drive_yaml),
+                                                    .fields = drive_fields,
+                                                    .field_count = ARRAY_COUNT(drive_fields) - 1};
+
+#define RATING(index, word, lowest, most)                                                          \
+    {                                                                                              \
+        .key = word, .type = YAML_REAL, .offset = offsetof(struct drive_file_yaml, rating[index]), \
+        .min = lowest, .max = most,                                                                \
+        .mark_offset = offsetof(struct drive_file_yaml, rating_mark[index])                        \
+    }
+enum { FIRST_RATING_FIELD = 3 };
+static const struct yaml_field drive_file_fields[] = {
+    NAME(struct drive_file_yaml),
+    {.key = "description",
+     .type = YAML_STRING,
+     .required = true,
+     .offset = offsetof(struct drive_file_yaml, description),
+     .min = 1,
+     .max = 400},
+    {.key = "source", .type = YAML_STRING, .offset = offsetof(struct drive_file_yaml, source)},
+    RATING(RATING_SUPPLY, "supply_v", DBL_MIN, 1e6),
+    RATING(RATING_TORQUE, "torque_nm", DBL_MIN, 1e6),
+    RATING(RATING_PEAK_TORQUE, "peak_torque_nm", DBL_MIN, 1e6),
+    RATING(RATING_SPEED, "speed_rad_s", DBL_MIN, 1e6),
+    RATING(RATING_PRESSURE, "pressure_pa", 1e5, 1e9),
+    RATING(RATING_MASS, "mass_kg", DBL_MIN, 1e6),
+    {.key = "drive",
+     .type = YAML_MAP,
+     .required = true,
+     .offset = offsetof(struct drive_file_yaml, drive),
+     .schema = &drive_own_schema},
+};
+const struct yaml_schema drive_file_schema = {.what = "a drive's file",
+                                              .size = sizeof(struct drive_file_yaml),
+                                              .fields = drive_file_fields,
+                                              .field_count = ARRAY_COUNT(drive_file_fields),
+                                              .format_version = 1};
 
 #define SUPPLY(word, must, member, lowest, most)                                                   \
     {                                                                                              \
@@ -538,5 +547,10 @@ const char *robot_drive_key(enum drive_parameter parameter)
 
 const char *robot_hydraulic_key(enum hydraulic_parameter parameter)
 {
-    return hydraulic_fields[parameter].key;
+    return drive_fields[FIRST_CYLINDER_FIELD + parameter].key;
+}
+
+const char *robot_rating_key(enum drive_rating rating)
+{
+    return drive_file_fields[FIRST_RATING_FIELD + rating].key;
 }

@@ -151,10 +151,9 @@ static enum error_code apply_variant(struct robot_builder *b, struct variant_yam
         (code = merge_named(b, &capsule, &file->ncapsule, variant->capsule, variant->ncapsule,
                             sizeof *file->capsule)) ||
         (code = merge_named(b, &ft, &file->nft, variant->ft, variant->nft, sizeof *file->ft)) ||
-        (code = robot_take_drive(b, &variant->drive))) {
+        (code = robot_change_drive(b, &variant->drive))) {
         return code;
     }
-    robot_merge_drive(&variant->drive, &file->drive);
     file->frame = frame;
     file->capsule = capsule;
     file->ft = ft;
@@ -210,10 +209,10 @@ enum error_code robot_load(const char *path, const char *variant, struct arena *
     b.robot->floating = b.file.base.floating;
     memcpy(b.robot->gravity, b.file.gravity, sizeof b.robot->gravity);
     if ((code = check_all_names(&b)) || (code = robot_take_drive(&b, &b.file.drive)) ||
-        (code = choose_variant(&b, variant)) || (code = robot_build_hydraulic_supply(&b)) ||
-        (code = robot_build_tree(&b)) || (code = robot_build_frames(&b)) ||
-        (code = robot_build_capsules(&b)) || (code = robot_build_sensors(&b)) ||
-        (code = robot_build_poses(&b))) {
+        (code = choose_variant(&b, variant)) || (code = robot_check_own_drives(&b)) ||
+        (code = robot_build_hydraulic_supply(&b)) || (code = robot_build_tree(&b)) ||
+        (code = robot_build_frames(&b)) || (code = robot_build_capsules(&b)) ||
+        (code = robot_build_sensors(&b)) || (code = robot_build_poses(&b))) {
         return code;
     }
 

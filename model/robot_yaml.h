@@ -98,36 +98,9 @@ struct harmonic_yaml {
     double per_turn, amplitude, phase;
 };
 
-struct drive_yaml {
-    struct yaml_mark mark;
-    const char *file; /* of the catalogue, by name or path; NULL = none */
-    struct yaml_mark file_mark;
-    double value[PARAMETER_COUNT];
-    bool given[PARAMETER_COUNT];
-    bool freewheel, has_freewheel;
-    struct harmonic_yaml *error, *cogging;
-    size_t nerror, ncogging;
-    bool has_error, has_cogging;
-};
-
-/* A drive of the catalogue. Ratings are for people and for the importer; 0 = not given. */
-struct drive_file_yaml {
-    struct yaml_mark mark;
-    const char *name, *description, *source;
-    double supply_v, torque, peak_torque, speed, mass;
-    struct drive_yaml drive;
-};
-
-struct spring_yaml {
-    struct yaml_mark mark;
-    bool enabled;
-    double k_p, d_p, r;
-    int64_t s;
-    struct yaml_mark s_mark;
-};
-
-/* The parameters of a hydraulic drive in the order of their keys in the schema. Those from
- * HYDRAULIC_LAP on may be left out. */
+/* The parameters of a hydraulic drive in the order of their keys in the schema, which follow those
+ * of an electric one. Those from HYDRAULIC_LAP on may be left out, and those of the triangle, from
+ * HYDRAULIC_BASE to HYDRAULIC_CLOSED, are the joint's and in no file of the catalogue. */
 enum hydraulic_parameter {
     HYDRAULIC_BORE,
     HYDRAULIC_ROD,
@@ -151,10 +124,52 @@ enum hydraulic_parameter {
     HYDRAULIC_PARAMETERS,
 };
 
-struct hydraulic_yaml {
+/* A drive has keys of one kind. */
+enum drive_kind { DRIVE_UNSAID, DRIVE_ELECTRIC, DRIVE_HYDRAULIC };
+
+struct drive_yaml {
     struct yaml_mark mark;
-    double value[HYDRAULIC_PARAMETERS];
-    bool given[HYDRAULIC_PARAMETERS];
+    const char *file; /* of the catalogue, by name or path; NULL = none */
+    struct yaml_mark file_mark;
+    double value[PARAMETER_COUNT];
+    bool given[PARAMETER_COUNT];
+    struct yaml_mark value_mark[PARAMETER_COUNT];
+    double cylinder[HYDRAULIC_PARAMETERS];
+    bool has_cylinder[HYDRAULIC_PARAMETERS];
+    struct yaml_mark cylinder_mark[HYDRAULIC_PARAMETERS];
+    bool freewheel, has_freewheel;
+    struct harmonic_yaml *error, *cogging;
+    size_t nerror, ncogging;
+    bool has_error, has_cogging;
+};
+
+/* Ratings of a drive, for people and for the importer; those before RATING_PRESSURE are of electric
+ * drives, that is of hydraulic ones. */
+enum drive_rating {
+    RATING_SUPPLY,
+    RATING_TORQUE,
+    RATING_PEAK_TORQUE,
+    RATING_SPEED,
+    RATING_PRESSURE,
+    RATING_MASS,
+    RATINGS,
+};
+
+/* A drive of the catalogue. */
+struct drive_file_yaml {
+    struct yaml_mark mark;
+    const char *name, *description, *source;
+    double rating[RATINGS]; /* 0 = not given */
+    struct yaml_mark rating_mark[RATINGS];
+    struct drive_yaml drive;
+};
+
+struct spring_yaml {
+    struct yaml_mark mark;
+    bool enabled;
+    double k_p, d_p, r;
+    int64_t s;
+    struct yaml_mark s_mark;
 };
 
 struct hydraulic_supply_yaml {
@@ -174,8 +189,7 @@ struct joint_yaml {
     struct place_yaml origin;
     struct limits_yaml limits;
     struct stops_yaml stops;
-    struct drive_yaml drive;
-    struct hydraulic_yaml hydraulic;
+    struct drive_yaml drive, hydraulic; /* hydraulic: as drive, of that kind only */
     struct spring_yaml spring;
     bool has_drive, has_hydraulic, has_spring;
 };
@@ -243,8 +257,7 @@ struct robot_yaml {
     const char *name, *description, *source;
     double gravity[3];
     struct base_yaml base;
-    struct drive_yaml drive;
-    struct hydraulic_yaml hydraulic;
+    struct drive_yaml drive, hydraulic;
     struct hydraulic_supply_yaml hydraulic_supply;
     struct stops_yaml stops;
     struct body_yaml *body;
@@ -268,8 +281,9 @@ extern const struct yaml_schema drive_file_schema;
 /* Key of a drive's parameter in the file. */
 const char *robot_drive_key(enum drive_parameter parameter);
 
-/* The same of a hydraulic drive's. */
+/* The same of a hydraulic drive's, and of a rating. */
 const char *robot_hydraulic_key(enum hydraulic_parameter parameter);
+const char *robot_rating_key(enum drive_rating rating);
 
 /* What is being built and what every step of that needs. */
 struct robot_builder {
@@ -294,20 +308,31 @@ enum error_code robot_build_inertia(struct robot_builder *b, const struct yaml_m
                                     double mass, const double com[3], const double I[6],
                                     struct robot_inertia *inertia);
 
-/* What change gives goes before what drive does. */
-void robot_merge_drive(const struct drive_yaml *change, struct drive_yaml *drive);
+/* The kind of a drive by its keys; DRIVE_UNSAID: it has none. */
+enum drive_kind robot_drive_kind(const struct drive_yaml *drive);
 
-/* Fills what drive leaves out from the file of the catalogue that it names, if it does. */
+/* Fills what drive leaves out from the file of the catalogue that it names, if it does. Keys of
+ * both kinds are refused. */
 enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *drive);
 
-/* The drive of a joint, if it has one: what the joint does not say, the robot's own drive does. */
-enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *given,
-                                  struct robot_sea *sea);
+/* A variant's drive goes before the robot's own, which is of the same kind. */
+enum error_code robot_change_drive(struct robot_builder *b, struct drive_yaml *change);
 
-/* The hydraulic drive of a joint, if it has one: what the joint does not say, the robot does. Its
- * range is known. */
+/* Refuses two hydraulic drives of the robot's own, by its keys drive and hydraulic. */
+enum error_code robot_check_own_drives(struct robot_builder *b);
+
+/* The drive of a joint, if it has one: what the joint does not say, the robot's own drive of its
+ * kind does. The joint's range is known. */
+enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *given,
+                                  struct robot_joint *joint);
+
+/* The same of a hydraulic drive. */
 enum error_code robot_build_hydraulic(struct robot_builder *b, const struct joint_yaml *given,
                                       struct robot_joint *joint);
+
+/* A hydraulic drive of the catalogue, without a triangle. */
+enum error_code robot_build_cylinder(struct robot_builder *b, const struct drive_yaml *drive,
+                                     struct robot_hydraulic *cylinder);
 
 /* The supply of all of them. */
 enum error_code robot_build_hydraulic_supply(struct robot_builder *b);

@@ -11,13 +11,85 @@
 #include <string.h>
 #include <unistd.h>
 
-/* What a variant's drive gives goes before what the robot's own drive does. */
-void robot_merge_drive(const struct drive_yaml *change, struct drive_yaml *drive)
+/* ---- kinds ---- */
+
+static const char *const kind_word[] = {
+    [DRIVE_ELECTRIC] = "an electric drive", [DRIVE_HYDRAULIC] = "a hydraulic drive"};
+
+/* The first key of that kind, where it stands; NULL: there is none. */
+static const char *drive_find_key(const struct drive_yaml *drive, enum drive_kind kind,
+                                  const struct yaml_mark **mark)
+{
+    for (size_t i = 0; kind == DRIVE_HYDRAULIC && i < HYDRAULIC_PARAMETERS; i++) {
+        if (drive->has_cylinder[i]) {
+            *mark = &drive->cylinder_mark[i];
+            return robot_hydraulic_key((enum hydraulic_parameter)i);
+        }
+    }
+    for (size_t i = 0; kind == DRIVE_ELECTRIC && i < PARAMETER_COUNT; i++) {
+        if (drive->given[i]) {
+            *mark = &drive->value_mark[i];
+            return robot_drive_key((enum drive_parameter)i);
+        }
+    }
+    *mark = &drive->mark;
+    return kind != DRIVE_ELECTRIC ? NULL
+           : drive->has_freewheel ? "freewheel"
+           : drive->has_error     ? "gear_error"
+           : drive->has_cogging   ? "cogging"
+                                  : NULL;
+}
+
+enum drive_kind robot_drive_kind(const struct drive_yaml *drive)
+{
+    const struct yaml_mark *mark;
+
+    return drive_find_key(drive, DRIVE_HYDRAULIC, &mark)  ? DRIVE_HYDRAULIC
+           : drive_find_key(drive, DRIVE_ELECTRIC, &mark) ? DRIVE_ELECTRIC
+                                                          : DRIVE_UNSAID;
+}
+
+/* A drive has no keys but those of that kind, which it has from what is told. */
+static enum error_code refuse_other_kind(struct robot_builder *b, const struct drive_yaml *drive,
+                                         enum drive_kind kind, const char *from)
+{
+    const enum drive_kind other = kind == DRIVE_HYDRAULIC ? DRIVE_ELECTRIC : DRIVE_HYDRAULIC;
+    const struct yaml_mark *mark;
+    const char *key = kind == DRIVE_UNSAID ? NULL : drive_find_key(drive, other, &mark);
+
+    return key ? yaml_error(b->error, mark, "found key \"%s\" of %s beside %s, expected keys of %s",
+                            key, kind_word[other], from, kind_word[kind])
+               : ERROR_NONE;
+}
+
+/* Keys of both kinds in one mapping. */
+static enum error_code refuse_mixed_keys(struct robot_builder *b, const struct drive_yaml *drive)
+{
+    const enum drive_kind kind = robot_drive_kind(drive);
+    const struct yaml_mark *mark;
+    char from[96];
+
+    snprintf(from, sizeof from, "key \"%s\" of %s",
+             kind == DRIVE_UNSAID ? "" : drive_find_key(drive, kind, &mark),
+             kind == DRIVE_UNSAID ? "" : kind_word[kind]);
+    return refuse_other_kind(b, drive, kind, from);
+}
+
+/* ---- merging ---- */
+
+/* What change gives goes before what drive does. */
+static void merge_drive(const struct drive_yaml *change, struct drive_yaml *drive)
 {
     for (enum drive_parameter i = 0; i < PARAMETER_COUNT; i++) {
         if (change->given[i]) {
             drive->value[i] = change->value[i];
             drive->given[i] = true;
+        }
+    }
+    for (enum hydraulic_parameter i = 0; i < HYDRAULIC_PARAMETERS; i++) {
+        if (change->has_cylinder[i]) {
+            drive->cylinder[i] = change->cylinder[i];
+            drive->has_cylinder[i] = true;
         }
     }
     if (change->has_freewheel) {
@@ -36,7 +108,74 @@ void robot_merge_drive(const struct drive_yaml *change, struct drive_yaml *drive
     }
 }
 
+enum error_code robot_change_drive(struct robot_builder *b, struct drive_yaml *change)
+{
+    const enum drive_kind own = robot_drive_kind(&b->file.drive);
+    enum error_code code = robot_take_drive(b, change);
+
+    if (!code) {
+        code = refuse_other_kind(b, change, own, "the robot's own drive");
+    }
+    if (!code) {
+        merge_drive(change, &b->file.drive);
+    }
+    return code;
+}
+
+enum error_code robot_check_own_drives(struct robot_builder *b)
+{
+    const struct robot_yaml *file = &b->file;
+
+    return robot_drive_kind(&file->drive) == DRIVE_HYDRAULIC &&
+                   robot_drive_kind(&file->hydraulic) == DRIVE_HYDRAULIC
+               ? yaml_error(b->error, &file->hydraulic.mark,
+                            "found key \"hydraulic\" beside a hydraulic \"drive\", expected one of "
+                            "them")
+               : ERROR_NONE;
+}
+
 /* ---- the catalogue ---- */
+
+/* A drive of the catalogue has ratings of its kind, and no triangle. */
+static enum error_code check_drive_file(struct robot_builder *b, const struct drive_file_yaml *file)
+{
+    const struct drive_yaml *drive = &file->drive;
+    const bool oil = robot_drive_kind(drive) == DRIVE_HYDRAULIC;
+    enum error_code code = refuse_mixed_keys(b, drive);
+
+    for (enum hydraulic_parameter i = HYDRAULIC_BASE; i <= HYDRAULIC_CLOSED && !code; i++) {
+        if (drive->has_cylinder[i]) {
+            code = yaml_error(b->error, &drive->cylinder_mark[i],
+                              "found key \"%s\" in a drive's file, expected it at the joint that "
+                              "takes the drive: the triangle is the joint's",
+                              robot_hydraulic_key(i));
+        }
+    }
+    for (enum drive_rating i = 0; i < RATING_MASS && !code; i++) {
+        if (file->rating[i] > 0.0 && (i == RATING_PRESSURE) != oil) {
+            code =
+                yaml_error(b->error, &file->rating_mark[i],
+                           "found rating \"%s\" in the file of %s, expected none of %s",
+                           robot_rating_key(i), kind_word[oil ? DRIVE_HYDRAULIC : DRIVE_ELECTRIC],
+                           kind_word[oil ? DRIVE_ELECTRIC : DRIVE_HYDRAULIC]);
+        }
+    }
+    if (!code && oil && !(file->rating[RATING_PRESSURE] > 0.0)) {
+        code = yaml_error(b->error, &file->mark,
+                          "found the file of a hydraulic drive without key \"%s\", expected the "
+                          "pressure that it is made for",
+                          robot_rating_key(RATING_PRESSURE));
+    }
+    return code;
+}
+
+static enum error_code read_drive_file(struct robot_builder *b, const char *path,
+                                       struct drive_file_yaml *file)
+{
+    enum error_code code = yaml_read_file(path, &drive_file_schema, b->arena, file, b->error);
+
+    return code ? code : check_drive_file(b, file);
+}
 
 /* Whether a file is there (F_OK) or may be read (R_OK); what the system could not find out is an
  * error. */
@@ -81,10 +220,12 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
     struct drive_yaml taken;
     enum error_code code;
     const char *path;
+    char from[96];
     bool there;
 
-    if (!drive->file) {
-        return ERROR_NONE;
+    code = refuse_mixed_keys(b, drive);
+    if (code || !drive->file) {
+        return code;
     }
     code = find_drive_file(b, drive, &path);
     if (code) {
@@ -102,7 +243,12 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
             "found drive \"%.63s\", whose file %.150s cannot be read, expected a file", drive->file,
             path);
     }
-    code = yaml_read_file(path, &drive_file_schema, b->arena, &file, b->error);
+    code = read_drive_file(b, path, &file);
+    if (code) {
+        return code;
+    }
+    snprintf(from, sizeof from, "drive \"%.63s\"", drive->file);
+    code = refuse_other_kind(b, drive, robot_drive_kind(&file.drive), from);
     if (code) {
         return code;
     }
@@ -112,7 +258,7 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
     taken.mark = drive->mark;
     taken.file = drive->file;
     taken.file_mark = drive->file_mark;
-    robot_merge_drive(drive, &taken);
+    merge_drive(drive, &taken);
     *drive = taken;
     return ERROR_NONE;
 }
@@ -145,29 +291,14 @@ static enum error_code build_spring_stop(struct robot_builder *b, const struct j
     return ERROR_NONE;
 }
 
-/* A drive: what the joint does not say, the robot's own drive does. */
-enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *given,
-                                  struct robot_sea *sea)
+/* An electric drive: each parameter from the joint's drive, or else from the robot's. */
+static enum error_code build_electric(struct robot_builder *b, const struct joint_yaml *given,
+                                      struct robot_sea *sea)
 {
     double value[PARAMETER_COUNT];
     bool said[PARAMETER_COUNT];
     enum error_code code;
 
-    if (!given->has_drive) {
-        return ERROR_NONE;
-    }
-    if (given->type != JOINT_REVOLUTE) {
-        return yaml_error(b->error, &given->drive.mark,
-                          "found a drive on prismatic joint \"%s\", expected none: series elastic "
-                          "drives turn",
-                          given->name);
-    }
-
-    /* Each parameter from the joint's drive, or else from the robot's */
-    code = robot_take_drive(b, &given->drive);
-    if (code) {
-        return code;
-    }
     for (enum drive_parameter i = 0; i < PARAMETER_COUNT; i++) {
         const struct drive_yaml *from = given->drive.given[i] ? &given->drive : &b->file.drive;
 
@@ -198,6 +329,39 @@ enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *gi
     return robot_build_effects(b, &given->drive, sea);
 }
 
+enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *given,
+                                  struct robot_joint *joint)
+{
+    enum drive_kind kind;
+    enum error_code code;
+
+    if (given->has_drive && given->has_hydraulic) {
+        return yaml_error(b->error, &given->hydraulic.mark,
+                          "found a hydraulic drive on driven joint \"%s\", expected none",
+                          given->name);
+    }
+    if (given->has_hydraulic) {
+        given->drive = given->hydraulic;
+    } else if (!given->has_drive) {
+        return ERROR_NONE;
+    }
+    if (given->type != JOINT_REVOLUTE) {
+        return yaml_error(b->error, &given->drive.mark,
+                          "found a drive on prismatic joint \"%s\", expected none: drives turn",
+                          given->name);
+    }
+    code = robot_take_drive(b, &given->drive);
+    if (code) {
+        return code;
+    }
+    kind = robot_drive_kind(&given->drive);
+    if (kind == DRIVE_UNSAID) {
+        kind = given->has_hydraulic ? DRIVE_HYDRAULIC : robot_drive_kind(&b->file.drive);
+    }
+    return kind == DRIVE_HYDRAULIC ? robot_build_hydraulic(b, given, joint)
+                                   : build_electric(b, given, &joint->sea);
+}
+
 /* ---- a drive alone ---- */
 
 enum error_code robot_load_drive(const char *path, struct arena *arena,
@@ -208,7 +372,7 @@ enum error_code robot_load_drive(const char *path, struct arena *arena,
     struct joint_yaml joint = nothing;
     struct drive_file_yaml file;
     struct robot_drive *made;
-    enum error_code code = yaml_read_file(path, &drive_file_schema, arena, &file, error);
+    enum error_code code = read_drive_file(&b, path, &file);
 
     if (code) {
         return code;
@@ -220,13 +384,29 @@ enum error_code robot_load_drive(const char *path, struct arena *arena,
     *made = (struct robot_drive){.name = file.name,
                                  .description = file.description,
                                  .source = file.source,
-                                 .supply_v = file.supply_v,
-                                 .torque = file.torque,
-                                 .peak_torque = file.peak_torque,
-                                 .speed = file.speed,
-                                 .mass = file.mass};
-    joint.has_drive = true;
+                                 .supply_v = file.rating[RATING_SUPPLY],
+                                 .torque = file.rating[RATING_TORQUE],
+                                 .peak_torque = file.rating[RATING_PEAK_TORQUE],
+                                 .speed = file.rating[RATING_SPEED],
+                                 .pressure = file.rating[RATING_PRESSURE],
+                                 .mass = file.rating[RATING_MASS]};
     joint.drive = file.drive;
     *drive = made;
-    return robot_build_drive(&b, &joint, &made->sea);
+    return robot_drive_kind(&file.drive) == DRIVE_HYDRAULIC
+               ? robot_build_cylinder(&b, &file.drive, &made->hydraulic)
+               : build_electric(&b, &joint, &made->sea);
+}
+
+enum error_code robot_describe_drive(const char *path, struct arena *arena,
+                                     const char **description, bool *hydraulic, struct error *error)
+{
+    struct robot_builder b = {.arena = arena, .error = error};
+    struct drive_file_yaml file;
+    enum error_code code = read_drive_file(&b, path, &file);
+
+    if (!code) {
+        *description = file.description;
+        *hydraulic = robot_drive_kind(&file.drive) == DRIVE_HYDRAULIC;
+    }
+    return code;
 }

@@ -43,43 +43,75 @@ static void fill_cylinder(const double value[HYDRAULIC_PARAMETERS],
     };
 }
 
+/* What is wrong with a drive whose key is missing: of the joint of that name, NULL: of a file. */
+static enum error_code refuse_missing_key(struct robot_builder *b, const struct drive_yaml *drive,
+                                          enum hydraulic_parameter key, const char *joint)
+{
+    const bool triangle = key >= HYDRAULIC_BASE && key <= HYDRAULIC_CLOSED;
+
+    return joint ? yaml_error(b->error, &drive->mark,
+                              "found the hydraulic drive of joint \"%s\" without key \"%s\", "
+                              "expected it here%s or in the robot's own drive",
+                              joint, robot_hydraulic_key(key),
+                              triangle      ? " (the triangle is the joint's)"
+                              : drive->file ? ", in the file of the drive,"
+                                            : "")
+                 : yaml_error(b->error, &drive->mark,
+                              "found a hydraulic drive without key \"%s\", expected it",
+                              robot_hydraulic_key(key));
+}
+
+/* Each parameter from the joint, or else from the robot; without a joint's name those of a drive of
+ * the catalogue, which has no triangle. */
+static enum error_code build_cylinder(struct robot_builder *b, const struct drive_yaml *drive,
+                                      const char *joint, struct robot_hydraulic *cylinder)
+{
+    const struct drive_yaml *own =
+        robot_drive_kind(&b->file.drive) == DRIVE_HYDRAULIC ? &b->file.drive : &b->file.hydraulic;
+    double value[HYDRAULIC_PARAMETERS];
+    bool said[HYDRAULIC_PARAMETERS];
+
+    for (enum hydraulic_parameter i = 0; i < HYDRAULIC_PARAMETERS; i++) {
+        const struct drive_yaml *from = drive->has_cylinder[i] ? drive : own;
+        const bool triangle = i >= HYDRAULIC_BASE && i <= HYDRAULIC_CLOSED;
+
+        said[i] = from->has_cylinder[i];
+        value[i] = from->cylinder[i];
+        if (!said[i] && i < HYDRAULIC_LAP && (joint || !triangle)) {
+            return refuse_missing_key(b, drive, i, joint);
+        }
+    }
+    if (value[HYDRAULIC_ROD] >= value[HYDRAULIC_BORE]) {
+        return yaml_error(b->error, &drive->mark,
+                          "found a rod as thick as its bore, expected a thinner");
+    }
+    fill_cylinder(value, said, cylinder);
+    return ERROR_NONE;
+}
+
+enum error_code robot_build_cylinder(struct robot_builder *b, const struct drive_yaml *drive,
+                                     struct robot_hydraulic *cylinder)
+{
+    return build_cylinder(b, drive, NULL, cylinder);
+}
+
 enum error_code robot_build_hydraulic(struct robot_builder *b, const struct joint_yaml *given,
                                       struct robot_joint *joint)
 {
-    const struct yaml_mark *mark = &given->hydraulic.mark;
-    double value[HYDRAULIC_PARAMETERS];
-    bool said[HYDRAULIC_PARAMETERS];
+    const struct yaml_mark *mark = &given->drive.mark;
+    enum error_code code;
     struct error why;
 
-    if (!given->has_hydraulic) {
-        return ERROR_NONE;
-    }
-    if (given->type != JOINT_REVOLUTE || given->has_drive) {
-        return yaml_error(b->error, mark, "found a hydraulic drive on %s \"%s\", expected none",
-                          given->has_drive ? "driven joint" : "prismatic joint", given->name);
-    }
     if (!b->file.has_hydraulic_supply) {
         return yaml_error(b->error, mark,
                           "found a hydraulic drive of joint \"%s\" in a robot without key "
                           "\"hydraulic_supply\", expected both",
                           given->name);
     }
-
-    /* Each parameter from the joint, or else from the robot */
-    for (enum hydraulic_parameter i = 0; i < HYDRAULIC_PARAMETERS; i++) {
-        const struct hydraulic_yaml *from =
-            given->hydraulic.given[i] ? &given->hydraulic : &b->file.hydraulic;
-
-        said[i] = from->given[i];
-        value[i] = from->value[i];
-        if (!said[i] && i < HYDRAULIC_LAP) {
-            return yaml_error(b->error, mark,
-                              "found the hydraulic drive of joint \"%s\" without key \"%s\", "
-                              "expected it here or in the robot's own \"hydraulic\"",
-                              given->name, robot_hydraulic_key(i));
-        }
+    code = build_cylinder(b, &given->drive, given->name, &joint->hydraulic);
+    if (code) {
+        return code;
     }
-    fill_cylinder(value, said, &joint->hydraulic);
     if (hydraulic_check(&joint->hydraulic, joint->lower, joint->upper, &why)) {
         return yaml_error(b->error, mark, "%s: %s", given->name, why.text);
     }

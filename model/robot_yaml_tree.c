@@ -239,8 +239,7 @@ static enum error_code build_joint(struct robot_builder *b, size_t j)
     memcpy(joint->origin, given->origin.xyz, sizeof joint->origin);
     mat3_from_rpy(given->origin.rpy, joint->rotation);
     if ((code = build_joint_axis(b, given, joint)) || (code = build_limits(b, given, joint)) ||
-        (code = build_stops(b, given, joint)) || (code = robot_build_hydraulic(b, given, joint)) ||
-        (code = robot_build_drive(b, given, &joint->sea)) ||
+        (code = build_stops(b, given, joint)) || (code = robot_build_drive(b, given, joint)) ||
         (code = build_spring(b, given, &joint->spring))) {
         return code;
     }

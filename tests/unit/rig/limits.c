@@ -186,7 +186,13 @@ static const struct limit rig_limits[] = {
         {"*.housing_k_w", 1e-6, 1e6}, {"*.winding_j_k", 1e-3, 1e9}, {"*.housing_j_k", 1e-3, 1e9},  \
         {"*.ambient_c", -60, 200}, {"*.R_per_k", 0, 0.01}, {"*.NKt_per_k", -0.01, 0},              \
         {"*.dead_time_s", 0, 1e-3}, {"*.pwm_hz", 1, 1e7}, {"*.diode_v", 0, 10},                    \
-        {"*.per_turn", 1e-6, 1e6}, {"*.rad", 0, 1}, {"*.nm", 0, 1e6},                              \
+        {"*.per_turn", 1e-6, 1e6}, {"*.rad", 0, 1}, {"*.nm", 0, 1e6}, {"*.bore_m", 1e-4, 10},      \
+        {"*.rod_m", 0, 10}, {"*.stroke_m", 1e-4, 100}, {"*.dead_volume_m3", 1e-9, 1},              \
+        {"*.base_m", 1e-4, 100}, {"*.arm_m", 1e-4, 100}, {"*.offset_rad", -10, 10},                \
+        {"*.closed_m", 1e-4, 100}, {"*.valve_hz", 1, 1e4}, {"*.valve_damping", 0.05, 0.99},        \
+        {"*.valve_v", 1e-3, 1e4}, {"*.valve_flow_m3_s", 1e-9, 10}, {"*.valve_drop_pa", 1e3, 1e9},  \
+        {"*.bulk_modulus_pa", 1e6, 1e11}, {"*.valve_lap", 0, 0.5}, {"*.leakage_m3_s_pa", 0, 1e-6}, \
+        {"*.viscous_n_s_m", 0, 1e9}, {"*.coulomb_n", 0, 1e9}, {"*.coulomb_m_s", 1e-6, 10},         \
     {                                                                                              \
         "*.phase_rad", -1e3, 1e3                                                                   \
     }
@@ -198,6 +204,7 @@ static const struct limit drive_limits[] = {
     {"torque_nm", DBL_MIN, 1e6},
     {"peak_torque_nm", DBL_MIN, 1e6},
     {"speed_rad_s", DBL_MIN, 1e6},
+    {"pressure_pa", 1e5, 1e9},
     {"mass_kg", DBL_MIN, 1e6},
     DRIVE_LIMITS,
 };
@@ -209,25 +216,6 @@ static const struct limit robot_limits[] = {
     {"*.body", 1, 63},
     {"*.file", 1, 255},
     DRIVE_LIMITS,
-    {"*.bore_m", 1e-4, 10},
-    {"*.rod_m", 0, 10},
-    {"*.stroke_m", 1e-4, 100},
-    {"*.dead_volume_m3", 1e-9, 1},
-    {"*.base_m", 1e-4, 100},
-    {"*.arm_m", 1e-4, 100},
-    {"*.offset_rad", -10, 10},
-    {"*.closed_m", 1e-4, 100},
-    {"*.valve_hz", 1, 1e4},
-    {"*.valve_damping", 0.05, 0.99},
-    {"*.valve_v", 1e-3, 1e4},
-    {"*.valve_flow_m3_s", 1e-9, 10},
-    {"*.valve_drop_pa", 1e3, 1e9},
-    {"*.bulk_modulus_pa", 1e6, 1e11},
-    {"*.valve_lap", 0, 0.5},
-    {"*.leakage_m3_s_pa", 0, 1e-6},
-    {"*.viscous_n_s_m", 0, 1e9},
-    {"*.coulomb_n", 0, 1e9},
-    {"*.coulomb_m_s", 1e-6, 10},
     {"hydraulic_supply.pressure_pa", 1e5, 1e9},
     {"hydraulic_supply.return_pa", 0, 1e8},
     {"hydraulic_supply.pump_m3_s", 0, 10},
