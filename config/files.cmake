@@ -6,6 +6,9 @@ set(HIL_CONFIG
     drives/cubemars-ak80-6.yaml
     drives/harmonic-fha17c-100.yaml
     drives/harmonic-fha25c-100.yaml
+    drives/hyq.yaml
+    drives/iso6020-25-g771.yaml
+    drives/iso6020-40-g772.yaml
     drives/mini-cheetah.yaml
     drives/odri-solo.yaml
     drives/robotis-xh430-w350.yaml

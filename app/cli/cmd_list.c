@@ -8,6 +8,7 @@
 #include "base/options.h"
 #include "base/yaml.h"
 #include "manual/list.h"
+#include "model/robot.h"
 #include "base/config.h"
 #include "tasks/task.h"
 
@@ -47,25 +48,43 @@ static enum error_code list_read_scenario(const char *path, struct arena *arena,
     return code;
 }
 
+/* What the file of an entry says of it, and of a drive what kind it is: a word to go before. */
+static enum error_code list_read_description(enum config_kind kind, const char *path,
+                                             struct arena *arena, const char **before,
+                                             const char **description, struct error *error)
+{
+    enum error_code code;
+    bool hydraulic;
+
+    switch (kind) {
+    case CONFIG_SCENARIO:
+        return list_read_scenario(path, arena, description, error);
+    case CONFIG_DRIVE:
+        code = robot_describe_drive(path, arena, description, &hydraulic, error);
+        *before = code ? "" : hydraulic ? "hydraulic: " : "electric: ";
+        return code;
+    default:
+        return yaml_read_key(path, "description", arena, description, error);
+    }
+}
+
 /* What its file says of an entry, or what is wrong with the file. */
 static void list_print_entry(enum config_kind kind, const struct config_entry *entry,
                              struct arena *arena)
 {
-    const char *description = NULL;
+    const char *before = "", *description = NULL;
     struct error error;
     char line[1400];
 
-    if (kind == CONFIG_SCENARIO
-            ? list_read_scenario(entry->path, arena, &description, &error)
-            : yaml_read_key(entry->path, "description", arena, &description, &error)) {
+    if (list_read_description(kind, entry->path, arena, &before, &description, &error)) {
         list_print_line(entry->name, error.text);
         return;
     }
     if (!strncmp(entry->path, of_this_machine, sizeof of_this_machine - 1)) {
-        snprintf(line, sizeof line, "%.1000s (%.300s)", description ? description : "",
+        snprintf(line, sizeof line, "%s%.1000s (%.300s)", before, description ? description : "",
                  entry->path);
     } else {
-        snprintf(line, sizeof line, "%.1300s", description ? description : entry->path);
+        snprintf(line, sizeof line, "%s%.1300s", before, description ? description : entry->path);
     }
     list_print_line(entry->name, line);
 }

@@ -97,6 +97,14 @@ static void load_sound_arm(const char *all, const char *own, const struct robot 
     "  {J_kg_m2: 0.5, Dm_nm_s_rad: 0.1, Ks_nm_rad: 300, Ds_nm_s_rad: 0.2, N: 50, NKt_nm_a: 3,\n"   \
     "   NKw_v_s_rad: 3, R_ohm: 2, L_h: 0.001, coulomb_nm: 0.25}\n"
 
+#define OIL                                                                                        \
+    "name: oil\ndescription: a cylinder of one's own\npressure_pa: 1.0e+7\ndrive:\n"               \
+    "  {bore_m: 0.02, rod_m: 0.01, stroke_m: 0.1, dead_volume_m3: 1.0e-6, valve_hz: 100,\n"        \
+    "   valve_damping: 0.7, valve_v: 10, valve_flow_m3_s: 1.0e-4, valve_drop_pa: 7.0e+6,\n"        \
+    "   bulk_modulus_pa: 1.0e+9, valve_lap: 0.02}\n"
+#define SUPPLY "hydraulic_supply: {pressure_pa: 1.0e+7}\n"
+#define TRIANGLE "base_m: 0.4, arm_m: 0.05, offset_rad: 1.5, closed_m: 0.35"
+
 /* Of each drive: torque at stall and speed without load at its voltage are those that are
  * published, or more where a board or a gear is what limits them. */
 static void shipped_drives_reach_their_ratings(void **state)
@@ -104,7 +112,7 @@ static void shipped_drives_reach_their_ratings(void **state)
     static const char path[] = HIL_SOURCE_DIR "/config/drives";
     DIR *directory = opendir(path);
     struct dirent *entry;
-    size_t count = 0;
+    size_t count = 0, cylinders = 0;
 
     (void)state;
     assert_non_null(directory);
@@ -123,15 +131,21 @@ static void shipped_drives_reach_their_ratings(void **state)
         snprintf(stem, sizeof stem, "%.*s", (int)strcspn(entry->d_name, "."), entry->d_name);
         assert_string_equal(drive->name, stem);
         assert_non_null(drive->source);
-        assert_true(drive->supply_v > 0.0);
+        count++;
+        if (drive->hydraulic.present) {
+            assert_true(!drive->sea.present && drive->pressure > 0.0);
+            assert_true(drive->hydraulic.A1 > drive->hydraulic.A2);
+            cylinders++;
+            continue;
+        }
+        assert_true(drive->sea.present && drive->supply_v > 0.0);
         assert_true(drive->sea.Kt <= 1.01 * drive->sea.Kw);
         assert_true(drive->supply_v / drive->sea.R * drive->sea.Kt >= 0.999 * drive->peak_torque);
         assert_true(drive->supply_v / drive->sea.Kw >= 0.999 * drive->speed);
         assert_true(drive->torque <= drive->peak_torque);
-        count++;
     }
     closedir(directory);
-    assert_true(count >= 12);
+    assert_true(count >= 15 && cylinders >= 3);
 }
 
 static void a_joint_takes_a_drive_by_its_name(void **state)
@@ -178,6 +192,110 @@ static void what_stands_beside_the_name_goes_before_the_catalogue(void **state)
     assert_true(robot->joint[0].sea.R == 2.0);
 }
 
+/* The joint's keys, its catalogue, the robot's keys: the triangle is in any but the catalogue. */
+static void a_joint_takes_a_hydraulic_drive(void **state)
+{
+    const struct robot *robot;
+    const struct robot_hydraulic *c;
+
+    (void)state;
+    write_file("drives/oil.yaml", OIL);
+    write_file("drives/mine.yaml", MINE);
+    load_sound_arm(SUPPLY, "{file: oil, stroke_m: 0.11, " TRIANGLE "}", &robot);
+    c = &robot->joint[0].hydraulic;
+    assert_true(c->present && !robot->joint[0].sea.present);
+    assert_true(c->stroke == 0.11 && c->base == 0.4 && c->closed == 0.35 && c->lap == 0.02);
+
+    load_sound_arm(SUPPLY "drive: {file: oil, " TRIANGLE "}\n", "{arm_m: 0.045}", &robot);
+    c = &robot->joint[0].hydraulic;
+    assert_true(c->stroke == 0.1 && c->arm == 0.045 && c->beta == 1e9);
+
+    /* What the robot has of the other kind is not for this joint */
+    load_sound_arm(SUPPLY "drive: mine\n", "{file: oil, " TRIANGLE "}", &robot);
+    assert_true(robot->joint[0].hydraulic.present && !robot->joint[0].sea.present);
+    load_sound_arm(SUPPLY "drive: {file: oil, " TRIANGLE "}\n", "mine", &robot);
+    assert_true(!robot->joint[0].hydraulic.present && robot->joint[0].sea.J == 0.5);
+}
+
+static void kinds_of_drives_are_not_mixed(void **state)
+{
+    static const struct {
+        const char *all, *own, *file, *text;
+    } fault[] = {
+        {SUPPLY, "{file: oil, R_ohm: 2}", OIL,
+         "arm.yaml:11:32: found key \"R_ohm\" of an electric drive beside drive \"oil\", expected "
+         "keys of a hydraulic drive"},
+        {"", "{file: oil, freewheel: true}", OIL, "arm.yaml:10:13: found key \"freewheel\""},
+        {"", "{file: oil, bore_m: 0.02}", MINE,
+         "arm.yaml:10:33: found key \"bore_m\" of a hydraulic drive beside drive \"oil\""},
+        {"", "{bore_m: 0.02, R_ohm: 2}", OIL,
+         "arm.yaml:10:35: found key \"R_ohm\" of an electric drive beside key \"bore_m\" of a"},
+        {"", "{file: oil, " TRIANGLE "}", OIL, "in a robot without key \"hydraulic_supply\""},
+        {SUPPLY, "oil", OIL,
+         "arm.yaml:11:13: found the hydraulic drive of joint \"pivot\" without key \"base_m\", "
+         "expected it here (the triangle is the joint's) or in the robot's own drive"},
+        {SUPPLY, "{file: oil, " TRIANGLE ", rod_m: 0.02}", OIL, "found a rod as thick as"},
+        {SUPPLY, "oil", "name: oil\ndescription: x\npressure_pa: 1.0e+7\ndrive: {base_m: 0.4}\n",
+         "oil.yaml:4:17: found key \"base_m\" in a drive's file, expected it at the joint"},
+        {SUPPLY, "oil", "name: oil\ndescription: x\nsupply_v: 24\ndrive: {bore_m: 0.02}\n",
+         "oil.yaml:3:11: found rating \"supply_v\" in the file of a hydraulic drive"},
+        {SUPPLY, "oil", "name: oil\ndescription: x\npressure_pa: 1.0e+7\ndrive: {N: 2}\n",
+         "oil.yaml:3:14: found rating \"pressure_pa\" in the file of an electric drive"},
+        {SUPPLY, "oil", "name: oil\ndescription: x\ndrive: {bore_m: 0.02}\n",
+         "oil.yaml:1:1: found the file of a hydraulic drive without key \"pressure_pa\""},
+        {SUPPLY, "oil",
+         "name: oil\ndescription: x\npressure_pa: 1.0e+7\ndrive: {bore_m: 1, N: 2}\n",
+         "oil.yaml:4:23: found key \"N\" of an electric drive beside key \"bore_m\""},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_COUNT(fault); i++) {
+        const struct robot *robot;
+        struct error error;
+
+        write_file("drives/oil.yaml", fault[i].file);
+        assert_int_equal(load_arm(fault[i].all, fault[i].own, &robot, &error), ERROR_INPUT);
+        if (!strstr(error.text, fault[i].text)) {
+            fail_msg("%s\n  is not %s", error.text, fault[i].text);
+        }
+    }
+}
+
+static void a_variant_keeps_the_kind_of_the_drive(void **state)
+{
+    static const char changed[] = "drive: mine\nvariants: {wet: {drive: {bore_m: 0.02}}}\n";
+    char path[PATH_MAX];
+    const struct robot *robot;
+    struct error error;
+
+    (void)state;
+    write_file("drives/mine.yaml", MINE);
+    load_sound_arm(changed, "{}", &robot);
+    snprintf(path, sizeof path, "%s/robots/arm.yaml", folder);
+    assert_int_equal(robot_load(path, "wet", &arena, &robot, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "arm.yaml:5:34: found key \"bore_m\" of a hydraulic drive "
+                                       "beside the robot's own drive"));
+}
+
+/* What a program that only names a drive needs of its file. */
+static void a_drive_is_described_with_its_kind(void **state)
+{
+    char path[PATH_MAX];
+    struct error error;
+    const char *text;
+    bool hydraulic;
+
+    (void)state;
+    snprintf(path, sizeof path, "%s/drives/oil.yaml", folder);
+    write_file("drives/oil.yaml", OIL);
+    assert_int_equal(robot_describe_drive(path, &arena, &text, &hydraulic, &error), ERROR_NONE);
+    assert_true(hydraulic);
+    assert_string_equal(text, "a cylinder of one's own");
+    write_file("drives/oil.yaml", "name: other\ndescription: half\ndrive: {R_ohm: 5}\n");
+    assert_int_equal(robot_describe_drive(path, &arena, &text, &hydraulic, &error), ERROR_NONE);
+    assert_false(hydraulic);
+}
+
 static void a_faulty_reference_is_refused_at_its_place(void **state)
 {
     static const struct {
@@ -219,6 +337,10 @@ int main(void)
         TEST(shipped_drives_reach_their_ratings),
         TEST(a_joint_takes_a_drive_by_its_name),
         TEST(what_stands_beside_the_name_goes_before_the_catalogue),
+        TEST(a_joint_takes_a_hydraulic_drive),
+        TEST(kinds_of_drives_are_not_mixed),
+        TEST(a_variant_keeps_the_kind_of_the_drive),
+        TEST(a_drive_is_described_with_its_kind),
         TEST(a_faulty_reference_is_refused_at_its_place),
     };
 

@@ -18,6 +18,9 @@
 
 #define LEG HIL_SOURCE_DIR "/config/robots/hyq-leg.yaml"
 
+/* The same as it was written before the catalogue had hydraulic drives. */
+#define OLD_LEG HIL_SOURCE_DIR "/tests/old/robots/oil.yaml"
+
 static void the_leg_has_its_cylinders(void **state)
 {
     const struct robot *robot;
@@ -45,6 +48,23 @@ static void the_leg_has_its_cylinders(void **state)
     assert_true(fabs(lever[0] - lever[1]) < 1e-9);
 }
 
+/* To the last bit: the catalogue has the numbers that the file had. */
+static void the_leg_takes_its_cylinders_from_the_catalogue(void **state)
+{
+    const struct robot *robot, *old;
+    struct error error;
+
+    (void)state;
+    if (robot_load(LEG, NULL, &arena, &robot, &error) ||
+        robot_load(OLD_LEG, NULL, &arena, &old, &error)) {
+        fail_msg("%s", error.text);
+    }
+    for (size_t j = 0; j < 2; j++) {
+        assert_memory_equal(&robot->joint[j].hydraulic, &old->joint[j].hydraulic,
+                            sizeof old->joint[j].hydraulic);
+    }
+}
+
 /* The leg with one part of its text replaced is refused so. */
 static void a_faulty_cylinder_is_refused_at_its_place(void **state)
 {
@@ -59,12 +79,15 @@ static void a_faulty_cylinder_is_refused_at_its_place(void **state)
         {"  valve_v: 10.0 ", "  # ", "without key \"valve_v\""},
         {"hydraulic: {}", "hydraulic: {}\n    drive: {}",
          "found a hydraulic drive on driven joint"},
+        {"hydraulic:\n", "drive: {bore_m: 0.02}\nhydraulic:\n",
+         "found key \"hydraulic\" beside a hydraulic \"drive\""},
+        {"  base_m: 0.32 ", "  # ", "without key \"base_m\", expected it here (the triangle"},
         {"precharge_pa: 9.0e+6", "precharge_pa: 2.0e+7", "found an accumulator of precharge_pa"},
         {"return_pa: 2.0e+5", "return_pa: 2.0e+7", "found a supply of"},
         {"return_pa: 2.0e+5", "return_pa: -1", "expected a number"},
     };
     static char text[16384];
-    FILE *leg = fopen(LEG, "re");
+    FILE *leg = fopen(OLD_LEG, "re");
     size_t size;
 
     (void)state;
@@ -100,6 +123,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(the_leg_has_its_cylinders),
+        TEST(the_leg_takes_its_cylinders_from_the_catalogue),
         TEST(a_faulty_cylinder_is_refused_at_its_place),
     };
 
