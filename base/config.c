@@ -17,7 +17,7 @@ enum { ENTRIES_MAX = 1024 };
 #define LIST_ARENA ((size_t)16 << 20) /* of address space */
 
 static const char suffix[] = ".yaml";
-static const char *const kinds[CONFIG_KINDS] = {"rig", "robot", "scenario", "drive"};
+static const char *const kinds[CONFIG_KINDS] = {"rig", "robot", "scenario", "drive", "protocol"};
 
 const char *config_kind_name(enum config_kind kind)
 {

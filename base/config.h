@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Finds rigs, robots, scenarios and drives by name (coman-hil run coman), and lists them. A
- * configuration tree has a folder for each kind (rigs, robots, ...) of files NAME.yaml. There are
- * up to three trees, of which the first that has a name wins: /etc/coman-hil,
+ * Finds rigs, robots, scenarios, drives and protocols by name (coman-hil run coman), and lists
+ * them. A configuration tree has a folder for each kind (rigs, robots, ...) of files NAME.yaml.
+ * There are up to three trees, of which the first that has a name wins: /etc/coman-hil,
  * PREFIX/share/coman-hil of a program in PREFIX/bin, and, of a program that was built and not
  * installed, the folder config beside it, a link to the one of the source. Not RT-safe.
  */
@@ -15,7 +15,14 @@
 #include <limits.h>
 #include <stddef.h>
 
-enum config_kind { CONFIG_RIG, CONFIG_ROBOT, CONFIG_SCENARIO, CONFIG_DRIVE, CONFIG_KINDS };
+enum config_kind {
+    CONFIG_RIG,
+    CONFIG_ROBOT,
+    CONFIG_SCENARIO,
+    CONFIG_DRIVE,
+    CONFIG_PROTOCOL, /* of boards that a file describes */
+    CONFIG_KINDS
+};
 
 enum { CONFIG_TREES_MAX = 3 };
 
@@ -28,10 +35,10 @@ struct config_entry {
     const char *name, *path;
 };
 
-/* "rig", "robot", "scenario", "drive". */
+/* "rig", "robot", "scenario", "drive", "protocol". */
 const char *config_kind_name(enum config_kind kind);
 
-/* Finds the path of a rig, robot, scenario or drive. What has a slash or a dot is a path already; a
+/* Finds the path of one of a kind. What has a slash or a dot is a path already; a
  * bare name NAME is the file of that name if there is one, else NAME.yaml of the first tree that
  * has it. ERROR_INPUT gives the nearest name, or the places that were searched. */
 enum error_code config_locate(enum config_kind kind, const char *name, char path[PATH_MAX],

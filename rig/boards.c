@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Builds the buses of a rig and the boards on them. */
+#include "base/config.h"
 #include "base/count.h"
 #include "base/text.h"
 #include "boards/cia402/protocol.h"
@@ -444,6 +445,18 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
     return code ? code : rig_check_name(b, &bus->interface_mark, "interface", bus->interface);
 }
 
+/* The file of a protocol: a path from the rig's folder, or a name alone. */
+static enum error_code rig_find_protocol(struct rig_builder *b, const struct yaml_mark *mark,
+                                         const char *file, const char **path)
+{
+    if (strpbrk(file, "/.")) {
+        return yaml_resolve_path(mark, file, b->arena, path, b->error);
+    }
+    return config_locate_from(CONFIG_PROTOCOL, file, mark->file, b->arena, path, b->error)
+               ? error_prefix(b->error, "%s:%d:%d", mark->file, mark->line, mark->column)
+               : ERROR_NONE;
+}
+
 /* The protocol of a described bus: its own, or the rig's. */
 static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw_bus *raw,
                                          const struct described_protocol **protocol)
@@ -480,7 +493,7 @@ static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw
             return ERROR_NONE;
         }
     }
-    code = yaml_resolve_path(mark, file, b->arena, &path, b->error);
+    code = rig_find_protocol(b, mark, file, &path);
     return code ? code : described_load(path, b->arena, protocol, b->error);
 }
 

@@ -20,7 +20,8 @@
 enum { LIST_TASKS = CONFIG_KINDS, LIST_ALL, NAME_COLUMN = 28 };
 
 static const char of_this_machine[] = "/etc/";
-static const char *const nouns[] = {"rigs", "robots", "scenarios", "drives", "tasks", NULL};
+static const char *const nouns[] = {"rigs",      "robots", "scenarios", "drives",
+                                    "protocols", "tasks",  NULL};
 
 static void list_print_line(const char *name, const char *text)
 {
@@ -140,6 +141,7 @@ static enum error_code list_print_all(bool names, struct error *error)
         [CONFIG_ROBOT] = "Robots (coman-hil check --robot NAME)",
         [CONFIG_SCENARIO] = "Scenarios (coman-hil test NAME)",
         [CONFIG_DRIVE] = "Drives (drive: NAME in a robot)",
+        [CONFIG_PROTOCOL] = "Protocols (protocol: NAME in a rig)",
         [LIST_TASKS] = "Tasks (coman-hil run RIG --task NAME)",
     };
     enum error_code code = ERROR_NONE;
@@ -164,11 +166,11 @@ static enum error_code list_find_noun(const char *given, int *noun, struct error
             *noun = i;
         }
     }
-    return given && *noun == LIST_ALL
-               ? error_set(error, ERROR_INPUT,
-                           "found \"%.100s\", expected rigs, robots, scenarios, drives or tasks",
-                           given)
-               : ERROR_NONE;
+    return given && *noun == LIST_ALL ? error_set(error, ERROR_INPUT,
+                                                  "found \"%.100s\", expected rigs, robots, "
+                                                  "scenarios, drives, protocols or tasks",
+                                                  given)
+                                      : ERROR_NONE;
 }
 
 int cmd_list(int argc, char **argv)
@@ -179,11 +181,12 @@ int cmd_list(int argc, char **argv)
         {"--names", OPTION_FLAG, NULL, "names alone, one a line", .value = &names},
     };
     static const struct operand_spec operands[] = {
-        {"KIND", "rigs, robots, scenarios, drives or tasks; all by default", false, &given,
-         .words = nouns}};
+        {"KIND", "rigs, robots, scenarios, drives, protocols or tasks; all by default", false,
+         &given, .words = nouns}};
     static const struct command_spec spec = {
         .name = "list",
-        .summary = "List the rigs, robots, scenarios, drives and tasks that can be given by name.",
+        .summary = "List the rigs, robots, scenarios, drives, protocols and tasks that can be "
+                   "given by name.",
         .option = options,
         .noption = ARRAY_COUNT(options),
         .operand = operands,

@@ -190,7 +190,7 @@ done
 conclude a_built_tree_lists_what_is_in_it_with_a_line_each
 
 run 2 list nonsense
-says err 'found "nonsense", expected rigs, robots, scenarios, drives or tasks'
+says err 'found "nonsense", expected rigs, robots, scenarios, drives, protocols or tasks'
 conclude list_refuses_what_it_does_not_know
 
 # names, from a folder that has no files of them
