@@ -20,7 +20,7 @@ static void import_print_result(const struct import_result *result)
     size_t drives = 0, shown = 0;
 
     for (size_t j = 0; j < robot->njoint; j++) {
-        drives += robot->joint[j].sea.present;
+        drives += robot_joint_is_driven(&robot->joint[j]);
     }
     printf("robot     %s: %s base, %zu bodies, %zu joints, %zu drives, %zu frames, %.7g kg\n",
            result->robot, robot->floating ? "floating" : "fixed", robot->nbody, robot->njoint,
@@ -93,7 +93,8 @@ int cmd_import(int argc, char **argv)
         {"--pose", OPTION_STRING, "NAME",
          "pose to start in: rest, or one of the SRDF or the keyframes", .value = &r.pose},
         {"--personality", OPTION_ENUM, "NAME",
-         "what the boards speak: icub (the default), foc, compact, or compact-fd over CAN FD",
+         "what boards of motors and sensors speak: icub (the default), foc, compact, or "
+         "compact-fd over CAN FD",
          .value = &personality, .words = personalities},
         {"--lock", OPTION_LIST, "JOINT", "fix this joint; may be given more than once",
          .value = &lock},

@@ -15,6 +15,7 @@ struct drive_pick {
     const char *option;  /* as it was given */
     const char *pattern; /* of joints */
     const char *file;    /* as a robot file names the drive */
+    const char *copy;    /* path of a file of the user's own, or NULL */
     const struct robot_drive *drive;
 };
 
@@ -26,7 +27,34 @@ double import_drive_torque(const struct robot_drive *drive)
     return drive->torque > 0.0 ? drive->torque : drive->sea.Kt * drive->supply_v / drive->sea.R;
 }
 
-/* The file that the option means; a path becomes absolute, since the robot file is elsewhere. */
+/* How a robot file names one of the folder drives beside its own; NULL: no memory. */
+static char *drive_name_own(const char *name, struct arena *arena)
+{
+    static const char before[] = "../drives/";
+    char *file = arena_alloc(arena, sizeof before + strlen(name), 1);
+
+    return file ? strcat(strcpy(file, before), name) : NULL;
+}
+
+/* Two files of one name cannot lie in one folder. */
+static enum error_code robot_check_drive_copies(const struct import_robot *to, struct error *error)
+{
+    for (size_t j = 0; j < to->robot->njoint; j++) {
+        for (size_t k = 0; k < j && to->drive_copy[j]; k++) {
+            if (to->drive_copy[k] && strcmp(to->drive_file[j], to->drive_file[k]) == 0 &&
+                strcmp(to->drive_copy[j], to->drive_copy[k]) != 0) {
+                return error_set(error, ERROR_INPUT,
+                                 "--drive: found \"%.200s\" and \"%.200s\", expected files with "
+                                 "different names",
+                                 to->drive_copy[k], to->drive_copy[j]);
+            }
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* The file that the option means; one of the user's own will lie in the folder drives beside the
+ * robot's. */
 static enum error_code drive_pick_locate(struct drive_pick *pick, struct arena *arena,
                                          const char **path, struct error *error)
 {
@@ -34,14 +62,27 @@ static enum error_code drive_pick_locate(struct drive_pick *pick, struct arena *
     enum error_code code;
 
     if (strpbrk(pick->file, "/.")) {
+        const char *slash, *name;
+
         if (!realpath(pick->file, whole)) {
             return error_set(error, ERROR_INPUT,
                              "--drive: found \"%.200s\", expected a drive of the catalogue or its "
                              "file: no such file",
                              pick->file);
         }
-        *path = pick->file = arena_strdup(arena, whole);
-        return *path ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory for the drives");
+        slash = strrchr(whole, '/');
+        name = slash ? slash + 1 : whole;
+        if (!text_is_name(name)) {
+            return error_set(
+                error, ERROR_INPUT,
+                "--drive: found \"%.200s\", expected letters, digits and _ - . only in "
+                "the name of a drive's file",
+                name);
+        }
+        *path = pick->copy = arena_strdup(arena, whole);
+        pick->file = drive_name_own(name, arena);
+        return *path && pick->file ? ERROR_NONE
+                                   : error_set(error, ERROR_MEMORY, "no memory for the drives");
     }
     code = config_locate_from(CONFIG_DRIVE, pick->file, "", arena, path, error);
     return code ? error_prefix(error, "--drive") : ERROR_NONE;
@@ -101,7 +142,8 @@ enum error_code import_pick_drives(const struct import_options *options, struct 
 
     to->drive = arena_alloc(arena, robot->njoint + 1, sizeof *to->drive);
     to->drive_file = arena_alloc(arena, robot->njoint + 1, sizeof *to->drive_file);
-    if (!to->drive || !to->drive_file) {
+    to->drive_copy = arena_alloc(arena, robot->njoint + 1, sizeof *to->drive_copy);
+    if (!to->drive || !to->drive_file || !to->drive_copy) {
         return error_set(error, ERROR_MEMORY, "no memory for the drives");
     }
     for (size_t i = 0; i < options->ndrive; i++) {
@@ -117,6 +159,7 @@ enum error_code import_pick_drives(const struct import_options *options, struct 
                 fnmatch(pick.pattern, robot->joint[j].name, 0) == 0) {
                 to->drive[j] = pick.drive;
                 to->drive_file[j] = pick.file;
+                to->drive_copy[j] = pick.copy;
                 matched = true;
             }
         }
@@ -124,5 +167,5 @@ enum error_code import_pick_drives(const struct import_options *options, struct 
             return drive_pick_refuse(&pick, robot, arena, error);
         }
     }
-    return ERROR_NONE;
+    return robot_check_drive_copies(to, error);
 }

@@ -3,12 +3,14 @@
 #include "app/import/drive.h"
 
 #include "app/import/catalogue.h"
+#include "app/import/cylinder.h"
 #include "app/import/shapes.h"
 #include "base/count.h"
 #include "base/vec3.h"
 #include "model/dynamics.h"
 
 #include <math.h>
+#include <string.h>
 
 #define GRAVITY 9.81
 #define PLACEHOLDER_TIMES 20.0 /* of what gravity asks: no strength */
@@ -223,19 +225,26 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
         most = fmax(most, load[j]);
     }
     for (size_t j = 0; j < robot->njoint; j++) {
-        if (from->drive[j]) {
+        if (from->drive[j] && !import_takes_cylinder(from, j)) {
             strength[j] = import_drive_torque(from->drive[j]);
-        } else {
+        } else if (!from->drive[j]) {
             drive_choose_limits(from, j, load[j], most, bears[j], notes, &strength[j], &speed[j]);
         }
     }
     *supply_v = drive_agree_supply(from, drive_choose_supply(robot, strength, speed));
+    code = import_take_cylinders(from, bears, notes, error);
+    if (code) {
+        return code;
+    }
 
     /* The drives of what turns */
     for (size_t j = 0; j < robot->njoint; j++) {
         struct robot_joint *joint = &robot->joint[j];
         const struct import_joint *source = from->source[j];
 
+        if (import_takes_cylinder(from, j)) {
+            continue;
+        }
         joint->torque_limit = strength[j];
         if (joint->type != JOINT_REVOLUTE) {
             continue;
@@ -267,7 +276,7 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
 /* The robot at rest in a pose, and scratch of its size. */
 struct gain_trial {
     struct dynamics dynamics;
-    double *q, *v, *tau, *extra, *still, *vdot;
+    double *q, *v, *tau, *extra, *still, *vdot, *force;
     struct added_inertia *none;
     struct wrench *ext;
 };
@@ -284,9 +293,11 @@ static enum error_code gain_trial_make(const struct robot *robot, const double *
     t->extra = arena_alloc(arena, n, sizeof *t->extra);
     t->still = arena_alloc(arena, n, sizeof *t->still);
     t->vdot = arena_alloc(arena, n, sizeof *t->vdot);
+    t->force = arena_alloc(arena, n, sizeof *t->force);
     t->none = arena_alloc(arena, robot->nbody, sizeof *t->none);
     t->ext = arena_alloc(arena, robot->nbody, sizeof *t->ext);
-    if (!t->q || !t->v || !t->tau || !t->extra || !t->still || !t->vdot || !t->none || !t->ext) {
+    if (!t->q || !t->v || !t->tau || !t->extra || !t->still || !t->vdot || !t->force || !t->none ||
+        !t->ext) {
         return error_set(error, ERROR_MEMORY, "no memory for the gains");
     }
     if (robot->floating) {
@@ -316,6 +327,31 @@ static double gain_trial_inertia(struct gain_trial *t, size_t j)
     gain_trial_accelerate(t, t->vdot);
     t->tau[j] = 0.0;
     return 1.0 / (t->vdot[at] - t->still[at]);
+}
+
+/* The torque that accelerates joint j by a unit while the others are held: the inertia of all that
+ * is behind it. */
+static double gain_trial_held_inertia(struct gain_trial *t, size_t j)
+{
+    const struct dynamics *d = &t->dynamics;
+    const size_t at = d->robot->nv - d->robot->njoint + j;
+    double torque;
+
+    memset(t->vdot, 0, d->robot->nv * sizeof *t->vdot);
+    d->ops->inverse(d, t->q, t->v, t->vdot, NULL, t->force);
+    torque = t->force[at];
+    t->vdot[at] = 1.0;
+    d->ops->inverse(d, t->q, t->v, t->vdot, NULL, t->force);
+    return t->force[at] - torque;
+}
+
+/* What swings on the oil of a joint: all behind it, or half of a robot that may stand on it. */
+static double gain_trial_oil_load(struct gain_trial *t, size_t j, double reach)
+{
+    const struct robot *robot = t->dynamics.robot;
+    const double held = gain_trial_held_inertia(t, j);
+
+    return robot->floating ? fmax(held, 0.5 * robot->total_mass * reach * reach) : held;
 }
 
 /* What tips the robot over each joint above its feet, N m/rad: its weight by the height of its
@@ -367,7 +403,10 @@ static struct import_gains gains_choose(const struct robot_sea *sea, double I, d
     /* Above the resonance with the spring the loop moves the rotor alone */
     K = fmin(K, fmin(most * most / I, 100.0 * 100.0 * sea->J));
     D = fmin(2.0 * sqrt(K * I), most) - own;
-    return (struct import_gains){K * sea->R / sea->Kt, fmax(D, 0.0) * sea->R / sea->Kt};
+    return (struct import_gains){.kp_v_per_rad = K * sea->R / sea->Kt,
+                                 .kd_v_s_per_rad = fmax(D, 0.0) * sea->R / sea->Kt,
+                                 .kw_v_s_per_rad = sea->Kw,
+                                 .load_v_per_nm = sea->R / sea->Kt};
 }
 
 enum error_code import_find_gains(const struct robot *robot, const double *joint, bool stands,
@@ -397,6 +436,9 @@ enum error_code import_find_gains(const struct robot *robot, const double *joint
 
         if (robot->joint[j].sea.present && I > 0.0 && isfinite(I)) {
             gains[j] = gains_choose(&robot->joint[j].sea, I, load[j], tips[j]);
+        } else if (robot->joint[j].hydraulic.present) {
+            gains[j] =
+                import_cylinder_gains(robot, j, joint[j], gain_trial_oil_load(&trial, j, reach[j]));
         }
     }
     return ERROR_NONE;

@@ -22,15 +22,17 @@
 #include "app/import/reduce.h"
 
 /* Fills drives and strengths of all joints of the robot, which is finished (robot_finish). Joints
- * with a drive of the catalogue (catalogue.h) get that. *supply_v is the highest that those are
- * made for; without any, what feeds all with at most 25 A each at full strength, 24 V or more. */
+ * with a drive of the catalogue (catalogue.h) get that, a hydraulic one by cylinder.h. *supply_v
+ * is the highest that those are made for; without any, what feeds all with at most 25 A each at
+ * full strength, 24 V or more. */
 enum error_code import_assume_drives(struct import_robot *from, struct arena *arena,
                                      struct import_notes *notes, double *supply_v,
                                      struct error *error);
 
-/* Gains of the loop V = kp (ref - qm) - kd qm', by joint; of no use for joints without a drive. */
+/* Gains of the loop V = kp (ref - qm) + ki integral - kd qm' + kw ref' + load times the torque at
+ * the start, by joint; of no use for joints without a drive. */
 struct import_gains {
-    double kp_v_per_rad, kd_v_s_per_rad;
+    double kp_v_per_rad, ki_v_per_rad_s, kd_v_s_per_rad, kw_v_s_per_rad, load_v_per_nm;
 };
 
 /* Gains from the drives and from the inertia I that every joint shows in that pose when the others
@@ -41,7 +43,7 @@ struct import_gains {
  * phase. The damping makes the loop aperiodic, D = 2 sqrt(K I),
  * less what the motor has itself, Dm + N Kt N Kw / R. Above the resonance with the spring the loop
  * moves the rotor alone: what is fed back of D is J / 10 ms at most, and K at most (100 rad/s)^2 J
- * and D^2 / I, which is half of the aperiodic damping. */
+ * and D^2 / I, which is half of the aperiodic damping. Those of cylinders: cylinder.h. */
 enum error_code import_find_gains(const struct robot *robot, const double *joint, bool stands,
                                   struct arena *arena, struct import_gains *gains,
                                   struct error *error);

@@ -246,6 +246,24 @@ static enum error_code import_write_bench(struct importer *m)
 
 /* ---- the whole ---- */
 
+/* The drives' files that are the user's own, into the folder drives. */
+static enum error_code import_copy_drives(struct importer *m)
+{
+    const struct import_robot *from = &m->robot;
+    enum error_code code = ERROR_NONE;
+    char path[PATH_MAX];
+
+    for (size_t j = 0; j < from->robot->njoint && !code; j++) {
+        if (from->drive_copy[j]) {
+            code = path_make(m, "drives", "", "", path);
+            code = code ? code : import_make_folder(path, m->error);
+            code = code ? code : path_make(m, "robots/", from->drive_file[j], "", path);
+            code = code ? code : import_copy_drive(from->drive_copy[j], path, m->error);
+        }
+    }
+    return code;
+}
+
 static enum error_code import_write_files(struct importer *m)
 {
     struct import_result *result = m->result;
@@ -259,6 +277,7 @@ static enum error_code import_write_files(struct importer *m)
         (code = path_make(m, "meshes", "", "", meshes)) ||
         (code = import_add_shapes(&m->robot, &m->request->packages, meshes, m->arena,
                                   &result->notes, &result->meshes, m->error)) ||
+        (code = import_copy_drives(m)) ||
         (code = import_write_robot(&m->robot, result->robot, m->error)) ||
         (code = robot_load(result->robot, NULL, m->arena, &result->loaded, m->error))) {
         return code;

@@ -11,6 +11,9 @@ static const size_t axes_most[] = {
     [IMPORT_COMPACT_FD] = 12,
 };
 
+/* The same of servo valves, 70 %: one board. */
+enum { VALVES_MOST = 4 };
+
 /* The first body of the limb that a body is part of: the one below where the tree branched last. */
 static int body_find_limb(const struct robot *robot, int body)
 {
@@ -44,19 +47,26 @@ static enum error_code plan_add_bus(struct import_plan *plan, struct import_bus 
     return ERROR_NONE;
 }
 
-/* How many driven joints are on the limb of a body. */
-static size_t limb_count_axes(const struct robot *robot, int limb)
+/* Whether a joint has a motor, or a servo valve. */
+static bool joint_is_for(const struct robot_joint *joint, bool valves)
+{
+    return valves ? joint->hydraulic.present : joint->sea.present;
+}
+
+/* How many joints with motors, or with valves, are on the limb of a body. */
+static size_t limb_count_axes(const struct robot *robot, int limb, bool valves)
 {
     size_t count = 0;
 
     for (size_t j = 0; j < robot->njoint; j++) {
-        count += robot->joint[j].sea.present && body_find_limb(robot, (int)j + 1) == limb;
+        count +=
+            joint_is_for(&robot->joint[j], valves) && body_find_limb(robot, (int)j + 1) == limb;
     }
     return count;
 }
 
 /* A limb begins a bus of its own unless all of it fits on the one before. */
-static enum error_code plan_add_joints(const struct robot *robot, size_t most,
+static enum error_code plan_add_joints(const struct robot *robot, size_t most, bool valves,
                                        struct import_plan *plan, struct error *error)
 {
     struct import_bus *bus = NULL;
@@ -66,16 +76,17 @@ static enum error_code plan_add_joints(const struct robot *robot, size_t most,
         int own = body_find_limb(robot, (int)j + 1);
         bool fits;
 
-        if (!robot->joint[j].sea.present) {
+        if (!joint_is_for(&robot->joint[j], valves)) {
             continue;
         }
-        fits = bus && bus->njoint + (own == limb ? 1 : limb_count_axes(robot, own)) <= most;
+        fits = bus && bus->njoint + (own == limb ? 1 : limb_count_axes(robot, own, valves)) <= most;
         if (!fits) {
             enum error_code code = plan_add_bus(plan, &bus, error);
 
             if (code) {
                 return code;
             }
+            bus->valves = valves;
         }
         limb = own;
         bus->joint[bus->njoint++] = j;
@@ -83,7 +94,7 @@ static enum error_code plan_add_joints(const struct robot *robot, size_t most,
     return ERROR_NONE;
 }
 
-/* The bus without a sensor yet whose last joint is the nearest above a body; NULL: none. */
+/* The bus of motors without a sensor yet whose last joint is the nearest above a body, or NULL. */
 static struct import_bus *plan_find_limb_bus(const struct robot *robot, struct import_plan *plan,
                                              int body)
 {
@@ -91,7 +102,7 @@ static struct import_bus *plan_find_limb_bus(const struct robot *robot, struct i
         for (size_t i = 0; i < plan->nbus; i++) {
             struct import_bus *bus = &plan->bus[i];
 
-            for (size_t k = 0; k < bus->njoint && bus->ft < 0; k++) {
+            for (size_t k = 0; k < bus->njoint && bus->ft < 0 && !bus->valves; k++) {
                 if ((int)bus->joint[k] == up - 1) {
                     return bus;
                 }
@@ -131,7 +142,8 @@ enum error_code import_plan_buses(const struct robot *robot, enum import_persona
     enum error_code code;
 
     *plan = (struct import_plan){.personality = personality};
-    code = plan_add_joints(robot, axes_most[personality], plan, error);
+    code = plan_add_joints(robot, axes_most[personality], false, plan, error);
+    code = code ? code : plan_add_joints(robot, VALVES_MOST, true, plan, error);
     if (!code && plan->nbus == 0) {
         return error_set(error, ERROR_INPUT,
                          "%.200s: found no joint that a drive can turn, expected one: all of its "

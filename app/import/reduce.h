@@ -37,6 +37,8 @@ struct import_robot {
     /* By joint of the robot, from the catalogue; NULL = its drive is assumed */
     const struct robot_drive **drive;
     const char **drive_file; /* as a robot file names it */
+    /* Path of a file that is the user's own, to be copied; NULL: it goes by name */
+    const char **drive_copy;
 };
 
 enum error_code import_reduce(const struct import_model *model,

@@ -2,7 +2,8 @@
 /*
  * What an import writes into its folder, a configuration tree of its own: robots/NAME.yaml,
  * rigs/NAME.yaml (and rigs/NAME-standing.yaml of a robot that floats and has a pose to stand in),
- * NAME-import.txt. Every file is complete or not there. Not RT-safe.
+ * NAME-import.txt, drives/ with copies of the drives' files that are the user's own. Every file is
+ * complete or not there. Not RT-safe.
  */
 #ifndef APP_IMPORT_WRITE_H
 #define APP_IMPORT_WRITE_H
@@ -20,6 +21,9 @@ void import_write_reals(FILE *out, const double *value, size_t count);
 /* The robot file. */
 enum error_code import_write_robot(const struct import_robot *from, const char *path,
                                    struct error *error);
+
+/* Copies a drive's file of the user's own. */
+enum error_code import_copy_drive(const char *from, const char *path, struct error *error);
 
 /* What the rig files are made of; robot is the one that was read back. */
 struct import_rig {

@@ -24,6 +24,16 @@ static double drive_current_limit(const struct robot_joint *joint)
     return 1.5 * joint->torque_limit / joint->sea.Kt;
 }
 
+/* The board of a bus of servo valves. */
+static void write_valves(FILE *out, const struct import_rig *rig, const struct import_bus *bus)
+{
+    fputs("      - {kind: motor, address: 1, axes: [", out);
+    for (size_t k = 0; k < bus->njoint; k++) {
+        fprintf(out, "%s\"%s\"", k ? ", " : "", rig->robot->joint[bus->joint[k]].name);
+    }
+    fputs("]}\n", out);
+}
+
 /* The boards of the motors, with as many axes each as the personality has. */
 static void write_motors(FILE *out, const struct import_rig *rig, const struct import_bus *bus)
 {
@@ -85,13 +95,33 @@ static void write_sensor_boards(FILE *out, const struct import_rig *rig,
     }
 }
 
+/* Whether all buses are of servo valves. */
+static bool plan_has_only_valves(const struct import_plan *plan)
+{
+    size_t count = 0;
+
+    for (size_t i = 0; i < plan->nbus; i++) {
+        count += plan->bus[i].valves;
+    }
+    return count == plan->nbus;
+}
+
 static void write_buses(FILE *out, const struct import_rig *rig)
 {
+    const bool only_valves = plan_has_only_valves(rig->plan);
+
     fputs("\nbuses:\n", out);
     for (size_t i = 0; i < rig->plan->nbus; i++) {
         const struct import_bus *bus = &rig->plan->bus[i];
 
         fprintf(out, "  - name: bus%zu\n    interface: can%zu\n", i, i);
+        if (bus->valves) {
+            fputs(only_valves ? "" : "    personality: described\n    protocol: servo-valve\n",
+                  out);
+            fputs("    boards:\n", out);
+            write_valves(out, rig, bus);
+            continue;
+        }
         if (rig->plan->personality == IMPORT_COMPACT_FD) {
             fputs("    fd: true\n    data_bitrate: 8000000\n", out);
         }
@@ -107,7 +137,7 @@ static void write_buses(FILE *out, const struct import_rig *rig)
 static void write_gains(FILE *out, const struct import_rig *rig)
 {
     const struct robot *robot = rig->robot;
-    bool fast = rig->plan->personality != IMPORT_ICUB;
+    bool fast = rig->plan->personality != IMPORT_ICUB || plan_has_only_valves(rig->plan);
 
     fprintf(out,
             "\ntasks:\n"
@@ -121,31 +151,40 @@ static void write_gains(FILE *out, const struct import_rig *rig)
             "    others:\n",
             fast ? "0.001" : "0.002");
     for (size_t j = 0; j < robot->njoint; j++) {
-        const struct robot_sea *sea = &robot->joint[j].sea;
+        const struct robot_joint *joint = &robot->joint[j];
+        const struct import_gains *gains = &rig->gains[j];
 
-        if (sea->present) {
+        if (joint->sea.present) {
             fprintf(out,
                     "      - {joints: [\"%s\"], kp_v_per_rad: %.5g, kd_v_s_per_rad: %.5g, "
                     "kw_v_s_per_rad: %.5g,\n         load_v_per_nm: %.5g}\n",
-                    robot->joint[j].name, rig->gains[j].kp_v_per_rad, rig->gains[j].kd_v_s_per_rad,
-                    sea->Kw, sea->R / sea->Kt);
+                    joint->name, gains->kp_v_per_rad, gains->kd_v_s_per_rad, gains->kw_v_s_per_rad,
+                    gains->load_v_per_nm);
+        } else if (joint->hydraulic.present) {
+            fprintf(out,
+                    "      - {joints: [\"%s\"], kp_v_per_rad: %.5g, ki_v_per_rad_s: %.5g, "
+                    "kw_v_s_per_rad: %.5g,\n         trim_per_s: 0.0, sway_damping_per_s: 0.0}\n",
+                    joint->name, gains->kp_v_per_rad, gains->ki_v_per_rad_s, gains->kw_v_s_per_rad);
         }
     }
 }
 
 /* ---- rigs ---- */
 
+/* Full scale of torques, N m, and the current of the strongest motor, A; a valve shows none. */
 static double robot_find_strongest(const struct robot *robot, double *current)
 {
-    double torque = 1.0;
+    double torque = 1.0, most = 0.0;
 
-    *current = 1e-3;
     for (size_t j = 0; j < robot->njoint; j++) {
-        if (robot->joint[j].sea.present) {
+        if (robot_joint_is_driven(&robot->joint[j])) {
             torque = fmax(torque, 1.2 * robot->joint[j].torque_limit);
-            *current = fmax(*current, drive_current_limit(&robot->joint[j]));
+        }
+        if (robot->joint[j].sea.present) {
+            most = fmax(most, fmax(drive_current_limit(&robot->joint[j]), 1e-3));
         }
     }
+    *current = most > 0.0 ? most : 1.0;
     return fmin(ceil(torque), 65535.0);
 }
 
@@ -154,6 +193,7 @@ enum error_code import_write_rig(const struct import_rig *rig, const char *path,
 {
     const struct robot *robot = rig->robot;
     double current, torque = robot_find_strongest(robot, &current);
+    const bool only_valves = plan_has_only_valves(rig->plan);
     struct whole_file file;
     enum error_code code = whole_file_open(&file, path, error);
 
@@ -171,13 +211,14 @@ enum error_code import_write_rig(const struct import_rig *rig, const char *path,
             "substep_s: 0.001\n"
             "integrator: implicit\n"
             "dynamics: generic      # starts at once; fastest compiles code for this robot first\n"
-            "personality: %s\n"
+            "%s%s\n"
             "supply_v: %g\n\n"
             "initial:\n  pose: \"%s\"\n",
             robot->floating ? "held by its base" : "its base fixed in the world", robot->name,
             robot->floating ? "hangs by its base" : "base fixed in the world", rig->plan->nbus,
             robot->name, robot->floating ? "  fixed_base: true\n" : "",
-            personality_word[rig->plan->personality], rig->supply_v, rig->pose);
+            only_valves ? "personality: described\nprotocol: servo-valve" : "personality: ",
+            only_valves ? "" : personality_word[rig->plan->personality], rig->supply_v, rig->pose);
     if (robot->floating) {
         fprintf(file.out, "  base_xyz_m: [0.0, 0.0, %.4g]\n", rig->height_m);
     }

@@ -5,6 +5,7 @@
 #include "base/count.h"
 #include "base/whole_file.h"
 
+#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -93,6 +94,37 @@ static void write_drive(FILE *out, const struct robot_sea *sea)
     }
 }
 
+/* The drive of the catalogue, and of a hydraulic one the triangle. */
+static void write_catalogue_drive(FILE *out, const char *file,
+                                  const struct robot_hydraulic *cylinder)
+{
+    if (!cylinder->present) {
+        fprintf(out, "    drive: \"%s\"\n", file);
+        return;
+    }
+    fprintf(out, "    drive: {file: \"%s\", base_m: ", file);
+    import_write_real(out, cylinder->base);
+    fputs(", arm_m: ", out);
+    import_write_real(out, cylinder->arm);
+    fputs(",\n            offset_rad: ", out);
+    import_write_real(out, cylinder->offset);
+    fputs(", closed_m: ", out);
+    import_write_real(out, cylinder->closed);
+    fputs("}\n", out);
+}
+
+static void write_hydraulic_supply(FILE *out, const struct robot_hydraulic_supply *supply)
+{
+    if (supply->pressure > 0.0) {
+        fprintf(out,
+                "\nhydraulic_supply:\n  pressure_pa: %.6g\n  return_pa: %.6g\n  pump_m3_s: %.6g\n"
+                "  accumulator_m3: %.6g\n  precharge_pa: %.6g\n  relief_pa: %.6g\n"
+                "  relief_m3_s_pa: %.6g\n",
+                supply->pressure, supply->back, supply->pump, supply->accumulator,
+                supply->precharge, supply->relief, supply->relief_flow);
+    }
+}
+
 static void write_joint(FILE *out, const struct import_robot *from, size_t j)
 {
     const struct robot *robot = from->robot;
@@ -115,7 +147,7 @@ static void write_joint(FILE *out, const struct import_robot *from, size_t j)
         fputs("    stops: {enabled: false}\n", out);
     }
     if (from->drive_file[j]) {
-        fprintf(out, "    drive: \"%s\"\n", from->drive_file[j]);
+        write_catalogue_drive(out, from->drive_file[j], &joint->hydraulic);
     } else if (joint->sea.present) {
         write_drive(out, &joint->sea);
     }
@@ -240,6 +272,7 @@ enum error_code import_write_robot(const struct import_robot *from, const char *
     import_write_reals(file.out, robot->gravity, 3);
     fprintf(file.out, "\nbase: {type: %s, body: \"%s\"}\n", robot->floating ? "floating" : "fixed",
             robot->body[0].name);
+    write_hydraulic_supply(file.out, &robot->hydraulic_supply);
     write_bodies(file.out, robot);
     fputs(robot->njoint ? "\njoints:\n" : "", file.out);
     for (size_t j = 0; j < robot->njoint; j++) {
@@ -250,6 +283,29 @@ enum error_code import_write_robot(const struct import_robot *from, const char *
     write_sensors(file.out, robot);
     write_poses(file.out, robot);
     return whole_file_close(&file, ERROR_NONE, error);
+}
+
+enum error_code import_copy_drive(const char *from, const char *path, struct error *error)
+{
+    FILE *in = fopen(from, "re");
+    struct whole_file file;
+    enum error_code code;
+    char block[4096];
+    size_t size;
+
+    if (!in) {
+        return error_set_file(error, errno, from, "cannot be opened");
+    }
+    code = whole_file_open(&file, path, error);
+    if (!code) {
+        while ((size = fread(block, 1, sizeof block, in)) > 0) {
+            fwrite(block, 1, size, file.out);
+        }
+        code = ferror(in) ? error_set_file(error, errno, from, "cannot be read") : ERROR_NONE;
+        code = whole_file_close(&file, code, error);
+    }
+    fclose(in);
+    return code;
 }
 
 /* ---- report ---- */

@@ -4,17 +4,21 @@
  * passed every check of robots, whose masses add up and whose drives are possible.
  */
 #include "app/import/import.h"
+#include "model/hydraulic.h"
 #include "tests/fuzz/fuzz.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-/* "FILE:LINE: text", or "FILE: text" of the robot as a whole. */
+/* "FILE:LINE: text", or "FILE: text" of the robot as a whole, or the option that does not suit. */
 static bool message_has_place(const char *message, size_t size)
 {
     unsigned long line = 1;
 
+    if (!strncmp(message, "--drive: ", 9)) {
+        return fuzz_is_sentence(message);
+    }
     return fuzz_is_sentence(message) && !strncmp(message, "x.urdf:", 7) &&
            (message[7] == ' ' || (sscanf(message + 7, "%lu:", &line) == 1 && line <= size + 1));
 }
@@ -36,6 +40,9 @@ static void check_made(const struct import_model *model, const struct import_rob
 
         fuzz_require(isfinite(joint->sea.Ks) && isfinite(joint->sea.R) && joint->torque_limit >= 0,
                      "joint %s", joint->name);
+        fuzz_require(!joint->hydraulic.present || hydraulic_check(&joint->hydraulic, joint->lower,
+                                                                  joint->upper, NULL) == ERROR_NONE,
+                     "joint %s", joint->name);
         fuzz_require(joint->lower <= made->rest[j] && made->rest[j] <= joint->upper, "joint %s",
                      joint->name);
     }
@@ -44,6 +51,7 @@ static void check_made(const struct import_model *model, const struct import_rob
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     struct arena *arena = fuzz_arena((size_t)64 << 20);
+    static const char *const drive[] = {HIL_SOURCE_DIR "/config/drives/hyq.yaml"};
     struct import_options options = {0};
     struct import_notes notes = {0};
     struct import_model model;
@@ -55,6 +63,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (size > 0) {
         options.base = data[0] % 3;
         options.mimic = data[0] / 4 % 3;
+        options.drive = drive;
+        options.ndrive = data[0] / 16 % 2;
         options.free_slides = data[0] & 64;
         options.repair_inertia = data[0] & 128;
         data++;

@@ -107,6 +107,10 @@ static void check_robot(const struct robot *robot)
 
         fuzz_require(joint->lower <= joint->upper && isfinite(joint->torque_limit), "%s",
                      joint->name);
+        fuzz_require(!joint->hydraulic.present ||
+                         (!joint->sea.present && joint->hydraulic.A2 > 0.0 &&
+                          robot->hydraulic_supply.pressure > robot->hydraulic_supply.back),
+                     "%s", joint->name);
         fuzz_require(!joint->sea.present || (joint->sea.J > 0.0 && joint->sea.R > 0.0), "%s",
                      joint->name);
     }

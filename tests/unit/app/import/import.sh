@@ -4,6 +4,7 @@
 # imported is refused with a place and leaves nothing. Prints TAP.
 set -u
 program=$1
+config=$(dirname "$0")/../../../../config
 folder=$(mktemp -d /tmp/hil-import-XXXXXX)
 trap 'rm -rf "$folder"' EXIT
 number=0
@@ -40,7 +41,7 @@ inertia='<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
     echo '</robot>'
 } >"$folder/arm.urdf"
 
-echo 1..15
+echo 1..21
 for personality in icub foc compact compact-fd; do
     out=$folder/$personality
     "$program" import "$folder/arm.urdf" -o "$out" --personality $personality >"$folder/log" 2>&1 &&
@@ -89,4 +90,79 @@ result $? a_drive_that_is_not_there_is_refused_with_the_nearest
 [ $? -eq 2 ] && grep -q 'found "joint7=cheetah-3", expected a joint that turns.*nearest is "joint' \
     "$folder/log" && [ ! -e "$folder/none" ]
 result $? a_pattern_of_no_joint_is_refused_with_the_nearest
+
+# Hydraulic drives: a quadruped on twelve of them, hanging and on its feet
+{
+    echo '<robot name="quad"><link name="trunk"><inertial><mass value="50"/><inertia ixx="1"'
+    echo 'iyy="5" izz="5.5" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    for leg in "lf 0.35 0.2 -1.2 0.9 0.3 2.4" "rf 0.35 -0.2 -1.2 0.9 0.3 2.4" \
+        "lh -0.35 0.2 -0.9 1.2 -2.4 -0.3" "rh -0.35 -0.2 -0.9 1.2 -2.4 -0.3"; do
+        set -- $leg
+        parent=trunk
+        place="$2 $3 0"
+        for joint in "haa 2 1 0 -0.8 0.8 -0.08" "hfe 2.5 0 1 $4 $5 -0.35" \
+            "knee 0.9 0 1 $6 $7 0"; do
+            leg=$1
+            set -- $leg $joint
+            echo "<link name=\"$1_$2\"><inertial><origin xyz=\"0 0 -0.15\"/><mass value=\"$3\"/>"
+            echo '<inertia ixx="0.03" iyy="0.03" izz="0.005" ixy="0" ixz="0" iyz="0"/></inertial>'
+            [ "$2" = knee ] && echo '<collision><origin xyz="0 0 -0.33"/><geometry>' \
+                '<sphere radius="0.02"/></geometry></collision>'
+            echo "</link><joint name=\"$1_$2\" type=\"revolute\"><parent link=\"$parent\"/>"
+            echo "<child link=\"$1_$2\"/><origin xyz=\"$place\"/><axis xyz=\"$4 $5 0\"/>"
+            echo "<limit lower=\"$6\" upper=\"$7\" effort=\"120\" velocity=\"10\"/></joint>"
+            parent=$1_$2
+            place="0 0 $8"
+        done
+    done
+    echo '</robot>'
+} >"$folder/quad.urdf"
+{
+    echo '<robot name="quad"><virtual_joint name="w" type="floating" parent_frame="world"'
+    echo 'child_link="trunk"/><group name="all"/><group_state name="standing" group="all">'
+    for leg in "lf -0.7 1.4" "rf -0.7 1.4" "lh 0.7 -1.4" "rh 0.7 -1.4"; do
+        set -- $leg
+        echo "<joint name=\"$1_hfe\" value=\"$2\"/><joint name=\"$1_knee\" value=\"$3\"/>"
+    done
+    echo '</group_state></robot>'
+} >"$folder/quad.srdf"
+out=$folder/quad
+"$program" import "$folder/quad.urdf" --srdf "$folder/quad.srdf" -o "$out" --drive hyq \
+    >"$folder/log" 2>&1 && "$program" check "$out/rigs/quad.yaml" >>"$folder/log" 2>&1 &&
+    grep -q '12 drives' "$folder/log" &&
+    [ "$(grep -c 'file: "hyq"' "$out/robots/quad.yaml")" -eq 12 ] &&
+    grep -q '^protocol: servo-valve' "$out/rigs/quad.yaml" &&
+    grep -q 'hydraulic supply: 160 bar' "$out/quad-import.txt"
+result $? a_quadruped_with_cylinders_gets_valves_and_a_supply
+tolerance() {
+    printf 'extends: %s.yaml\nname: close\ntasks: {hold: {tolerance_rad: 0.01}}\n' "$1" \
+        >"$out/rigs/close.yaml"
+    "$program" run "$out/rigs/close.yaml" --task hold --clock free --transport local --quiet \
+        >"$folder/log" 2>&1 && grep -q 'held for 10.0 s' "$folder/log"
+}
+tolerance quad
+result $? a_quadruped_with_cylinders_holds_its_pose_to_10_mrad
+tolerance quad-standing
+result $? a_quadruped_with_cylinders_stands_to_10_mrad
+
+# An arm with both kinds: motors and valves are on buses of their own
+out=$folder/mixed
+sed 's/lower="-2" upper="2"/lower="-1.2" upper="1.2"/' "$folder/arm.urdf" >"$folder/narrow.urdf"
+"$program" import "$folder/narrow.urdf" -o "$out" --drive coman \
+    --drive 'joint[123]=iso6020-25-g771' >"$folder/log" 2>&1 &&
+    grep -q '^personality: icub' "$out/rigs/arm.yaml" &&
+    grep -q '^    protocol: servo-valve' "$out/rigs/arm.yaml" && tolerance arm
+result $? an_arm_with_motors_and_cylinders_holds_its_pose_to_10_mrad
+"$program" import "$folder/arm.urdf" -o "$folder/none" --drive hyq >"$folder/log" 2>&1
+[ $? -eq 2 ] && grep -q 'arm.urdf:5: found joint "joint1", which turns by 4 rad' "$folder/log" &&
+    [ ! -e "$folder/none" ]
+result $? a_range_too_wide_for_a_cylinder_is_refused_with_its_place
+
+# A drive of one's own comes along
+sed 's/^name: coman$/name: mine/' "$config/drives/coman.yaml" >"$folder/mine.yaml"
+out=$folder/own
+"$program" import "$folder/arm.urdf" -o "$out" --drive "$folder/mine.yaml" >"$folder/log" 2>&1 &&
+    cmp "$folder/mine.yaml" "$out/drives/mine.yaml" >>"$folder/log" 2>&1 &&
+    [ "$(grep -c 'drive: "../drives/mine.yaml"' "$out/robots/arm.yaml")" -eq 6 ]
+result $? a_drive_of_ones_own_is_copied_beside_the_robot
 exit $((failures > 0))
