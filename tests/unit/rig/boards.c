@@ -335,6 +335,11 @@ static void a_described_bus_has_its_protocol(void **state)
         "that describes it");
     refused("  - {name: left, interface: can0, protocol: own.yaml, boards: []}\n",
             "28:45: found a protocol on bus \"left\", expected it with personality described");
+    refused(
+        "  - {name: left, interface: can0, personality: described, protocol: nobody, boards: []}"
+        "\n",
+        "28:69: found no file \"nobody\", nor nobody.yaml in /etc/coman-hil/protocols; coman-hil "
+        "list has the protocols that are there");
     refused("  - {name: left, interface: can0, personality: described, protocol: own.yaml,\n"
             "     boards: [{kind: motor, address: 5, axes: [hip]}]}\n",
             "29:38: found address 5, expected 1 to 4 with protocol own");

@@ -104,7 +104,7 @@ static void a_joint_without_rotor_or_spring_cannot_follow(void **state)
     char robot[sizeof toy_robot + 64], copy[512];
 
     (void)state;
-    snprintf(copy, sizeof copy, "cp '%s/config/robots/hyq-leg.yaml' '%s/config/robots/toy.yaml'",
+    snprintf(copy, sizeof copy, "cp '%s/tests/old/robots/oil.yaml' '%s/config/robots/toy.yaml'",
              HIL_SOURCE_DIR, tree);
     assert_int_equal(system(copy), 0);
     write_rig_file("name: valve\nsupply_v: 48\n"
