@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A generated module as a shared library: written, compiled and kept in a cache folder. */
-#include "model/symbolic/symbolic.h"
+#include "model/symbolic/build_private.h"
 
 #include "base/count.h"
 #include "base/instruction_set.h"
@@ -9,6 +9,7 @@
 #include <dlfcn.h>
 #include <errno.h>
 #include <inttypes.h>
+#include <signal.h>
 #include <spawn.h>
 #include <stdlib.h>
 #include <string.h>
@@ -20,7 +21,6 @@
 extern char **environ;
 
 enum {
-    PATH_SIZE = 512,
     POLL_NS = 20000000,
     TELL_NS = 250000000,
 };
@@ -28,28 +28,31 @@ enum {
 /* The files of one build; everything but the library is made in a folder of its own, so that two
  * runs at once do not meet. */
 struct build {
-    char library[PATH_SIZE + 32];
+    struct build_files files;
     char source[CACHE_PATH + 32], fresh[CACHE_PATH + 32];
     struct cache_workshop workshop;
     struct symbolic_report report;
 };
 
 /* Machines of several architectures may share a home folder. */
-static enum error_code name_library(const struct robot *robot, const char *folder,
-                                    const struct symbolic_options *options, struct build *build,
-                                    struct error *error)
+static enum error_code name_files(const struct robot *robot, const struct symbolic_options *options,
+                                  const char *folder, struct build_files *files,
+                                  struct error *error)
 {
-    char symbol[SYMBOLIC_SYMBOL];
+    char symbol[SYMBOLIC_SYMBOL], stem[CACHE_PATH - 64];
     int used;
 
     symbolic_symbol(robot, symbol);
-    used = snprintf(build->library, PATH_SIZE, "%s/%s-%016" PRIx64 "-g%d-l%d-%s%s%s.so", folder,
-                    symbol, robot->hash, SYMBOLIC_VERSION, options->lanes,
-                    instruction_set_architecture, options->this_cpu ? "-" : "",
+    used = snprintf(stem, sizeof stem, "%s/%s-%016" PRIx64 "-g%d-l%d-%s%s%s", folder, symbol,
+                    robot->hash, SYMBOLIC_VERSION, options->lanes, instruction_set_architecture,
+                    options->this_cpu ? "-" : "",
                     options->this_cpu ? instruction_set_names[instruction_set_used()] : "");
-    if (used < 0 || used >= PATH_SIZE) {
+    if (used < 0 || (size_t)used >= sizeof stem) {
         return error_set(error, ERROR_INPUT, "the folder name %s is too long", folder);
     }
+    snprintf(files->library, sizeof files->library, "%s.so", stem);
+    snprintf(files->claim, sizeof files->claim, "%s" CACHE_CLAIM, stem);
+    snprintf(files->failure, sizeof files->failure, "%s.failed", stem);
     return ERROR_NONE;
 }
 
@@ -71,6 +74,14 @@ static enum error_code check_folder(const char *folder, struct error *error)
                          folder);
     }
     return ERROR_NONE;
+}
+
+enum error_code build_name_files(const struct robot *robot, const struct symbolic_options *options,
+                                 const char *folder, struct build_files *files, struct error *error)
+{
+    enum error_code code = name_files(robot, options, folder, files, error);
+
+    return code ? code : check_folder(folder, error);
 }
 
 static enum error_code write_source(const struct robot *robot,
@@ -125,11 +136,31 @@ static char **compiler_environment(const struct build *build)
     return made;
 }
 
+/* Starts it, with a limit in a process group of its own, to be killed with all that it has started.
+ * Returns 0 or an errno. */
+static int start_compiler(const struct symbolic_options *options, char *const argv[],
+                          char **environment, pid_t *pid)
+{
+    posix_spawnattr_t attributes;
+    int problem = posix_spawnattr_init(&attributes);
+
+    if (problem) {
+        return problem;
+    }
+    if (options->limit_s > 0.0) {
+        posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+    }
+    problem = posix_spawnp(pid, argv[0], NULL, &attributes, argv, environment);
+    posix_spawnattr_destroy(&attributes);
+    return problem;
+}
+
 /* Waits for the compiler, and says a few times a second for how long. */
 static enum error_code wait_for_compiler(pid_t pid, const struct robot *robot,
-                                         const struct symbolic_progress *progress, int *status,
+                                         const struct symbolic_options *options, int *status,
                                          struct error *error)
 {
+    const struct symbolic_progress *progress = &options->progress;
     int64_t start = build_clock_ns(), told = start;
     pid_t ended;
 
@@ -138,6 +169,13 @@ static enum error_code wait_for_compiler(pid_t pid, const struct robot *robot,
 
         if (ended < 0 && errno != EINTR) {
             return error_set_errno(error, errno, "the compiler cannot be waited for");
+        }
+        if (options->limit_s > 0.0 && (double)(now - start) * 1e-9 > options->limit_s) {
+            kill(-pid, SIGKILL);
+            waitpid(pid, status, 0);
+            return error_set(error, ERROR_UNSUPPORTED,
+                             "the compiler (cc) was ended: it ran for more than %.0f s",
+                             options->limit_s);
         }
         if (progress->tell && now - told >= TELL_NS) {
             told = now;
@@ -168,7 +206,7 @@ static enum error_code compile_module(const struct robot *robot,
     }
     /* posix_spawnp takes char * but does not write to them */
     memcpy(argv, arguments, sizeof arguments);
-    problem = posix_spawnp(&pid, argv[0], NULL, NULL, argv, environment);
+    problem = start_compiler(options, argv, environment, &pid);
     free(environment[0]);
     free(environment);
     if (problem) {
@@ -176,7 +214,7 @@ static enum error_code compile_module(const struct robot *robot,
     }
 
     /* Its status: not started, killed, or not content */
-    code = wait_for_compiler(pid, robot, &options->progress, &status, error);
+    code = wait_for_compiler(pid, robot, options, &status, error);
     if (code) {
         return code;
     }
@@ -234,12 +272,40 @@ static enum error_code make_library(const struct robot *robot,
     if (!(code = write_source(robot, options, build->source, &build->report, error)) &&
         !(code = compile_module(robot, options, build, error)) &&
         !(code = cache_seal(build->fresh, error))) {
-        code = cache_publish(build->fresh, folder, build->library, error);
+        code = cache_publish(build->fresh, folder, build->files.library, error);
+    }
+    if (!code) {
+        unlink(build->files.failure);
     }
     unlink(build->source);
     unlink(build->fresh);
     cache_close_workshop(&build->workshop);
     return code;
+}
+
+/* library->cached: whether it was there and could be loaded. */
+static void load_cached(const struct robot *robot, const struct build_files *files,
+                        struct symbolic_library *library)
+{
+    library->cached =
+        cache_is_whole(files->library) && !load_module(robot, files->library, library, NULL);
+}
+
+enum error_code symbolic_find(const struct robot *robot, const struct symbolic_options *options,
+                              const char *folder, struct symbolic_library *library,
+                              struct error *error)
+{
+    struct build_files files;
+    enum error_code code;
+
+    memset(library, 0, sizeof *library);
+    if ((code = build_name_files(robot, options, folder, &files, error))) {
+        return code;
+    }
+    load_cached(robot, &files, library);
+    return library->cached
+               ? ERROR_NONE
+               : error_set(error, ERROR_UNSUPPORTED, "there is no compiled module in %s", folder);
 }
 
 enum error_code symbolic_build(const struct robot *robot, const struct symbolic_options *options,
@@ -250,16 +316,15 @@ enum error_code symbolic_build(const struct robot *robot, const struct symbolic_
     enum error_code code;
 
     memset(library, 0, sizeof *library);
-    if ((code = name_library(robot, folder, options, &build, error)) ||
-        (code = check_folder(folder, error))) {
+    if ((code = build_name_files(robot, options, folder, &build.files, error))) {
         return code;
     }
-    if (cache_is_whole(build.library) && !load_module(robot, build.library, library, NULL)) {
-        library->cached = true;
+    load_cached(robot, &build.files, library);
+    if (library->cached) {
         return ERROR_NONE;
     }
     code = make_library(robot, options, folder, &build, error);
-    return code ? code : load_module(robot, build.library, library, error);
+    return code ? code : load_module(robot, build.files.library, library, error);
 }
 
 void symbolic_close(struct symbolic_library *library)

@@ -154,6 +154,26 @@ static bool workshop_is_abandoned(const char *path)
     return abandoned;
 }
 
+static bool ends_with(const char *name, const char *end)
+{
+    size_t length = strlen(name), rest = strlen(end);
+
+    return length >= rest && !strcmp(name + length - rest, end);
+}
+
+/* Whoever locks a claim meanwhile notices that it has lost its name. */
+static void remove_dead_claim(const char *path)
+{
+    int descriptor = open(path, O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
+
+    if (descriptor >= 0 && !flock(descriptor, LOCK_EX | LOCK_NB)) {
+        unlink(path);
+    }
+    if (descriptor >= 0) {
+        close(descriptor);
+    }
+}
+
 static void cache_sweep(const char *folder)
 {
     char path[CACHE_PATH];
@@ -163,9 +183,13 @@ static void cache_sweep(const char *folder)
     while (listing && (entry = readdir(listing))) {
         int length = snprintf(path, sizeof path, "%s/%s", folder, entry->d_name);
 
-        if (!strncmp(entry->d_name, WORKSHOP, strlen(WORKSHOP)) && length > 0 &&
-            (size_t)length < sizeof path && workshop_is_abandoned(path)) {
+        if (length < 0 || (size_t)length >= sizeof path) {
+            continue;
+        }
+        if (!strncmp(entry->d_name, WORKSHOP, strlen(WORKSHOP)) && workshop_is_abandoned(path)) {
             cache_remove_folder(path);
+        } else if (ends_with(entry->d_name, CACHE_CLAIM)) {
+            remove_dead_claim(path);
         }
     }
     if (listing) {
@@ -203,4 +227,53 @@ void cache_close_workshop(struct cache_workshop *workshop)
         close(workshop->descriptor);
     }
     workshop->descriptor = -1;
+}
+
+/* ---- claims ---- */
+
+enum { CLAIM_ATTEMPTS = 8 };
+
+/* Whether the open file still has its name: who had it before may have removed it. */
+static bool claim_is_named(int descriptor, const char *path)
+{
+    struct stat mine, named;
+
+    return !fstat(descriptor, &mine) && !stat(path, &named) && mine.st_dev == named.st_dev &&
+           mine.st_ino == named.st_ino;
+}
+
+enum error_code cache_claim(const char *path, int *descriptor, struct error *error)
+{
+    for (int attempt = 0; attempt < CLAIM_ATTEMPTS; attempt++) {
+        int file = open(path, O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600), problem;
+
+        *descriptor = -1;
+        if (file < 0) {
+            return error_set_errno(error, errno, "%s", path);
+        }
+        problem = flock(file, LOCK_EX | LOCK_NB) ? errno : 0;
+        if (!problem && claim_is_named(file, path) && !ftruncate(file, 0)) {
+            *descriptor = file;
+            return ERROR_NONE;
+        }
+        close(file);
+        if (problem) {
+            return problem == EWOULDBLOCK ? ERROR_NONE
+                                          : error_set_errno(error, problem, "%s", path);
+        }
+    }
+    return ERROR_NONE;
+}
+
+bool cache_is_claimed(const char *path)
+{
+    int descriptor = open(path, O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
+    bool claimed;
+
+    if (descriptor < 0) {
+        return false;
+    }
+    claimed = flock(descriptor, LOCK_SH | LOCK_NB) && errno == EWOULDBLOCK;
+    close(descriptor);
+    return claimed;
 }

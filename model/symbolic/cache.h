@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Private to symbolic_build (build.c): compiled modules that are known to be whole, and folders in
- * which they are made.
+ * Private to symbolic_build (build.c) and what calls it in the background (background.c): compiled
+ * modules that are known to be whole, folders in which they are made, and who makes which.
  *
  * A truncated library crashes the process that loads it (SIGBUS, in the dynamic linker). So a
  * module ends in a seal, its size and a hash of its bytes, which the linker does not look at; it
@@ -42,5 +42,16 @@ enum error_code cache_open_workshop(struct cache_workshop *workshop, const char 
 
 /* Removes it with all that is in it. */
 void cache_close_workshop(struct cache_workshop *workshop);
+
+/* How the name of a claim ends: a file that is locked as long as somebody makes the module. One
+ * that is left behind is removed by the next build. */
+#define CACHE_CLAIM ".building"
+
+/* The locked file, empty, in *descriptor, or -1 where somebody else has it. The lock passes to a
+ * child with the descriptor. */
+enum error_code cache_claim(const char *path, int *descriptor, struct error *error);
+
+/* Whether somebody has it. */
+bool cache_is_claimed(const char *path);
 
 #endif

@@ -43,6 +43,7 @@ struct symbolic_options {
     bool this_cpu;     /* only the variant of instruction_set_used(): a third of the compiler's
                     * work; else all of them */
     bool fast_compile; /* symbolic_build: -O1, for tests */
+    double limit_s;    /* symbolic_build: the compiler is killed after so long; 0 = never */
     struct symbolic_progress progress; /* symbolic_build */
 };
 
@@ -68,6 +69,12 @@ struct symbolic_library {
 enum error_code symbolic_build(const struct robot *robot, const struct symbolic_options *options,
                                const char *folder, struct symbolic_library *library,
                                struct error *error);
+
+/* Loads what symbolic_build has left in folder and compiles nothing; ERROR_UNSUPPORTED where there
+ * is no such module. */
+enum error_code symbolic_find(const struct robot *robot, const struct symbolic_options *options,
+                              const char *folder, struct symbolic_library *library,
+                              struct error *error);
 
 /* Unloads; nothing of the module may be in use. Safe on a zeroed library. */
 void symbolic_close(struct symbolic_library *library);

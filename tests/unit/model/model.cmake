@@ -26,6 +26,8 @@ hil_test(symbolic_memory SOURCES ${unit}/symbolic/memory.c LIBS symbolic_evaluat
 target_link_options(test_symbolic_memory PRIVATE
                     -Wl,--wrap=calloc -Wl,--wrap=realloc -Wl,--wrap=free)
 hil_test(symbolic_cache SOURCES ${unit}/symbolic/cache.c LIBS symbolic_evaluate LABELS unit)
+hil_test(symbolic_background SOURCES ${unit}/symbolic/background.c LIBS symbolic_evaluate
+         LABELS unit TIMEOUT 300)
 hil_test(symbolic_large SOURCES ${unit}/symbolic/large.c LIBS symbolic_evaluate LABELS unit
          TIMEOUT 300)
 hil_test(symbolic_module SOURCES ${unit}/symbolic/module.c

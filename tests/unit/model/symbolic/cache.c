@@ -11,10 +11,9 @@
 #include <cmocka.h>
 
 #include "base/instruction_set.h"
-#include "model/symbolic/symbolic.h"
-#include "tests/unit/model/symbolic/evaluate.h"
+#include "model/symbolic/cache.h"
+#include "tests/unit/model/symbolic/cache_scene.h"
 
-#include <dirent.h>
 #include <fcntl.h>
 #include <stdlib.h>
 #include <string.h>
@@ -23,56 +22,6 @@
 #include <sys/types.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-static const struct symbolic_options options = {.lanes = 4, .fast_compile = true};
-static char folder[64], tools[64], path_before[4096];
-static struct random_tree tree;
-static struct symbolic_library library;
-static struct error error;
-
-static int open_cache(void **state)
-{
-    (void)state;
-    strcpy(folder, "/tmp/hil-cache-XXXXXX");
-    strcpy(tools, "/tmp/hil-tools-XXXXXX");
-    snprintf(path_before, sizeof path_before, "%s", getenv("PATH"));
-    return !mkdtemp(folder) || !mkdtemp(tools) || pendulum_make(&tree, &error);
-}
-
-static int close_cache(void **state)
-{
-    char command[160];
-
-    (void)state;
-    symbolic_close(&library);
-    setenv("PATH", path_before, 1);
-    snprintf(command, sizeof command, "rm -r '%s' '%s'", folder, tools);
-    return system(command);
-}
-
-static void skip_without_compiler(void)
-{
-    if (system("cc --version >/dev/null 2>&1") != 0) {
-        print_message("SKIP: no C compiler (cc)\n");
-        skip();
-    }
-}
-
-/* A compiler of our own is found first; it may call the real one. */
-static void put_compiler(const char *script)
-{
-    char path[96], search[sizeof path_before + 64];
-    FILE *file;
-
-    snprintf(path, sizeof path, "%s/cc", tools);
-    file = fopen(path, "w");
-    assert_non_null(file);
-    fprintf(file, "#!/bin/sh\nPATH='%s'\n%s\n", path_before, script);
-    fclose(file);
-    assert_int_equal(chmod(path, 0700), 0);
-    snprintf(search, sizeof search, "%s:%s", tools, path_before);
-    setenv("PATH", search, 1);
-}
 
 /* Builds it and says whether it was there; what is loaded computes. */
 static bool build_or_find(void)
@@ -88,23 +37,6 @@ static bool build_or_find(void)
     cached = library.cached;
     symbolic_close(&library);
     return cached;
-}
-
-/* How many entries the folder has; path: of the last one. */
-static int list_cache(char path[384])
-{
-    DIR *listing = opendir(folder);
-    const struct dirent *entry;
-    int count = 0;
-
-    while (listing && (entry = readdir(listing))) {
-        if (entry->d_name[0] != '.') {
-            snprintf(path, 384, "%s/%s", folder, entry->d_name);
-            count++;
-        }
-    }
-    closedir(listing);
-    return count;
 }
 
 /* ---- damage ---- */
@@ -220,6 +152,52 @@ static void what_dead_builds_have_left_is_removed_and_no_other(void **state)
     close(lock);
 }
 
+/* ---- claims ---- */
+
+static void a_claim_is_one_builders_until_it_is_closed(void **state)
+{
+    char path[96];
+    int first, second;
+
+    (void)state;
+    snprintf(path, sizeof path, "%s/module" CACHE_CLAIM, folder);
+    assert_false(cache_is_claimed(path));
+    assert_int_equal(cache_claim(path, &first, &error), ERROR_NONE);
+    assert_true(first >= 0 && cache_is_claimed(path));
+    assert_int_equal(cache_claim(path, &second, &error), ERROR_NONE);
+    assert_int_equal(second, -1);
+
+    /* One that was removed by who had it is another file */
+    unlink(path);
+    assert_int_equal(cache_claim(path, &second, &error), ERROR_NONE);
+    assert_true(second >= 0 && cache_is_claimed(path));
+    close(first);
+    assert_true(cache_is_claimed(path));
+    close(second);
+    assert_false(cache_is_claimed(path));
+    snprintf(path, sizeof path, "%s/nowhere/module" CACHE_CLAIM, folder);
+    assert_int_equal(cache_claim(path, &first, &error), ERROR_SYSTEM);
+    assert_int_equal(first, -1);
+}
+
+static void dead_claims_are_removed_and_no_other(void **state)
+{
+    char dead[96], living[96], path[384];
+    int lock;
+
+    (void)state;
+    skip_without_compiler();
+    snprintf(dead, sizeof dead, "%s/dead" CACHE_CLAIM, folder);
+    snprintf(living, sizeof living, "%s/living" CACHE_CLAIM, folder);
+    fclose(fopen(dead, "w"));
+    assert_int_equal(cache_claim(living, &lock, &error), ERROR_NONE);
+    assert_false(build_or_find());
+    assert_int_equal(access(dead, F_OK), -1);
+    assert_int_equal(access(living, F_OK), 0);
+    assert_int_equal(list_cache(path), 2);
+    close(lock);
+}
+
 /* ---- progress ---- */
 
 struct told {
@@ -266,6 +244,10 @@ int main(void)
         cmocka_unit_test_setup_teardown(a_killed_compiler_leaves_nothing, open_cache, close_cache),
         cmocka_unit_test_setup_teardown(what_dead_builds_have_left_is_removed_and_no_other,
                                         open_cache, close_cache),
+        cmocka_unit_test_setup_teardown(a_claim_is_one_builders_until_it_is_closed, open_cache,
+                                        close_cache),
+        cmocka_unit_test_setup_teardown(dead_claims_are_removed_and_no_other, open_cache,
+                                        close_cache),
         cmocka_unit_test_setup_teardown(a_long_compilation_is_told, open_cache, close_cache),
     };
 
