@@ -137,6 +137,11 @@ static int64_t simulator_wall_time_ns(void *clock)
 static enum error_code simulator_create_dynamics(struct simulator *simulator, struct error *error)
 {
     const struct rig *rig = simulator->config.rig;
+    const struct dynamics_compiling compiling = {
+        .when = simulator->config.compile,
+        .progress = simulator->config.compiling,
+        .loop_cpu = rig->realtime.cpu,
+    };
     char folder[4096];
 
     if (rig->dynamics == RIG_DYNAMICS_GENERIC) {
@@ -144,8 +149,8 @@ static enum error_code simulator_create_dynamics(struct simulator *simulator, st
         return dynamics_generic(rig->robot, simulator->arena, &simulator->dynamics, error);
     }
     return dynamics_fastest(rig->robot, module_cache_folder(folder, sizeof folder) ? folder : NULL,
-                            simulator->config.compiling, simulator->arena, &simulator->dynamics,
-                            &simulator->library, &simulator->dynamics_notice, error);
+                            &compiling, simulator->arena, &simulator->dynamics, &simulator->library,
+                            &simulator->dynamics_notice, error);
 }
 
 /* Clamps the robot where the rig holds it, puts it into its pose and lets it settle. */

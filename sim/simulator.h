@@ -10,7 +10,7 @@
 #include "base/journal.h"
 #include "canbus/gateway.h"
 #include "model/settle.h"
-#include "model/symbolic/symbolic.h"
+#include "model/symbolic/builtin.h"
 #include "rig/rig.h"
 #include "rt/loop.h"
 #include "rt/realtime.h"
@@ -75,7 +75,8 @@ struct simulator_config {
     bool overwrite;
     unsigned record_format;             /* of rows: enum recorder_format; 0 = CSV */
     int64_t row_period_ns;              /* of signals.csv, a multiple of the tick */
-    struct symbolic_progress compiling; /* while the robot's dynamics are compiled */
+    enum dynamics_compile compile;      /* the dynamics of a robot that are not built in */
+    struct symbolic_progress compiling; /* while that is waited for */
 };
 
 struct bus_status {

@@ -11,6 +11,7 @@
 #include "rt/clock.h"
 #include "rt/histogram.h"
 #include "rt/realtime.h"
+#include "sim/module_cache.h"
 
 #include <inttypes.h>
 #include <string.h>
@@ -25,15 +26,41 @@ static void print_finding(const struct doctor_finding *finding)
     }
 }
 
+/* What a run that began now would take. */
+static void doctor_describe_dynamics(const struct rig *rig, struct error *text)
+{
+    static const char *const words[] = {
+        [SYMBOLIC_MISSING] = "generated when a run first needs it",
+        [SYMBOLIC_COMPILED] = "generated, compiled",
+        [SYMBOLIC_COMPILING] = "being compiled",
+    };
+    enum symbolic_state state;
+    struct error reason;
+    char folder[4096];
+
+    if (rig->dynamics == RIG_DYNAMICS_GENERIC) {
+        error_set(text, ERROR_NONE, "generic, as the rig says");
+    } else if (symbolic_builtin(rig->robot->hash)) {
+        error_set(text, ERROR_NONE, "generated, built in");
+    } else if (!module_cache_folder(folder, sizeof folder)) {
+        error_set(text, ERROR_NONE, "numeric: no cache folder");
+    } else {
+        state = dynamics_fastest_state(rig->robot, folder, &reason);
+        if (reason.text[0] && state != SYMBOLIC_COMPILING) {
+            error_set(text, ERROR_NONE, "numeric, not generated ones: %s", reason.text);
+        } else {
+            error_set(text, ERROR_NONE, "%s", words[state]);
+        }
+    }
+}
+
 static void doctor_print_robot(const struct rig *rig)
 {
-    const struct robot *robot = rig->robot;
+    struct error dynamics;
 
-    printf("%-5s%-15s%s, hash %016" PRIx64 ", dynamics %s\n", "ok", "robot", robot->name,
-           robot->hash,
-           rig->dynamics == RIG_DYNAMICS_GENERIC ? "generic, as the rig says"
-           : symbolic_builtin(robot->hash)       ? "generated, built in"
-                                                 : "generated when a run first needs it");
+    doctor_describe_dynamics(rig, &dynamics);
+    printf("%-5s%-15s%s, hash %016" PRIx64 ", dynamics %s\n", "ok", "robot", rig->robot->name,
+           rig->robot->hash, dynamics.text);
 }
 
 /* Wakes up on the grid of the tick as the loop does, and prints how late. */

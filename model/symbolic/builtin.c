@@ -28,21 +28,64 @@ const struct dynamics_module *symbolic_builtin(uint64_t robot_hash)
     return NULL;
 }
 
+static const struct symbolic_options fastest = {.lanes = 4, .this_cpu = true};
+
+enum symbolic_state dynamics_fastest_state(const struct robot *robot, const char *folder,
+                                           struct error *reason)
+{
+    return symbolic_state(robot, &fastest, folder, reason);
+}
+
+/* A module that is there, or is waited for; else reason says why not. */
+static enum error_code open_library(const struct robot *robot, const char *folder,
+                                    const struct dynamics_compiling *compiling,
+                                    struct symbolic_library *library, struct error *reason)
+{
+    struct symbolic_options options = fastest;
+
+    options.progress = compiling->progress;
+    if (compiling->when == DYNAMICS_COMPILE_NEVER) {
+        return error_set(reason, ERROR_UNSUPPORTED, "not looked for, as asked");
+    }
+    if (!folder) {
+        return error_set(reason, ERROR_UNSUPPORTED, "no cache folder");
+    }
+    if (compiling->when == DYNAMICS_COMPILE_WAIT) {
+        return symbolic_build(robot, &options, folder, library, reason);
+    }
+    if (!symbolic_find(robot, &options, folder, library, NULL)) {
+        return ERROR_NONE;
+    }
+    switch (symbolic_build_in_background(robot, &options, folder, compiling->loop_cpu, reason)) {
+    case SYMBOLIC_COMPILED: /* since */
+        return symbolic_find(robot, &options, folder, library, reason);
+    case SYMBOLIC_COMPILING:
+        if (!reason->text[0]) {
+            error_set(reason, ERROR_UNSUPPORTED,
+                      "these are compiled in the background, for the next start");
+        }
+        break;
+    case SYMBOLIC_MISSING:
+    case SYMBOLIC_FAILED:
+        break;
+    }
+    return ERROR_UNSUPPORTED;
+}
+
 enum error_code dynamics_fastest(const struct robot *robot, const char *folder,
-                                 struct symbolic_progress progress, struct arena *arena,
+                                 const struct dynamics_compiling *compiling, struct arena *arena,
                                  struct dynamics *out, struct symbolic_library *library,
                                  struct error *notice, struct error *error)
 {
-    const struct symbolic_options options = {.lanes = 4, .this_cpu = true, .progress = progress};
     const struct dynamics_module *module = symbolic_builtin(robot->hash);
-    struct error reason = {.text = "no cache folder"};
+    struct error reason;
 
     memset(library, 0, sizeof *library);
     if (module) {
         error_set(notice, ERROR_NONE, "built-in generated dynamics (%s)", module->variant);
         return dynamics_generated(robot, module, arena, out, error);
     }
-    if (folder && !symbolic_build(robot, &options, folder, library, &reason)) {
+    if (!open_library(robot, folder, compiling, library, &reason)) {
         if (!dynamics_generated(robot, library->module, arena, out, &reason)) {
             error_set(notice, ERROR_NONE, "generated dynamics (%s), %s in %s",
                       library->module->variant, library->cached ? "found" : "compiled", folder);

@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """usage: compile.py COMAN-HIL
 A start that has to compile the dynamics of a robot that is not built in, with a compiler that takes
-long: the service manager is asked for patience, a log and a terminal are told, nothing is left
-behind, and when the compiler is killed the run begins with the numeric code. Prints TAP."""
+long. One that waits: the service manager is asked for patience, a log and a terminal are told,
+nothing is left behind, and when the compiler is killed the run begins with the numeric code. One
+with the real clock: it is ready and runs on the numeric code while a process that has nothing of
+the run's compiles for the next start, which says how that ended. Prints TAP."""
 import os
 import pty
 import shutil
@@ -11,6 +13,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
 
 from tap import check
 
@@ -36,20 +39,20 @@ def put_compiler(work, script):
     os.chmod(work + "/tools/cc", 0o700)
 
 
-def start(work, cache, **others):
+def start(work, cache, options=("--clock", "free", "--ticks", "50"), **others):
     environment = dict(os.environ, PATH=work + "/tools:" + os.environ["PATH"],
                        XDG_CACHE_HOME=work + "/" + cache)
     environment.pop("CACHE_DIRECTORY", None)
     environment.update(others.pop("env", {}))
     return subprocess.Popen(
-        [PROGRAM, "run", work + "/config/rigs/coman.yaml", "--transport", "local", "--clock",
-         "free", "--ticks", "50", "--control", "none"],
+        [PROGRAM, "run", work + "/config/rigs/coman.yaml", "--transport", "local", "--control",
+         "none", *options],
         env=environment, stdin=subprocess.DEVNULL, **others)
 
 
 def left_behind(work, cache):
-    return [name for _, folders, files in os.walk(work + "/" + cache) for name in folders + files
-            if name != "coman-hil"]
+    return sorted(name for _, folders, files in os.walk(work + "/" + cache)
+                  for name in folders + files if name != "coman-hil")
 
 
 def managed(work):
@@ -86,8 +89,138 @@ def on_terminal(work):
     return shown.decode()
 
 
+# ---- in the background ----
+
+# Says that it is there, and goes on when it may.
+SLOW_COMPILER = """
+: >"$NOTES/$$.said"
+while [ ! -e "$NOTES/go" ]; do sleep 0.1; done
+PATH=${PATH#*:}
+"""
+REAL = ("--clock", "real", "--duration", "1", "--quiet")
+
+
+class Folder:
+    """A compiler, what it has noted, a cache."""
+
+    def __init__(self, work, name, end):
+        self.work, self.cache, self.notes = work, name, f"{work}/{name}-notes"
+        os.mkdir(self.notes)
+        put_compiler(work, f"NOTES={self.notes}\n" + SLOW_COMPILER + end)
+
+    def begin(self, *more, **others):
+        return start(self.work, self.cache, [*REAL, *more], stdout=subprocess.DEVNULL,
+                     stderr=subprocess.PIPE, text=True, **others)
+
+    def run(self, *more, **others):
+        """Its log and status."""
+        run = self.begin(*more, **others)
+        log = run.communicate(timeout=PATIENCE_S)[1]
+        return log, run.returncode
+
+    def said(self):
+        return [name for name in os.listdir(self.notes) if name.endswith(".said")]
+
+    def compiler(self):
+        """The process of the first one that was started, as long as it may not go on."""
+        return "/proc/" + wait_for(self.said)[0].removesuffix(".said") + "/"
+
+    def go(self):
+        with open(self.notes + "/go", "w"):
+            pass
+
+    def left(self):
+        return left_behind(self.work, self.cache)
+
+    def wait(self, end):
+        """Until the cache has nothing but a file of that kind."""
+        return wait_for(lambda: len(self.left()) == 1 and self.left()[0].endswith(end))
+
+
+def wait_for(found):
+    until = time.monotonic() + PATIENCE_S
+    while not found() and time.monotonic() < until:
+        time.sleep(0.05)
+    return found()
+
+
+def read(path):
+    with open(path) as file:
+        return file.read()
+
+
+def judge_process(process):
+    """What the compiler inherits of a run in real time: nothing."""
+    stat = read(process + "stat").rpartition(")")[2].split()
+    status = dict(line.split(":", 1) for line in read(process + "status").splitlines())
+    session, nice, policy = int(stat[3]), int(stat[16]), int(stat[38])
+    check(policy == os.SCHED_IDLE and nice == 19 and int(read(process + "oom_score_adj")) == 1000,
+          "its compiler has the lowest priority", f"policy {policy}, nice {nice}")
+    # signals 32 and 33 are the C library's own
+    signals = (int(status["SigIgn"], 16) | int(status["SigBlk"], 16)) & ~0x180000000
+    check(session != os.getsid(0) and signals == 0, "a session and signals of its own",
+          f"{session}, {signals:x}")
+    # the shell holds the script that it reads
+    files = {number: os.readlink(f"{process}fd/{number}") for number in os.listdir(process + "fd")}
+    inherited = [files[number] for number in sorted(files) if "/tools/" not in files[number]]
+    check(len(inherited) == 3 and inherited[0] == "/dev/null"
+          and all(name.endswith(".building") for name in inherited[1:]),
+          "and no file but the cache's", inherited)
+
+
+def two_starts(work):
+    folder = Folder(work, "two", 'exec cc "$@"\n')
+    runs = [folder.begin() for _ in range(2)]
+    logs = [run.communicate(timeout=PATIENCE_S)[1] for run in runs]
+    text = sorted("another start is compiling" in log for log in logs)
+    check([run.returncode for run in runs] == [0, 0]
+          and all("dynamics: numeric" in log for log in logs),
+          "two starts run on the numeric code while a compiler stands still", logs)
+    process = folder.compiler()
+    check(text == [False, True] and len(folder.said()) == 1,
+          "one of them compiles, after its end too", f"{text}, {folder.said()}")
+    judge_process(process)
+    folder.go()
+    check(folder.wait(".so"), "the module is all that remains", folder.left())
+    log, status = folder.run()
+    check(status == 0 and "dynamics: generated dynamics" in log and "found in" in log,
+          "the next start takes it", log)
+    log, status = folder.run("--compile", "never")
+    check(status == 0 and "dynamics: numeric" in log, "but not one that must not", log)
+
+
+def ready_at_once(work):
+    """A service with a compiler that stands still, which is then killed."""
+    folder = Folder(work, "failing", "echo half >$TMPDIR/half.s\necho trouble\nkill -KILL $$\n")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(work + "/notify-real")
+        manager.settimeout(PATIENCE_S)
+        run = folder.begin(env={"NOTIFY_SOCKET": work + "/notify-real"})
+        heard = [manager.recv(4096).decode()]
+        while "READY=1" not in heard[-1]:
+            heard.append(manager.recv(4096).decode())
+        log = run.communicate(timeout=PATIENCE_S)[1]
+    check("READY=1" in heard[-1] and not any("EXTEND" in text for text in heard)
+          and "in the background" in log, "a service is ready without asking for patience",
+          heard[:3])
+    folder.compiler()
+    folder.go()
+    check(folder.wait(".failed"), "of a compiler that is killed a note remains", folder.left())
+    log, status = folder.run()
+    check(status == 0 and "numeric" in log and "killed by signal 9" in log
+          and folder.left()[0] in log, "the next start says so", log)
+    check("\ntrouble\n" in read(f"{work}/{folder.cache}/coman-hil/{folder.left()[0]}"),
+          "with what the compiler has said")
+    check(len(folder.said()) == 1, "and does not try again", folder.said())
+    doctor = subprocess.run([PROGRAM, "doctor", work + "/config/rigs/coman.yaml", "--local",
+                             "--measure", "0"], capture_output=True, text=True,
+                            env=dict(os.environ, PATH=work + "/tools:" + os.environ["PATH"],
+                                     XDG_CACHE_HOME=work + "/" + folder.cache)).stdout
+    check("killed by signal 9" in doctor, "doctor says it too", doctor.splitlines()[-1:])
+
+
 def main():
-    print("1..5")
+    print("1..19")
     with tempfile.TemporaryDirectory() as work:
         robot_of_our_own(work)
         put_compiler(work, "sleep 5\necho half >$TMPDIR/half.s\nkill -KILL $$\n")
@@ -108,6 +241,8 @@ def main():
         seconds = [n for n in range(6) if f": {n} s;" in shown]
         check(len(seconds) >= 4 and "\r\x1b[K" + "dynamics: numeric" in shown,
               "a terminal shows the seconds, in one line that goes", f"{seconds} {shown[-200:]!r}")
+        two_starts(work)
+        ready_at_once(work)
 
 
 main()

@@ -17,7 +17,7 @@ PATIENCE_S = 30
 
 
 class Service:
-    def __init__(self, program, work):
+    def __init__(self, program, work, *more):
         self.work = work
         self.heard = []
         shutil.copytree(os.environ["HIL_SOURCE_DIR"] + "/config", work + "/config")
@@ -27,7 +27,7 @@ class Service:
         self.manager.settimeout(0.1)
         self.log = open(work + "/err", "w")
         self.process = subprocess.Popen(
-            [program, "run", self.rig, "--transport", "local", "--clock", "real"],
+            [program, "run", self.rig, "--transport", "local", "--clock", "real", *more],
             env=dict(os.environ, NOTIFY_SOCKET=work + "/notify", WATCHDOG_USEC="500000",
                      PATH=work + "/tools:" + os.environ["PATH"],
                      XDG_CACHE_HOME=work + "/cache"),
@@ -109,7 +109,7 @@ def stop_between_two_runs(program, work):
     with open(work + "/tools/cc", "w") as file:
         file.write(f"#!/bin/sh\n: >'{work}/compiling'\nexec sleep 20\n")
     os.chmod(work + "/tools/cc", 0o700)
-    service = Service(program, work)
+    service = Service(program, work, "--compile", "wait")
     try:
         good = service.hears("READY=1")
         path = work + "/config/robots/coman.yaml"

@@ -585,28 +585,29 @@ static void a_module_of_another_robot_is_refused(void **state)
 
 static void the_fastest_dynamics_there_is_are_taken_and_named(void **state)
 {
+    const struct dynamics_compiling waiting = {.loop_cpu = -1};
     struct symbolic_library library;
     struct error notice, error;
     struct random_tree tree;
     struct dynamics d;
 
     (void)state;
-    assert_int_equal(dynamics_fastest(load_coman(NULL), folder, (struct symbolic_progress){0},
-                                      &arena, &d, &library, &notice, &error),
-                     ERROR_NONE);
+    assert_int_equal(
+        dynamics_fastest(load_coman(NULL), folder, &waiting, &arena, &d, &library, &notice, &error),
+        ERROR_NONE);
     assert_string_equal(d.ops->name, "generated");
     assert_non_null(strstr(notice.text, "built-in"));
     assert_null(library.handle);
     make_pendulum(&tree);
-    assert_int_equal(dynamics_fastest(&tree.robot, NULL, (struct symbolic_progress){0}, &arena, &d,
-                                      &library, &notice, &error),
-                     ERROR_NONE);
+    assert_int_equal(
+        dynamics_fastest(&tree.robot, NULL, &waiting, &arena, &d, &library, &notice, &error),
+        ERROR_NONE);
     assert_string_not_equal(d.ops->name, "generated");
     assert_non_null(strstr(notice.text, "no cache folder"));
     need_compiler();
-    assert_int_equal(dynamics_fastest(&tree.robot, folder, (struct symbolic_progress){0}, &arena,
-                                      &d, &library, &notice, &error),
-                     ERROR_NONE);
+    assert_int_equal(
+        dynamics_fastest(&tree.robot, folder, &waiting, &arena, &d, &library, &notice, &error),
+        ERROR_NONE);
     assert_string_equal(d.ops->name, "generated");
     assert_non_null(strstr(notice.text, "compiled in"));
     symbolic_close(&library);
