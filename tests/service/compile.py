@@ -93,7 +93,7 @@ def on_terminal(work):
 
 # Says that it is there, and goes on when it may.
 SLOW_COMPILER = """
-: >"$NOTES/$$.said"
+touch "$NOTES/$$.said" # by another process: this one opens nothing
 while [ ! -e "$NOTES/go" ]; do sleep 0.1; done
 PATH=${PATH#*:}
 """
