@@ -22,8 +22,8 @@ enum { SPAN_PARTS = 4, NEWTON_STEPS = 20 };
 /* ---- geometry, friction ---- */
 
 /* The triangle with that angle between its sides. */
-static double triangle_length(const struct robot_hydraulic *cylinder, double sine, double cosine,
-                              double *lever)
+static double find_pin_distance(const struct robot_hydraulic *cylinder, double sine, double cosine,
+                                double *lever)
 {
     const double a = cylinder->base, b = cylinder->arm;
     const double length = sqrt(a * a + b * b - 2.0 * a * b * cosine);
@@ -37,7 +37,7 @@ double hydraulic_length(const struct robot_hydraulic *cylinder, double q, double
     double sine, cosine;
 
     portable_sincos(q + cylinder->offset, &sine, &cosine);
-    return triangle_length(cylinder, sine, cosine, lever);
+    return find_pin_distance(cylinder, sine, cosine, lever);
 }
 
 double hydraulic_direction(const struct robot_hydraulic *cylinder, double lower, double upper)
@@ -322,8 +322,8 @@ static void turn_place(const struct robot_hydraulic *cylinder, double sine, doub
 
     place->sine = s * cosine + c * sine;
     place->cosine = c * cosine - s * sine;
-    cylinder_volumes(cylinder, triangle_length(cylinder, place->sine, place->cosine, &place->lever),
-                     place->V);
+    cylinder_volumes(
+        cylinder, find_pin_distance(cylinder, place->sine, place->cosine, &place->lever), place->V);
 }
 
 /* One stage of h seconds from the pressures base: p becomes those at the stage, flows theirs, and
