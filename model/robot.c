@@ -400,7 +400,8 @@ static uint64_t hash_integer(uint64_t hash, int64_t value)
     return hash_bytes(hash, &value, sizeof value);
 }
 
-static uint64_t robot_hash(const struct robot *robot)
+/* With or without what the bodies weigh. */
+static uint64_t robot_hash(const struct robot *robot, bool masses)
 {
     uint64_t hash = HASH_START;
 
@@ -412,9 +413,11 @@ static uint64_t robot_hash(const struct robot *robot)
 
         hash = hash_integer(hash, body->parent);
         hash = hash_integer(hash, body->observed);
-        hash = hash_doubles(hash, &body->inertia.mass, 1);
-        hash = hash_doubles(hash, body->inertia.com, 3);
-        hash = hash_doubles(hash, body->inertia.I, 6);
+        if (masses) {
+            hash = hash_doubles(hash, &body->inertia.mass, 1);
+            hash = hash_doubles(hash, body->inertia.com, 3);
+            hash = hash_doubles(hash, body->inertia.I, 6);
+        }
     }
     for (size_t j = 0; j < robot->njoint; j++) {
         const struct robot_joint *joint = &robot->joint[j];
@@ -467,7 +470,8 @@ enum error_code robot_finish(struct robot *robot, struct error *error)
     for (size_t c = 0; c < robot->ncapsule; c++) {
         robot->body[robot->capsule[c].body].observed = true;
     }
-    robot->hash = robot_hash(robot);
+    robot->hash = robot_hash(robot, true);
+    robot->massless_hash = robot_hash(robot, false);
     return ERROR_NONE;
 }
 

@@ -198,7 +198,8 @@ struct robot {
     const char *file;
     uint64_t hash; /* of everything that the equations of motion depend on, and of which bodies are
                     * observed; not of names, poses, limits, drives and sensors */
-    uint64_t source_hash; /* of the bytes of its file; 0 = it was built by hand */
+    uint64_t massless_hash; /* the same without masses, centers of mass and inertias */
+    uint64_t source_hash;   /* of the bytes of its file; 0 = it was built by hand */
     bool floating;
     double gravity[3]; /* m/s2, world */
     size_t nbody, njoint, nframe, ncapsule, nft, npose;
@@ -243,10 +244,10 @@ enum error_code robot_describe_drive(const char *path, struct arena *arena,
                                      const char **description, bool *hydraulic,
                                      struct error *error);
 
-/* Checks a robot built by hand and fills what follows from the rest: nq, nv, total_mass, hash, and
- * observed for bodies with a frame or a capsule. Masses >= 0, inertias physically possible, axes of
- * unit length, parents first, and no joint (nor a floating base) that would move without inertia:
- * the dynamics of what passes are not singular. Not RT-safe. */
+/* Checks a robot built by hand and fills what follows from the rest: nq, nv, total_mass, the
+ * hashes, and observed for bodies with a frame or a capsule. Masses >= 0, inertias physically
+ * possible, axes of unit length, parents first, and no joint (nor a floating base) that would move
+ * without inertia: the dynamics of what passes are not singular. Not RT-safe. */
 enum error_code robot_finish(struct robot *robot, struct error *error);
 
 /* A copy that may be changed: bodies, joints, frames and capsules are its own, the rest is shared.

@@ -148,6 +148,10 @@ static enum error_code simulator_create_dynamics(struct simulator *simulator, st
         error_set(&simulator->dynamics_notice, ERROR_NONE, "numeric dynamics, as the rig says");
         return dynamics_generic(rig->robot, simulator->arena, &simulator->dynamics, error);
     }
+    if (rig->dynamics == RIG_DYNAMICS_BUILT_IN) {
+        return dynamics_built_in(rig->robot, simulator->arena, &simulator->dynamics,
+                                 &simulator->dynamics_notice, error);
+    }
     return dynamics_fastest(rig->robot, module_cache_folder(folder, sizeof folder) ? folder : NULL,
                             &compiling, simulator->arena, &simulator->dynamics, &simulator->library,
                             &simulator->dynamics_notice, error);

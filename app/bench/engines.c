@@ -125,7 +125,7 @@ static enum error_code bench_engine_compile_module(const struct robot *robot,
 
 static void *bench_engine_create_generated(const struct robot *robot, char *message, size_t size)
 {
-    const struct dynamics_module *module = symbolic_builtin(robot->hash);
+    const struct dynamics_module *module = symbolic_builtin_exact(robot);
     struct error error = {0};
     struct engine *engine = bench_engine_begin(robot, &error);
     enum error_code code = ERROR_NONE;

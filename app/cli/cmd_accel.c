@@ -279,7 +279,7 @@ static enum error_code make_dynamics(const struct robot *robot, int implementati
                                      struct symbolic_library *library, struct error *error)
 {
     struct symbolic_options options = {.lanes = 4, .this_cpu = true};
-    const struct dynamics_module *module = symbolic_builtin(robot->hash);
+    const struct dynamics_module *module = symbolic_builtin_exact(robot);
     char folder[4096];
 
     if (implementation == GENERIC) {

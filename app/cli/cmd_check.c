@@ -35,14 +35,16 @@ static void check_print_time(const struct rig *rig)
     static const char *const clocks[] = {"real", "lockstep", "free"};
     static const char *const integrators[] = {
         [PLANT_RK4] = "rk4", [PLANT_IMPLICIT] = "implicit", [PLANT_DOPRI5] = "dopri5"};
+    static const char *const dynamics[] = {[RIG_DYNAMICS_FASTEST] = "fastest",
+                                           [RIG_DYNAMICS_GENERIC] = "generic",
+                                           [RIG_DYNAMICS_BUILT_IN] = "fastest without compiling"};
     static const char *const holds[] = {"free", "held until all motors are on", "held"};
     const struct robot_pose *pose = &rig->robot->pose[robot_find_pose(rig->robot, rig->pose)];
     size_t moved = 0;
 
     printf("time        clock %s, tick %g ms = %zu x %g ms, %s, dynamics %s\n", clocks[rig->clock],
            (double)rig->tick_ns * 1e-6, rig->substeps, (double)rig->substep_ns * 1e-6,
-           integrators[rig->integrator],
-           rig->dynamics == RIG_DYNAMICS_GENERIC ? "generic" : "fastest");
+           integrators[rig->integrator], dynamics[rig->dynamics]);
     for (size_t j = 0; j < rig->robot->njoint; j++) {
         moved += rig->joint[j] != pose->joint[j];
     }

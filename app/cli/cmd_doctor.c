@@ -40,8 +40,12 @@ static void doctor_describe_dynamics(const struct rig *rig, struct error *text)
 
     if (rig->dynamics == RIG_DYNAMICS_GENERIC) {
         error_set(text, ERROR_NONE, "generic, as the rig says");
-    } else if (symbolic_builtin(rig->robot->hash)) {
+    } else if (symbolic_builtin_exact(rig->robot)) {
         error_set(text, ERROR_NONE, "generated, built in");
+    } else if (rig->dynamics == RIG_DYNAMICS_BUILT_IN) {
+        error_set(text, ERROR_NONE, "%s",
+                  symbolic_builtin(rig->robot) ? "generated, built in with masses as inputs"
+                                               : "generic: no code is compiled for added masses");
     } else if (!module_cache_folder(folder, sizeof folder)) {
         error_set(text, ERROR_NONE, "numeric: no cache folder");
     } else {

@@ -43,10 +43,11 @@ static enum error_code name_files(const struct robot *robot, const struct symbol
     int used;
 
     symbolic_symbol(robot, symbol);
-    used = snprintf(stem, sizeof stem, "%s/%s-%016" PRIx64 "-g%d-l%d-%s%s%s", folder, symbol,
-                    robot->hash, SYMBOLIC_VERSION, options->lanes, instruction_set_architecture,
-                    options->this_cpu ? "-" : "",
-                    options->this_cpu ? instruction_set_names[instruction_set_used()] : "");
+    used =
+        snprintf(stem, sizeof stem, "%s/%s-%016" PRIx64 "-g%d-l%d%s-%s%s%s", folder, symbol,
+                 robot->hash, SYMBOLIC_VERSION, options->lanes, options->inertia_inputs ? "-m" : "",
+                 instruction_set_architecture, options->this_cpu ? "-" : "",
+                 options->this_cpu ? instruction_set_names[instruction_set_used()] : "");
     if (used < 0 || (size_t)used >= sizeof stem) {
         return error_set(error, ERROR_INPUT, "the folder name %s is too long", folder);
     }

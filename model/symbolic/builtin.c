@@ -9,7 +9,8 @@
 #include "dynamics/builtin.inc"
 #undef MODULE
 
-const struct dynamics_module *symbolic_builtin(uint64_t robot_hash)
+/* The first that fits, among those with mass properties as inputs or those without. */
+static const struct dynamics_module *find_builtin(const struct robot *robot, bool inputs)
 {
     static const struct dynamics_module *(*const entry[])(void) = {
 #define MODULE(function) function,
@@ -21,11 +22,23 @@ const struct dynamics_module *symbolic_builtin(uint64_t robot_hash)
     for (size_t n = 0; entry[n]; n++) {
         const struct dynamics_module *module = dynamics_module_used(entry[n]());
 
-        if (module->robot_hash == robot_hash) {
+        if ((module->ninertia > 0) == inputs && dynamics_module_fits(module, robot)) {
             return module;
         }
     }
     return NULL;
+}
+
+const struct dynamics_module *symbolic_builtin_exact(const struct robot *robot)
+{
+    return find_builtin(robot, false);
+}
+
+const struct dynamics_module *symbolic_builtin(const struct robot *robot)
+{
+    const struct dynamics_module *exact = symbolic_builtin_exact(robot);
+
+    return exact ? exact : find_builtin(robot, true);
 }
 
 static const struct symbolic_options fastest = {.lanes = 4, .this_cpu = true};
@@ -77,7 +90,7 @@ enum error_code dynamics_fastest(const struct robot *robot, const char *folder,
                                  struct dynamics *out, struct symbolic_library *library,
                                  struct error *notice, struct error *error)
 {
-    const struct dynamics_module *module = symbolic_builtin(robot->hash);
+    const struct dynamics_module *module = symbolic_builtin_exact(robot);
     struct error reason;
 
     memset(library, 0, sizeof *library);
@@ -96,4 +109,20 @@ enum error_code dynamics_fastest(const struct robot *robot, const char *folder,
     error_set(notice, ERROR_NONE, "numeric dynamics, several times slower than generated ones: %s",
               reason.text);
     return dynamics_generic(robot, arena, out, error);
+}
+
+enum error_code dynamics_built_in(const struct robot *robot, struct arena *arena,
+                                  struct dynamics *out, struct error *notice, struct error *error)
+{
+    const struct dynamics_module *module = symbolic_builtin(robot);
+
+    if (!module) {
+        error_set(notice, ERROR_NONE,
+                  "numeric dynamics, several times slower than generated ones: no code is compiled "
+                  "for added masses");
+        return dynamics_generic(robot, arena, out, error);
+    }
+    error_set(notice, ERROR_NONE, "built-in generated dynamics%s (%s)",
+              module->ninertia ? " with masses as inputs" : "", module->variant);
+    return dynamics_generated(robot, module, arena, out, error);
 }

@@ -25,10 +25,14 @@ static void derive_equations(struct derive *d)
     }
 }
 
-enum error_code derive(enum derive_function function, const struct tree *tree, struct graph *graph,
-                       struct derivation *out, struct error *error)
+enum error_code derive(enum derive_function function, const struct tree *tree, bool inertia_inputs,
+                       struct graph *graph, struct derivation *out, struct error *error)
 {
-    struct derive d = {function, graph, tree, NULL, out, NULL};
+    struct derive d = {.function = function,
+                       .inertia_inputs = inertia_inputs,
+                       .g = graph,
+                       .tree = tree,
+                       .out = out};
     enum error_code code = ERROR_NONE;
     int observed = 0;
 

@@ -23,6 +23,7 @@ enum derive_function {
 
 /* Argument arrays: the array numbers of GRAPH_INPUT. */
 enum derive_array {
+    DERIVE_INERTIA, /* mass properties, at the places of struct tree_group */
     DERIVE_Q,
     DERIVE_V,
     DERIVE_TAU,
@@ -44,9 +45,10 @@ struct derivation {
     struct derive_output *output;
 };
 
-/* Derives one function into graph. Not RT-safe. */
-enum error_code derive(enum derive_function function, const struct tree *tree, struct graph *graph,
-                       struct derivation *out, struct error *error);
+/* Derives one function into graph; with inertia_inputs mass properties are inputs, else the tree's
+ * numbers. Not RT-safe. */
+enum error_code derive(enum derive_function function, const struct tree *tree, bool inertia_inputs,
+                       struct graph *graph, struct derivation *out, struct error *error);
 void derivation_fini(struct derivation *derivation);
 
 #endif

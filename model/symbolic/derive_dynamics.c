@@ -154,13 +154,12 @@ static void subtract_given_wrench(struct derive *d, size_t group, expr n[3], exp
 static void body_force(struct derive *d, size_t group, bool ext)
 {
     struct state *state = &d->state[group];
-    expr mass = derive_body_const(d, group, BODY(mass)), h[3], K[3][3];
+    expr mass = derive_inertia(d, group, TREE_MASS), h[3], K[3][3];
 
     for (int m = 0; m < 3; m++) {
-        h[m] = derive_body_const(d, group, BODY(h[0]) + (size_t)m * sizeof(double));
+        h[m] = derive_inertia(d, group, TREE_H + m);
         for (int n = m; n < 3; n++) {
-            K[m][n] = K[n][m] =
-                derive_body_const(d, group, BODY(K[0]) + sym3_index[m][n] * sizeof(double));
+            K[m][n] = K[n][m] = derive_inertia(d, group, TREE_K + sym3_index[m][n]);
         }
     }
     for (int m = 0; m < 3; m++) {

@@ -9,27 +9,20 @@
 
 void derive_body_inertia(struct derive *d, size_t group)
 {
-    const struct tree_group *lanes = &d->tree->group[group];
     struct state *state = &d->state[group];
-    double value[TREE_LANES];
 
     for (int m = 0; m < 3; m++) {
         int i = (m + 1) % 3, j = (m + 2) % 3;
-        expr h = derive_body_const(d, group, BODY(h[0]) + (size_t)m * sizeof(double));
+        expr h = derive_inertia(d, group, TREE_H + m);
 
-        state->M[m][m] = derive_body_const(d, group, BODY(mass));
+        state->M[m][m] = derive_inertia(d, group, TREE_MASS);
         /* H = [h] */
         state->H[j][i] = h;
         state->H[i][j] = expr_neg(h);
         /* J = trace(K) 1 - K */
-        for (int l = 0; l < lanes->width; l++) {
-            const double *K = d->tree->body[lanes->body[l]].K;
-
-            value[l] = K[sym3_index[i][i]] + K[sym3_index[j][j]];
-        }
-        state->J[m][m] = graph_const_lanes(d->g, lanes->width, value);
-        *upper(state->J, i, j) =
-            expr_neg(derive_body_const(d, group, BODY(K[0]) + sym3_index[i][j] * sizeof(double)));
+        state->J[m][m] = add(d, derive_inertia(d, group, TREE_K + sym3_index[i][i]),
+                             derive_inertia(d, group, TREE_K + sym3_index[j][j]));
+        *upper(state->J, i, j) = expr_neg(derive_inertia(d, group, TREE_K + sym3_index[i][j]));
     }
 }
 

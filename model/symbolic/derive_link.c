@@ -49,6 +49,23 @@ expr derive_body_const(struct derive *d, size_t group, size_t offset)
     return graph_const_lanes(d->g, lanes->width, value);
 }
 
+expr derive_inertia(struct derive *d, size_t group, int property)
+{
+    const struct tree_group *lanes = &d->tree->group[group];
+    double value[TREE_LANES];
+    int index[TREE_LANES];
+
+    if (lanes->place[property] < 0) {
+        return EXPR_ZERO;
+    }
+    for (int l = 0; l < lanes->width; l++) {
+        value[l] = tree_inertia(&d->tree->body[lanes->body[l]], property);
+        index[l] = lanes->place[property] + l;
+    }
+    return d->inertia_inputs ? graph_input(d->g, DERIVE_INERTIA, lanes->width, index)
+                             : graph_const_lanes(d->g, lanes->width, value);
+}
+
 expr derive_joint_input(struct derive *d, size_t group, enum derive_array array, int first)
 {
     const struct tree_group *lanes = &d->tree->group[group];

@@ -225,7 +225,7 @@ static void add_lanes(struct derive *d, size_t group, expr *sum, expr value)
 static void add_energy(struct derive *d, size_t group, expr *kinetic, expr *potential)
 {
     struct state *state = &d->state[group];
-    expr mass = derive_body_const(d, group, BODY(mass)), two = graph_const(d->g, 2.0);
+    expr mass = derive_inertia(d, group, TREE_MASS), two = graph_const(d->g, 2.0);
     expr h[3], first[3], w[3], Jw[3], across[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO}, twice;
 
     /* h and w in the bodies' axes, R h in those of the world */
@@ -233,7 +233,7 @@ static void add_energy(struct derive *d, size_t group, expr *kinetic, expr *pote
     for (int m = 0; m < 3; m++) {
         expr column[3];
 
-        h[m] = derive_body_const(d, group, BODY(h[0]) + (size_t)m * sizeof(double));
+        h[m] = derive_inertia(d, group, TREE_H + m);
         derive_column_of(state->R, m, column);
         w[m] = derive_dot(d, column, state->w);
     }

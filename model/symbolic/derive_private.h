@@ -24,6 +24,7 @@ struct state {
 
 struct derive {
     enum derive_function function;
+    bool inertia_inputs;
     struct graph *g;
     const struct tree *tree;
     struct state *state;
@@ -84,6 +85,9 @@ void derive_apply(struct derive *d, const double A[9], const expr x[3], expr y[3
 
 /* The number at offset of each lane's body. */
 expr derive_body_const(struct derive *d, size_t group, size_t offset);
+
+/* A mass property of each lane's body: of enum tree_inertia, the K's in their order. */
+expr derive_inertia(struct derive *d, size_t group, int property);
 
 /* The element of array that belongs to each lane's joint. */
 expr derive_joint_input(struct derive *d, size_t group, enum derive_array array, int first);

@@ -28,8 +28,8 @@ struct emission {
     int memory[];
 };
 
-static const char *const array_name[DERIVE_ARRAYS] = {"q",   "v",     "tau",  "vdot",
-                                                      "ext", "extra", "added"};
+static const char *const array_name[DERIVE_ARRAYS] = {"inertia", "q",   "v",     "tau",
+                                                      "vdot",    "ext", "extra", "added"};
 
 const char *emit_array_name(enum derive_array array)
 {
@@ -117,12 +117,24 @@ static void write_operand(const struct emission *e, expr value)
     }
 }
 
+/* A place in an array of doubles as a value of some width. */
+static void write_place(FILE *file, bool reading, int width, const char *array, int at)
+{
+    if (width == 1) {
+        fprintf(file, "%s[%d]", array, at);
+    } else {
+        fprintf(file, "*(%s%s *)(%s + %d)", reading ? "const " : "", vector_type_name(width), array,
+                at);
+    }
+}
+
 static void write_input(const struct emission *e, const struct graph_node *node)
 {
     const char *name = array_name[node->array];
 
-    if (node->width == 1) {
-        fprintf(e->file, "%s[%d]", name, node->index[0]);
+    /* Lanes of mass properties stand side by side */
+    if (node->width == 1 || node->array == DERIVE_INERTIA) {
+        write_place(e->file, true, node->width, name, node->index[0]);
         return;
     }
     fprintf(e->file, "(%s){", vector_type_name(node->width));
@@ -140,17 +152,6 @@ static void write_pack(const struct emission *e, const struct graph_node *node)
         write_operand(e, node->operand[l]);
     }
     fprintf(e->file, "}");
-}
-
-/* A place in an array of doubles as a value of some width. */
-static void write_place(FILE *file, bool reading, int width, const char *array, int at)
-{
-    if (width == 1) {
-        fprintf(file, "%s[%d]", array, at);
-    } else {
-        fprintf(file, "*(%s%s *)(%s + %d)", reading ? "const " : "", vector_type_name(width), array,
-                at);
-    }
 }
 
 static void write_trig(const struct emission *e, const struct graph_node *node)

@@ -3,6 +3,7 @@
 #include "model/symbolic/symbolic.h"
 
 #include "base/instruction_set.h"
+#include "model/symbolic/tree.h"
 
 #include <inttypes.h>
 #include <string.h>
@@ -14,48 +15,61 @@ _Static_assert(sizeof(struct added_inertia) == 21 * sizeof(double),
 _Static_assert(sizeof(struct body_acceleration) == 6 * sizeof(double),
                "an acceleration is 6 numbers");
 
-static const struct dynamics_module *module_of(const struct dynamics *d)
+/* What struct dynamics keeps: the module, and the robot's mass properties where they are inputs. */
+struct generated {
+    const struct dynamics_module *module;
+    const double *inertia;
+};
+
+static const struct generated *generated_of(const struct dynamics *d)
 {
-    return *(const struct dynamics_module *const *)d->work;
+    return d->work;
 }
 
 static void generated_forward(const struct dynamics *d, const double *q, const double *v,
                               const double *tau, const struct wrench *ext, double *vdot)
 {
-    module_of(d)->forward(q, v, tau, (const double *)ext, vdot);
+    const struct generated *g = generated_of(d);
+
+    g->module->forward(g->inertia, q, v, tau, (const double *)ext, vdot);
 }
 
 static void generated_implicit(const struct dynamics *d, const double *q, const double *v,
                                const double *tau, const struct wrench *ext, const double *extra,
                                const struct added_inertia *added, double *vdot)
 {
-    module_of(d)->implicit(q, v, tau, ext->force, extra, added->A, vdot);
+    const struct generated *g = generated_of(d);
+
+    g->module->implicit(g->inertia, q, v, tau, ext->force, extra, added->A, vdot);
 }
 
 static void generated_inverse(const struct dynamics *d, const double *q, const double *v,
                               const double *vdot, const struct wrench *ext, double *f)
 {
-    module_of(d)->inverse(q, v, vdot, (const double *)ext, f);
+    const struct generated *g = generated_of(d);
+
+    g->module->inverse(g->inertia, q, v, vdot, (const double *)ext, f);
 }
 
 static void generated_kinematics(const struct dynamics *d, const double *q, const double *v,
                                  struct body_motion *motion)
 {
-    module_of(d)->kinematics(q, v, (double *)motion);
+    generated_of(d)->module->kinematics(q, v, (double *)motion);
 }
 
 static void generated_acceleration(const struct dynamics *d, const double *q, const double *v,
                                    const double *vdot, struct body_acceleration *acceleration)
 {
-    module_of(d)->acceleration(q, v, vdot, (double *)acceleration);
+    generated_of(d)->module->acceleration(q, v, vdot, (double *)acceleration);
 }
 
 static void generated_energy(const struct dynamics *d, const double *q, const double *v,
                              double *kinetic, double *potential)
 {
+    const struct generated *g = generated_of(d);
     double energy[2];
 
-    module_of(d)->energy(q, v, energy);
+    g->module->energy(g->inertia, q, v, energy);
     *kinetic = energy[0];
     *potential = energy[1];
 }
@@ -82,28 +96,69 @@ const struct dynamics_module *dynamics_module_used(const struct dynamics_module 
     return module;
 }
 
+bool dynamics_module_fits(const struct dynamics_module *module, const struct robot *robot)
+{
+    return module->ninertia ? module->massless_hash == robot->massless_hash
+                            : module->robot_hash == robot->hash;
+}
+
+/* Fills in the robot's mass properties as the module wants them: in frames that are chosen by the
+ * geometry alone, so found anew here. */
+static enum error_code bind_inertia(const struct robot *robot, struct arena *arena,
+                                    struct generated *generated, struct error *error)
+{
+    const struct dynamics_module *module = generated->module;
+    double *inertia = arena_alloc(arena, module->ninertia, sizeof *inertia);
+    enum error_code code = ERROR_NONE;
+    struct tree tree;
+
+    if (!inertia) {
+        return error_set(error, ERROR_MEMORY, "no memory for the mass properties of %s",
+                         robot->name);
+    }
+    if ((code = tree_create(robot, (int)module->lanes, &tree, error))) {
+        return code;
+    }
+    if (tree.ninertia == module->ninertia && tree_hash(&tree) == module->tree_hash) {
+        tree_write_inertia(&tree, inertia);
+        generated->inertia = inertia;
+    } else {
+        code = error_set(error, ERROR_UNSUPPORTED,
+                         "the generated module of %s has other working frames than this generator "
+                         "finds",
+                         module->robot);
+    }
+    tree_destroy(&tree);
+    return code;
+}
+
 enum error_code dynamics_generated(const struct robot *robot, const struct dynamics_module *module,
                                    struct arena *arena, struct dynamics *out, struct error *error)
 {
-    const struct dynamics_module **work;
+    struct generated *work;
+    enum error_code code;
 
     if (module->abi != DYNAMICS_MODULE_ABI) {
         return error_set(error, ERROR_UNSUPPORTED,
                          "the generated module has interface %" PRIu32 ", expected %d", module->abi,
                          DYNAMICS_MODULE_ABI);
     }
-    if (module->robot_hash != robot->hash || module->nv != robot->nv ||
+    if (!dynamics_module_fits(module, robot) || module->nv != robot->nv ||
         module->nbody != robot->nbody) {
         return error_set(error, ERROR_UNSUPPORTED,
                          "the generated module of %s (hash %016" PRIx64
-                         ") was made from another robot than %s (hash %016" PRIx64 ")",
-                         module->robot, module->robot_hash, robot->name, robot->hash);
+                         ") was made from another robot than %s (hash %016" PRIx64 ")%s",
+                         module->robot, module->robot_hash, robot->name, robot->hash,
+                         module->ninertia ? ", not only with other masses" : "");
     }
     work = arena_alloc(arena, 1, sizeof *work);
     if (!work) {
         return error_set(error, ERROR_MEMORY, "no memory for the generated dynamics");
     }
-    *work = module;
+    work->module = module;
+    if (module->ninertia && (code = bind_inertia(robot, arena, work, error))) {
+        return code;
+    }
     *out = (struct dynamics){.ops = &generated_ops, .robot = robot, .work = work};
     return ERROR_NONE;
 }

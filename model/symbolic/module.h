@@ -12,6 +12,10 @@
  * Arrays as in model/dynamics.h, flat: a wrench is force, moment (6); a motion R, p, w, v (18); an
  * acceleration alpha, a (6). Every function is RT-safe and reentrant: locals and constants only.
  *
+ * Masses, centers of mass and inertias are constants of the code, or (ninertia > 0) inputs that
+ * the functions read from inertia: what tree_write_inertia (model/symbolic/tree.h) makes of the
+ * robot at hand, aligned to 32 bytes. Where they are constants inertia may be NULL.
+ *
  * The declaration below is repeated in every generated file, so that it needs nothing else.
  */
 #ifndef HIL_DYNAMICS_MODULE
@@ -20,37 +24,41 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define DYNAMICS_MODULE_ABI 1
+#define DYNAMICS_MODULE_ABI 2
 
 struct dynamics_module {
     uint32_t abi; /* DYNAMICS_MODULE_ABI */
     uint32_t nbody, njoint, nq, nv;
     uint32_t nobserved;
-    const int *observed; /* indices of the observed bodies, rising */
-    uint64_t robot_hash; /* of the robot that it was made from */
+    const int *observed;    /* indices of the observed bodies, rising */
+    uint64_t robot_hash;    /* of the robot that it was made from */
+    uint64_t massless_hash; /* the same without mass properties */
+    uint64_t tree_hash;     /* of the frames that inertia is given in */
+    uint32_t lanes;         /* limbs side by side, at most, on which they depend */
+    uint32_t ninertia;      /* numbers in inertia; 0 = the code has them */
     const char *robot;
     const char *variant;                   /* "plain", "avx2" or "avx512" */
     const struct dynamics_module *plainer; /* the next simpler variant, NULL after "plain" */
     uint32_t operations; /* floating-point operations of forward without wrenches, without those
                            * inside sine and cosine; a lane counts as one */
     /* vdot; ext (6 nbody) or NULL. */
-    void (*forward)(const double *q, const double *v, const double *tau, const double *ext,
-                    double *vdot);
+    void (*forward)(const double *inertia, const double *q, const double *v, const double *tau,
+                    const double *ext, double *vdot);
     /* vdot of (Mass + E + sum Jb^T A_b Jb) vdot = tau - bias + sum Jb^T ext_b: with extra (njoint)
      * inertia on the joints' own coordinates and for each observed body a symmetric matrix A_b,
      * 21 numbers, the upper triangle by rows in the order of v (linear xyz, angular xyz), in the
      * body's frame about its origin. Jb v is the body's velocity there. */
-    void (*implicit)(const double *q, const double *v, const double *tau, const double *ext,
-                     const double *extra, const double *added, double *vdot);
+    void (*implicit)(const double *inertia, const double *q, const double *v, const double *tau,
+                     const double *ext, const double *extra, const double *added, double *vdot);
     /* Generalized forces f (nv) of vdot; ext or NULL. */
-    void (*inverse)(const double *q, const double *v, const double *vdot, const double *ext,
-                    double *f);
+    void (*inverse)(const double *inertia, const double *q, const double *v, const double *vdot,
+                    const double *ext, double *f);
     /* Observed bodies' entries of motion (18 nbody) and acceleration (6 nbody). */
     void (*kinematics)(const double *q, const double *v, double *motion);
     void (*acceleration)(const double *q, const double *v, const double *vdot,
                          double *acceleration);
     /* energy[0] kinetic, energy[1] potential, J. */
-    void (*energy)(const double *q, const double *v, double *energy);
+    void (*energy)(const double *inertia, const double *q, const double *v, double *energy);
     /* Sine and cosine of 8 numbers, as used inside; arrays aligned to 64 bytes. */
     void (*sincos)(const double *x, double *sine, double *cosine);
 };

@@ -12,7 +12,7 @@
 #include <stdio.h>
 
 /* Changes whenever other code comes out for the same robot: caches are made anew. */
-#define SYMBOLIC_VERSION 5
+#define SYMBOLIC_VERSION 6
 
 enum { SYMBOLIC_FUNCTIONS = 7, SYMBOLIC_SYMBOL = 64 };
 
@@ -39,11 +39,12 @@ struct symbolic_progress {
 };
 
 struct symbolic_options {
-    int lanes;         /* at most so many limbs side by side: 1, 2 or 4; 4 is the fastest */
-    bool this_cpu;     /* only the variant of instruction_set_used(): a third of the compiler's
+    int lanes;           /* at most so many limbs side by side: 1, 2 or 4; 4 is the fastest */
+    bool this_cpu;       /* only the variant of instruction_set_used(): a third of the compiler's
                     * work; else all of them */
-    bool fast_compile; /* symbolic_build: -O1, for tests */
-    double limit_s;    /* symbolic_build: the compiler is killed after so long; 0 = never */
+    bool inertia_inputs; /* mass properties are inputs: for all robots that differ in them alone */
+    bool fast_compile;   /* symbolic_build: -O1, for tests */
+    double limit_s;      /* symbolic_build: the compiler is killed after so long; 0 = never */
     struct symbolic_progress progress; /* symbolic_build */
 };
 
@@ -81,6 +82,10 @@ void symbolic_close(struct symbolic_library *library);
 
 /* Of a module's variants the widest that instruction_set_used() allows. */
 const struct dynamics_module *dynamics_module_used(const struct dynamics_module *module);
+
+/* Whether a module computes the dynamics of robot: it was made from it, or takes its mass
+ * properties as inputs and was made from one that differs in nothing else. RT-safe. */
+bool dynamics_module_fits(const struct dynamics_module *module, const struct robot *robot);
 
 /* The module as an implementation of robot's dynamics; refused when it was made from another robot
  * or by another generator. Memory from arena; the module must outlive it. */

@@ -1,16 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The generator as a program of the build: ROBOT.yaml FILE.c NAME [VARIANT], for a module function
- * NAME_dynamics. The user's command is coman-hil generate, which itself contains what this program
- * writes.
+ * The generator as a program of the build: [--inertia-inputs] ROBOT.yaml FILE.c NAME [VARIANT], for
+ * a module function NAME_dynamics. The user's command is coman-hil generate, which itself contains
+ * what this program writes.
  */
 #include "model/symbolic/symbolic.h"
 
 #include <stdio.h>
+#include <string.h>
 
 int main(int argc, char **argv)
 {
-    const struct symbolic_options options = {.lanes = 4};
+    struct symbolic_options options = {.lanes = 4};
     const struct robot *robot;
     struct robot *named;
     enum error_code code;
@@ -18,8 +19,14 @@ int main(int argc, char **argv)
     struct arena arena;
     FILE *file;
 
+    if (argc > 1 && strcmp(argv[1], "--inertia-inputs") == 0) {
+        options.inertia_inputs = true;
+        argv++;
+        argc--;
+    }
     if (argc != 4 && argc != 5) {
-        fprintf(stderr, "usage: %s ROBOT.yaml FILE.c NAME [VARIANT]\n", argv[0]);
+        fprintf(stderr, "usage: generate_dynamics [--inertia-inputs] ROBOT.yaml FILE.c NAME "
+                        "[VARIANT]\n");
         return 2;
     }
     if (arena_init(&arena, (size_t)64 << 20, &error) ||

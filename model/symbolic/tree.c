@@ -2,6 +2,8 @@
 /* Working frames and lumped mass properties. */
 #include "model/symbolic/tree.h"
 
+#include "base/count.h"
+#include "base/hash.h"
 #include "base/portable_math.h"
 #include "model/spatial.h"
 
@@ -402,6 +404,37 @@ static void lump_into_parent(struct tree_body *child, struct tree_body *parent)
     child->mass = child->h[k] = child->K[kk] = 0.0;
 }
 
+/* Whether lump_into_parent leaves nothing of a body's mass property. */
+static bool is_lumped(const struct tree_body *body, int property)
+{
+    int k = body->axis;
+
+    if (body->parent < 0) {
+        return false;
+    }
+    return body->prismatic ? property >= TREE_K
+                           : property == TREE_MASS || property == TREE_H + k ||
+                                 property == TREE_K + sym3_index[k][k];
+}
+
+/* Gives the groups' mass properties their places. */
+static void place_inertia(struct tree *tree)
+{
+    tree->ninertia = 0;
+    for (size_t g = 0; g < tree->ngroup; g++) {
+        struct tree_group *group = &tree->group[g];
+        size_t width = (size_t)group->width;
+
+        tree->ninertia = (tree->ninertia + width - 1) / width * width;
+        for (int p = 0; p < TREE_INERTIA; p++) {
+            bool lumped = is_lumped(&tree->body[group->body[0]], p);
+
+            group->place[p] = lumped ? -1 : (int)tree->ninertia;
+            tree->ninertia += lumped ? 0 : width;
+        }
+    }
+}
+
 enum error_code tree_create(const struct robot *robot, int lanes, struct tree *tree,
                             struct error *error)
 {
@@ -439,7 +472,71 @@ enum error_code tree_create(const struct robot *robot, int lanes, struct tree *t
         tree_destroy(tree);
         return ERROR_MEMORY;
     }
+    place_inertia(tree);
     return ERROR_NONE;
+}
+
+double tree_inertia(const struct tree_body *body, int property)
+{
+    return property == TREE_MASS ? body->mass
+           : property < TREE_K   ? body->h[property - TREE_H]
+                                 : body->K[property - TREE_K];
+}
+
+void tree_write_inertia(const struct tree *tree, double *inertia)
+{
+    memset(inertia, 0, tree->ninertia * sizeof *inertia);
+    for (size_t g = 0; g < tree->ngroup; g++) {
+        const struct tree_group *group = &tree->group[g];
+
+        for (int p = 0; p < TREE_INERTIA; p++) {
+            for (int l = 0; group->place[p] >= 0 && l < group->width; l++) {
+                inertia[group->place[p] + l] = tree_inertia(&tree->body[group->body[l]], p);
+            }
+        }
+    }
+}
+
+static uint64_t hash_numbers(uint64_t hash, const double *value, size_t count)
+{
+    for (size_t n = 0; n < count; n++) {
+        double plain = value[n] + 0.0; /* -0 counts as 0 */
+
+        hash = hash_bytes(hash, &plain, sizeof plain);
+    }
+    return hash;
+}
+
+uint64_t tree_hash(const struct tree *tree)
+{
+    uint64_t hash = HASH_START;
+
+    for (size_t b = 0; b < tree->nbody; b++) {
+        const struct tree_body *body = &tree->body[b];
+        const int whole[] = {body->parent, body->prismatic, body->axis, body->nturn,
+                             body->observed};
+        const double number[] = {body->sign, body->offset};
+
+        hash = hash_bytes(hash, whole, sizeof whole);
+        hash = hash_numbers(hash, number, ARRAY_COUNT(number));
+        hash = hash_numbers(hash, body->r, 3);
+        hash = hash_numbers(hash, body->align, 9);
+        hash = hash_numbers(hash, body->at, 3);
+        for (int n = 0; n < body->nturn; n++) {
+            const double turn[] = {body->turn[n].c, body->turn[n].s};
+
+            hash = hash_bytes(hash, &body->turn[n].axis, sizeof body->turn[n].axis);
+            hash = hash_numbers(hash, turn, ARRAY_COUNT(turn));
+        }
+    }
+    for (size_t g = 0; g < tree->ngroup; g++) {
+        const struct tree_group *group = &tree->group[g];
+
+        hash = hash_bytes(hash, &group->count, sizeof group->count);
+        hash = hash_bytes(hash, group->body, sizeof group->body);
+        hash = hash_bytes(hash, group->place, sizeof group->place);
+    }
+    return hash;
 }
 
 void tree_destroy(struct tree *tree)

@@ -8,12 +8,13 @@
  * offset.
  *
  * Lumping. Mass properties are kept as the pseudo-inertia about the frame's origin: mass m, first
- * moment h, second moment K = integral of r r^T dm. A distribution of mass along a revolute
- * joint's axis moves as well with the parent as with the child; so m, h_k and K_kk of the child are
- * moved to the parent, and K of a prismatic joint's child likewise (the minimal parameters of
- * Gautier and Khalil, Direct calculation of minimum set of inertial parameters of serial robots,
- * 1990). Equations of motion, energies and generalized forces stay what they are; a lumped body
- * alone need not be a possible one.
+ * moment h, second moment K = integral of r r^T dm. A distribution of mass along a revolute joint's
+ * axis moves as well with the parent as with the child; so m, h_k and K_kk of the child are moved
+ * to the parent, and K of a prismatic joint's child likewise (the minimal parameters of Gautier and
+ * Khalil, Direct calculation of minimum set of inertial parameters of serial robots, 1990).
+ * Equations of motion, energies and generalized forces stay what they are; a lumped body alone need
+ * not be a possible one. Frames and lanes are those of the geometry alone, so that robots that
+ * differ in mass properties have trees that differ in m, h and K.
  *
  * Lanes. Limbs whose joints turn about the same axes in the same order are evaluated side by side.
  */
@@ -22,7 +23,12 @@
 
 #include "model/robot.h"
 
+#include <stdint.h>
+
 enum { TREE_LANES = 4, TREE_TURNS = 2 };
+
+/* A body's mass properties as numbers 0 to 9: m, h, K. */
+enum tree_inertia { TREE_MASS = 0, TREE_H = 1, TREE_K = 4, TREE_INERTIA = 10 };
 
 /* A fixed turn about a coordinate axis, by its cosine and sine. */
 struct tree_turn {
@@ -54,6 +60,9 @@ struct tree_group {
     int body[TREE_LANES];
     int parent_group[TREE_LANES]; /* -1 for the base's own group */
     int parent_lane[TREE_LANES];
+    /* Where its first lane has each mass property in an array of all of them, the other lanes after
+     * it and a place aligned to the width; -1 = zero, moved to the parents */
+    int place[TREE_INERTIA];
 };
 
 struct tree {
@@ -63,12 +72,22 @@ struct tree {
     size_t ngroup;
     struct tree_group *group; /* parents before children; group 0 is the base */
     int *group_of, *lane_of;  /* by body */
+    size_t ninertia;          /* places for mass properties */
 };
 
 /* Builds the tree of a robot with at most lanes (1, 2 or 4) lanes a group. Not RT-safe. */
 enum error_code tree_create(const struct robot *robot, int lanes, struct tree *tree,
                             struct error *error);
 void tree_destroy(struct tree *tree);
+
+/* A mass property of a body. */
+double tree_inertia(const struct tree_body *body, int property);
+
+/* Fills the ninertia places with the mass properties; every lane has its own, gaps are zero. */
+void tree_write_inertia(const struct tree *tree, double *inertia);
+
+/* Of frames, groups and places: of everything but mass properties and gravity. */
+uint64_t tree_hash(const struct tree *tree);
 
 /* Groups of bodies for at most lanes lanes (lanes.c); tree->body is complete. */
 enum error_code tree_assign_lanes(struct tree *tree, int lanes, struct error *error);

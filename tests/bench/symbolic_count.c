@@ -23,7 +23,7 @@ int main(int argc, char **argv)
         robot_load(HIL_SOURCE_DIR "/config/robots/coman.yaml", NULL, &arena, &robot, &error)) {
         return EXIT_FAILURE;
     }
-    module = symbolic_builtin(robot->hash);
+    module = symbolic_builtin(robot);
     if (!module || module->nq > SIZE) {
         return EXIT_FAILURE;
     }
@@ -33,9 +33,9 @@ int main(int argc, char **argv)
     count = strtol(argv[2], NULL, 10);
     for (long n = 0; n < count; n++) {
         if (strcmp(argv[1], "implicit") == 0) {
-            module->implicit(q, v, tau, ext, extra, added, vdot);
+            module->implicit(NULL, q, v, tau, ext, extra, added, vdot);
         } else {
-            module->forward(q, v, tau, strcmp(argv[1], "wrenches") == 0 ? ext : NULL, vdot);
+            module->forward(NULL, q, v, tau, strcmp(argv[1], "wrenches") == 0 ? ext : NULL, vdot);
         }
     }
     printf("%s\n", module->variant);

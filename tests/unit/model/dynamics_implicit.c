@@ -171,7 +171,7 @@ static void the_generated_code_of_coman_agrees(void **state)
     assert_int_equal(
         robot_load(HIL_SOURCE_DIR "/config/robots/coman.yaml", NULL, &arena, &robot, &error),
         ERROR_NONE);
-    module = symbolic_builtin(robot->hash);
+    module = symbolic_builtin(robot);
     assert_non_null(module);
     assert_int_equal(dynamics_generated(robot, module, &arena, &generated, &error), ERROR_NONE);
     assert_int_equal(dynamics_generic(robot, &arena, &generic, &error), ERROR_NONE);

@@ -25,6 +25,8 @@ hil_test(symbolic SOURCES ${unit}/symbolic/symbolic.c LIBS symbolic_evaluate LAB
 hil_test(symbolic_memory SOURCES ${unit}/symbolic/memory.c LIBS symbolic_evaluate LABELS unit)
 target_link_options(test_symbolic_memory PRIVATE
                     -Wl,--wrap=calloc -Wl,--wrap=realloc -Wl,--wrap=free)
+hil_test(symbolic_builtin_modules SOURCES ${unit}/symbolic/builtin.c
+         LIBS symbolic_evaluate symbolic_builtin LABELS unit TIMEOUT 300)
 hil_test(symbolic_cache SOURCES ${unit}/symbolic/cache.c LIBS symbolic_evaluate LABELS unit)
 hil_test(symbolic_background SOURCES ${unit}/symbolic/background.c LIBS symbolic_evaluate
          LABELS unit TIMEOUT 300)

@@ -141,7 +141,7 @@ static void adds_masses_to_bodies(void **state)
     rig = load(text);
     assert_true(rig->robot->body[0].inertia.mass == mass + 1.5);
     assert_true(rig->robot->body[0].inertia.I[0] == inertia);
-    assert_true(rig->robot->hash != hash && rig->dynamics == RIG_DYNAMICS_GENERIC);
+    assert_true(rig->robot->hash != hash && rig->dynamics == RIG_DYNAMICS_BUILT_IN);
 }
 
 static void refuses_springs_of_joints_that_have_none(void **state)

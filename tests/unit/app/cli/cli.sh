@@ -30,7 +30,7 @@ conclude() {
     result $? "$1" "$problem"
 }
 
-echo 1..28
+echo 1..29
 
 run 0 --help
 says out 'usage: coman-hil COMMAND'
@@ -216,6 +216,18 @@ run 2 check "$work/config/rigs/named.yaml"
 says err 'named.yaml:'
 says err 'found no robot "comna", expected "coman"'
 conclude names_go_wherever_files_do_and_the_nearest_is_offered
+
+ln -s "$source/config" "$work/shipped"
+printf 'extends: shipped/rigs/coman.yaml\nrobot: {added_mass_kg: {Waist: 2}}\n' >"$work/heavy.yaml"
+run 0 check "$work/heavy.yaml"
+says out 'dynamics fastest without compiling'
+"$program" doctor --local --measure 0 "$work/heavy.yaml" >"$work/out" 2>"$work/err"
+says out 'dynamics generated, built in with masses as inputs'
+"$program" run --transport local --clock free --ticks 2 --control none "$work/heavy.yaml" \
+    >"$work/out" 2>"$work/err" </dev/null || problem="$problem; it does not run"
+says err 'built-in generated dynamics with masses as inputs'
+! grep -q folder "$work/err" || problem="$problem; speaks of a folder"
+conclude added_masses_are_inputs_of_built_in_dynamics_and_it_is_said
 
 run 0 bench
 for subject in contact dynamics paper pendulum; do says out "  $subject "; done

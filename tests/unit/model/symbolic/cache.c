@@ -32,7 +32,7 @@ static bool build_or_find(void)
     if (symbolic_build(&tree.robot, &options, folder, &library, &error)) {
         fail_msg("%s", error.text);
     }
-    library.module->forward(&q, &v, &tau, NULL, &vdot);
+    library.module->forward(NULL, &q, &v, &tau, NULL, &vdot);
     assert_true(vdot != 0.0);
     cached = library.cached;
     symbolic_close(&library);

@@ -138,8 +138,8 @@ static void assert_repeats(const struct robot *robot, const struct dynamics_modu
 
     for (int n = 0; n < 50; n++) {
         random_state_make(&seed, robot, &x);
-        module->forward(x.q, x.v, x.tau, x.ext[0].force, first);
-        module->forward(x.q, x.v, x.tau, x.ext[0].force, second);
+        module->forward(NULL, x.q, x.v, x.tau, x.ext[0].force, first);
+        module->forward(NULL, x.q, x.v, x.tau, x.ext[0].force, second);
         assert_memory_equal(first, second, robot->nv * sizeof *first);
     }
 }
@@ -149,7 +149,7 @@ static void assert_repeats(const struct robot *robot, const struct dynamics_modu
 static void compare_variant(const char *name)
 {
     const struct robot *robot = load_coman(NULL);
-    const struct dynamics_module *module = symbolic_builtin(robot->hash);
+    const struct dynamics_module *module = symbolic_builtin(robot);
 
     assert_non_null(module);
     while (module && strcmp(module->variant, name) != 0) {
@@ -194,14 +194,14 @@ static void assert_same_bits(const struct robot *robot, const struct dynamics_mo
         random_state_make(&seed, robot, &x);
         make_extra_inertia(&seed, extra, added);
         x.q[robot->nq - 1] *= n % 10 ? 1.0 : 1e7;
-        a->implicit(x.q, x.v, x.tau, x.ext[0].force, extra, added, of_a);
-        b->implicit(x.q, x.v, x.tau, x.ext[0].force, extra, added, of_b);
+        a->implicit(NULL, x.q, x.v, x.tau, x.ext[0].force, extra, added, of_a);
+        b->implicit(NULL, x.q, x.v, x.tau, x.ext[0].force, extra, added, of_b);
         assert_memory_equal(of_a, of_b, nv);
-        a->forward(x.q, x.v, x.tau, x.ext[0].force, of_a);
-        b->forward(x.q, x.v, x.tau, x.ext[0].force, of_b);
+        a->forward(NULL, x.q, x.v, x.tau, x.ext[0].force, of_a);
+        b->forward(NULL, x.q, x.v, x.tau, x.ext[0].force, of_b);
         assert_memory_equal(of_a, of_b, nv);
-        a->inverse(x.q, x.v, of_a, NULL, of_a + VELOCITIES);
-        b->inverse(x.q, x.v, of_a, NULL, of_b + VELOCITIES);
+        a->inverse(NULL, x.q, x.v, of_a, NULL, of_a + VELOCITIES);
+        b->inverse(NULL, x.q, x.v, of_a, NULL, of_b + VELOCITIES);
         assert_memory_equal(of_a + VELOCITIES, of_b + VELOCITIES, nv);
         a->acceleration(x.q, x.v, of_a, of_a + VELOCITIES);
         b->acceleration(x.q, x.v, of_a, of_b + VELOCITIES);
@@ -215,8 +215,8 @@ static void assert_same_bits(const struct robot *robot, const struct dynamics_mo
             assert_memory_equal(of_a + 18 * a->observed[o], of_b + 18 * a->observed[o],
                                 18 * sizeof(double));
         }
-        a->energy(x.q, x.v, of_a);
-        b->energy(x.q, x.v, of_b);
+        a->energy(NULL, x.q, x.v, of_a);
+        b->energy(NULL, x.q, x.v, of_b);
         assert_memory_equal(of_a, of_b, 2 * sizeof(double));
     }
 }
@@ -232,7 +232,7 @@ static void built_in_modules_have_the_same_bits_in_every_variant(void **state)
         const struct robot *robot;
 
         assert_int_equal(robot_load(robots[i], NULL, &arena, &robot, &error), ERROR_NONE);
-        module = symbolic_builtin(robot->hash);
+        module = symbolic_builtin(robot);
         assert_non_null(module);
         for (; module->plainer; module = module->plainer) {
             assert_same_bits(robot, module, module->plainer);
@@ -273,7 +273,7 @@ static void sine_and_cosine_are_right_to_the_last_place(void **state)
     _Alignas(64) double x[8], sine[8], cosine[8];
 
     (void)state;
-    for (const struct dynamics_module *module = symbolic_builtin(robot->hash); module;
+    for (const struct dynamics_module *module = symbolic_builtin(robot); module;
          module = module->plainer) {
         double worst = 0.0;
         uint64_t seed = 47;
@@ -306,7 +306,7 @@ static void far_angles_infinities_and_nan_are_those_of_libm(void **state)
     _Alignas(64) double sine[8], cosine[8];
 
     (void)state;
-    for (const struct dynamics_module *module = symbolic_builtin(robot->hash); module;
+    for (const struct dynamics_module *module = symbolic_builtin(robot); module;
          module = module->plainer) {
         module->sincos(x, sine, cosine);
         for (int l = 0; l < 8; l++) {
@@ -362,7 +362,7 @@ static void joints_that_turn_for_ever_keep_their_accuracy(void **state)
     const struct robot *robot = load_coman(NULL);
 
     (void)state;
-    for (const struct dynamics_module *module = symbolic_builtin(robot->hash); module;
+    for (const struct dynamics_module *module = symbolic_builtin(robot); module;
          module = module->plainer) {
         for (size_t n = 0; n < sizeof size / sizeof size[0]; n++) {
             double worst = far_difference(robot, module, size[n]);
@@ -492,7 +492,7 @@ static void a_module_for_this_cpu_has_the_variant_that_it_would_pick(void **stat
     for (int state_number = 0; state_number < 20; state_number++) {
         random_state_make(&seed, &tree.robot, &x);
         for (int n = 0; n < 2; n++) {
-            library[n].module->forward(x.q, x.v, x.tau, x.ext[0].force, found[n]);
+            library[n].module->forward(NULL, x.q, x.v, x.tau, x.ext[0].force, found[n]);
         }
         assert_memory_equal(found[0], found[1], tree.robot.nv * sizeof *found[0]);
     }
@@ -561,7 +561,7 @@ static void a_module_is_built_once_and_then_found(void **state)
         }
         assert_int_equal(library.cached, n == 1);
         assert_string_equal(library.module->robot, tree.robot.name);
-        library.module->forward(&q, &v, &tau, NULL, &vdot);
+        library.module->forward(NULL, &q, &v, &tau, NULL, &vdot);
         assert_true(fabs(vdot - (tau - 9.81 * sin(q))) < 1e-14);
         symbolic_close(&library);
     }
@@ -576,11 +576,10 @@ static void a_module_of_another_robot_is_refused(void **state)
 
     (void)state;
     make_pendulum(&tree);
-    assert_int_equal(
-        dynamics_generated(&tree.robot, symbolic_builtin(coman->hash), &arena, &d, &error),
-        ERROR_UNSUPPORTED);
+    assert_int_equal(dynamics_generated(&tree.robot, symbolic_builtin(coman), &arena, &d, &error),
+                     ERROR_UNSUPPORTED);
     assert_non_null(strstr(error.text, "another robot"));
-    assert_null(symbolic_builtin(tree.robot.hash));
+    assert_null(symbolic_builtin(&tree.robot));
 }
 
 static void the_fastest_dynamics_there_is_are_taken_and_named(void **state)

@@ -128,7 +128,8 @@ static void subject_open(struct subject *s, const struct robot *robot, int lanes
     }
     for (int f = 0; f < DERIVE_COUNT; f++) {
         graph_init(&s->graph[f]);
-        if (derive((enum derive_function)f, &s->tree, &s->graph[f], &s->derivation[f], &error)) {
+        if (derive((enum derive_function)f, &s->tree, false, &s->graph[f], &s->derivation[f],
+                   &error)) {
             fail_msg("%s", error.text);
         }
     }
