@@ -34,18 +34,18 @@ static void doctor_describe_dynamics(const struct rig *rig, struct error *text)
         [SYMBOLIC_COMPILED] = "generated, compiled",
         [SYMBOLIC_COMPILING] = "being compiled",
     };
+    const struct dynamics_module *module = symbolic_builtin(rig->robot);
     enum symbolic_state state;
     struct error reason;
     char folder[4096];
 
     if (rig->dynamics == RIG_DYNAMICS_GENERIC) {
         error_set(text, ERROR_NONE, "generic, as the rig says");
-    } else if (symbolic_builtin_exact(rig->robot)) {
-        error_set(text, ERROR_NONE, "generated, built in");
+    } else if (module) {
+        error_set(text, ERROR_NONE, "generated, built in%s",
+                  module->ninertia ? " with masses as inputs" : "");
     } else if (rig->dynamics == RIG_DYNAMICS_BUILT_IN) {
-        error_set(text, ERROR_NONE, "%s",
-                  symbolic_builtin(rig->robot) ? "generated, built in with masses as inputs"
-                                               : "generic: no code is compiled for added masses");
+        error_set(text, ERROR_NONE, "generic: no code is compiled for added masses");
     } else if (!module_cache_folder(folder, sizeof folder)) {
         error_set(text, ERROR_NONE, "numeric: no cache folder");
     } else {

@@ -85,18 +85,27 @@ static enum error_code open_library(const struct robot *robot, const char *folde
     return ERROR_UNSUPPORTED;
 }
 
+/* Dynamics by a built-in module. */
+static enum error_code take_builtin(const struct robot *robot, const struct dynamics_module *module,
+                                    struct arena *arena, struct dynamics *out, struct error *notice,
+                                    struct error *error)
+{
+    error_set(notice, ERROR_NONE, "built-in generated dynamics%s (%s)",
+              module->ninertia ? " with masses as inputs" : "", module->variant);
+    return dynamics_generated(robot, module, arena, out, error);
+}
+
 enum error_code dynamics_fastest(const struct robot *robot, const char *folder,
                                  const struct dynamics_compiling *compiling, struct arena *arena,
                                  struct dynamics *out, struct symbolic_library *library,
                                  struct error *notice, struct error *error)
 {
-    const struct dynamics_module *module = symbolic_builtin_exact(robot);
+    const struct dynamics_module *module = symbolic_builtin(robot);
     struct error reason;
 
     memset(library, 0, sizeof *library);
     if (module) {
-        error_set(notice, ERROR_NONE, "built-in generated dynamics (%s)", module->variant);
-        return dynamics_generated(robot, module, arena, out, error);
+        return take_builtin(robot, module, arena, out, notice, error);
     }
     if (!open_library(robot, folder, compiling, library, &reason)) {
         if (!dynamics_generated(robot, library->module, arena, out, &reason)) {
@@ -116,13 +125,11 @@ enum error_code dynamics_built_in(const struct robot *robot, struct arena *arena
 {
     const struct dynamics_module *module = symbolic_builtin(robot);
 
-    if (!module) {
-        error_set(notice, ERROR_NONE,
-                  "numeric dynamics, several times slower than generated ones: no code is compiled "
-                  "for added masses");
-        return dynamics_generic(robot, arena, out, error);
+    if (module) {
+        return take_builtin(robot, module, arena, out, notice, error);
     }
-    error_set(notice, ERROR_NONE, "built-in generated dynamics%s (%s)",
-              module->ninertia ? " with masses as inputs" : "", module->variant);
-    return dynamics_generated(robot, module, arena, out, error);
+    error_set(notice, ERROR_NONE,
+              "numeric dynamics, several times slower than generated ones: no code is compiled for "
+              "added masses");
+    return dynamics_generic(robot, arena, out, error);
 }

@@ -10,7 +10,8 @@
  * was made from a robot that differs in nothing else, else NULL. RT-safe. */
 const struct dynamics_module *symbolic_builtin(const struct robot *robot);
 
-/* The same, but only a module that was made from robot: the fastest there is. RT-safe. */
+/* The same, but only a module that was made from robot, of up to one in a hundred fewer operations.
+ * RT-safe. */
 const struct dynamics_module *symbolic_builtin_exact(const struct robot *robot);
 
 /* What is done where a module is neither built in nor in the cache. Numeric and generated code
@@ -27,12 +28,11 @@ struct dynamics_compiling {
     int loop_cpu;                      /* which the background leaves alone; -1 = none */
 };
 
-/* The fastest dynamics that can be had for robot: the built-in module made from
- * it; else one that is built in,
- * or found in, the cache folder (NULL = none); else the numeric algorithms. library holds a built
- * module and is to be closed after the last use; notice says in a sentence what was taken and why.
- * Memory from arena. Not RT-safe; where it compiles in the background before the process has
- * threads. */
+/* The fastest dynamics that can be had for robot: a built-in module (symbolic_builtin); else one
+ * that is built in, or found in, the cache folder (NULL = none); else the numeric algorithms.
+ * library holds a built module and is to be closed after the last use; notice says in a sentence
+ * what was taken and why. Memory from arena. Not RT-safe; where it compiles in the background before
+ * the process has threads. */
 enum error_code dynamics_fastest(const struct robot *robot, const char *folder,
                                  const struct dynamics_compiling *compiling, struct arena *arena,
                                  struct dynamics *out, struct symbolic_library *library,

@@ -22,14 +22,14 @@ PATIENCE_S = 60
 
 
 def robot_of_our_own(work):
-    """COMAN with another mass of the waist."""
+    """COMAN whose first joint is a millimetre ahead."""
     shutil.copytree(os.environ["HIL_SOURCE_DIR"] + "/config", work + "/config")
     path = work + "/config/robots/coman.yaml"
     with open(path) as file:
         text = file.read()
-    before, mass, after = text.partition("mass_kg: ")
+    before, origin, after = text.partition("origin: {xyz_m: [0.0,")
     with open(path, "w") as file:
-        file.write(before + mass + "1" + after)
+        file.write(before + origin.replace("0.0", "0.001") + after)
 
 
 def put_compiler(work, script):

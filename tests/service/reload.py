@@ -114,9 +114,9 @@ def stop_between_two_runs(program, work):
         good = service.hears("READY=1")
         path = work + "/config/robots/coman.yaml"
         with open(path) as file:
-            before, mass, after = file.read().partition("mass_kg: ")
+            before, origin, after = file.read().partition("origin: {xyz_m: [0.0,")
         with open(path, "w") as file:
-            file.write(before + mass + "1" + after)
+            file.write(before + origin.replace("0.0", "0.001") + after)
         service.process.send_signal(signal.SIGHUP)
         good = good and service.hears("RELOADING=1")
         end_s = time.monotonic() + PATIENCE_S
