@@ -31,8 +31,8 @@ struct dynamics_compiling {
 /* The fastest dynamics that can be had for robot: a built-in module (symbolic_builtin); else one
  * that is built in, or found in, the cache folder (NULL = none); else the numeric algorithms.
  * library holds a built module and is to be closed after the last use; notice says in a sentence
- * what was taken and why. Memory from arena. Not RT-safe; where it compiles in the background before
- * the process has threads. */
+ * what was taken and why. Memory from arena. Not RT-safe; where it compiles in the background
+ * before the process has threads. */
 enum error_code dynamics_fastest(const struct robot *robot, const char *folder,
                                  const struct dynamics_compiling *compiling, struct arena *arena,
                                  struct dynamics *out, struct symbolic_library *library,
