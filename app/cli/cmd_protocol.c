@@ -4,6 +4,7 @@
 
 #include "app/cli/protocol_page.h"
 #include "base/arena.h"
+#include "base/config.h"
 #include "base/count.h"
 #include "base/options.h"
 #include "base/text.h"
@@ -14,13 +15,15 @@
 
 enum { MEMORY = 8 << 20 };
 
-/* A file that describes a protocol. */
-static enum error_code print_described(const char *path, struct error *error)
+/* What a file describes: a path, or the name of one. */
+static enum error_code print_described(const char *name, struct error *error)
 {
     const struct described_protocol *protocol;
     struct arena arena = {.memory = NULL};
-    enum error_code code = arena_init(&arena, MEMORY, error);
+    char path[PATH_MAX];
+    enum error_code code = config_locate(CONFIG_PROTOCOL, name, path, error);
 
+    code = code ? code : arena_init(&arena, MEMORY, error);
     code = code ? code : described_load(path, &arena, &protocol, error);
     if (!code) {
         protocol_page_print_described(protocol, stdout);
@@ -38,8 +41,9 @@ int cmd_protocol(int argc, char **argv)
                                         NULL};
     static const char *name;
     static const struct operand_spec operands[] = {
-        {"PERSONALITY", "icub, foc, compact, cia402, or a file that describes a protocol", true,
-         .value = &name, .words = names},
+        {"PERSONALITY",
+         "icub, foc, compact, cia402, or a protocol that a file describes: its name or the file",
+         true, .value = &name, .words = names},
     };
     static const struct command_spec spec = {
         .name = "protocol",
@@ -62,11 +66,11 @@ int cmd_protocol(int argc, char **argv)
             return STATUS_OK;
         }
     }
-    if (strpbrk(name, "./")) {
-        return print_described(name, &error) ? command_fail("protocol", &error) : STATUS_OK;
-    }
     nearest = text_nearest(name, names, ARRAY_COUNT(names) - 1);
-    error_set(&error, ERROR_INPUT, "found unknown personality \"%.60s\", expected %s", name,
-              nearest ? nearest : "icub, foc, compact or cia402");
-    return options_fail(&spec, &error);
+    if (nearest) {
+        error_set(&error, ERROR_INPUT, "found unknown personality \"%.60s\", expected %s", name,
+                  nearest);
+        return options_fail(&spec, &error);
+    }
+    return print_described(name, &error) ? command_fail("protocol", &error) : STATUS_OK;
 }

@@ -452,6 +452,9 @@ static void json_write(const struct summary *summary, FILE *out)
             loop_clock_name(config->clock), summary_end_text(summary->end), stats->ticks,
             summary_seconds(stats->time_ns), summary_seconds(stats->end_ns - stats->start_ns),
             summary_real_time_factor(stats), state_hash(summary));
+    fprintf(out, "  \"dynamics\": ");
+    json_text_put(simulator_dynamics(summary->simulator), out);
+    fprintf(out, ",\n");
     json_phases(stats, out);
     json_buses(summary, out);
     json_energy(summary, out);

@@ -25,7 +25,7 @@ has_all_of() {
     [ ! -s "$work/out" ]
 }
 
-echo 1..13
+echo 1..15
 for personality in icub foc compact cia402; do
     "$program" protocol $personality >"$work/$personality.md" 2>"$work/out" &&
         diff "$source/docs/protocol/$personality.md" "$work/$personality.md" >"$work/out"
@@ -81,4 +81,10 @@ result $? "every frame of the rig coman-cia402 is on the page"
 "$program" protocol icbu >"$work/out" 2>&1
 [ $? -eq 2 ] && grep -q 'expected icub' "$work/out"
 result $? "an unknown personality is refused with the nearest"
+"$program" protocol odrive >"$work/odrive" 2>"$work/out" &&
+    "$program" protocol "$source/config/protocols/odrive.yaml" 2>"$work/out" | diff "$work/odrive" -
+result $? "a protocol that a file describes goes by its name"
+"$program" protocol odriv >"$work/out" 2>&1
+[ $? -eq 2 ] && grep -q 'found no protocol "odriv", expected "odrive"' "$work/out"
+result $? "an unknown name is refused with the nearest"
 exit "$failed"
