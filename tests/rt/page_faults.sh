@@ -30,7 +30,7 @@ put_compiler()
 {
     mkdir -p "$work/other/rigs" "$work/tools" "$work/cache"
     cp -r "$HIL_SOURCE_DIR/config/robots" "$HIL_SOURCE_DIR/config/meshes" "$work/other/"
-    sed -i '0,/mass_kg: /s//&1/' "$work/other/robots/coman.yaml"
+    sed -i '0,/origin: {xyz_m: \[0.0,/s//origin: {xyz_m: [0.001,/' "$work/other/robots/coman.yaml"
     cp "$rig.yaml" "$work/other/rigs/other.yaml"
     printf '#!/bin/sh\n: >"%s/asked"\nwhile [ -e "%s" ]; do sleep 1; done\n' "$work" "$work" \
         >"$work/tools/cc"

@@ -55,14 +55,16 @@ static struct steer_request next_request(struct crowd *crowd, struct random_stre
     return request;
 }
 
-/* What may be said to a request of each kind; any is STEER_OK or _RANGE, and going back or on is
- * STEER_BUSY during a step. */
+/* What may be said to a request of each kind; any is STEER_OK or _RANGE, going back or on is
+ * STEER_BUSY during a step, and there is no checkpoint while thousands of frames wait for the task,
+ * which reads none when it has given up. */
 static bool verdict_fits(enum steer_kind kind, enum steer_verdict verdict)
 {
     static const unsigned further[KINDS] = {
         [STEER_RESUME] = 1u << STEER_BUSY,
         [STEER_STEP] = 1u << STEER_BUSY | 1u << STEER_CUT,
         [STEER_RESET] = 1u << STEER_BUSY,
+        [STEER_CHECKPOINT] = 1u << STEER_UNAVAILABLE,
         [STEER_RESTORE] = 1u << STEER_BUSY | 1u << STEER_EMPTY,
     };
     unsigned always = 1u << STEER_OK;
