@@ -42,9 +42,11 @@ static enum error_code simulator_create_buses(struct simulator *simulator, char 
 {
     const struct simulator_config *config = &simulator->config;
     size_t guests = config->guests + (config->task != NULL) + (config->gateway != NULL);
+    bool apart = config->gateway || (config->guests && !config->guests_inline) ||
+                 (config->task && config->clock == LOOP_CLOCK_REAL);
     enum error_code code =
         buses_open(config->rig, config->transport, config->interface, config->ninterface, guests,
-                   simulator->arena, &simulator->buses, notice, error);
+                   apart, simulator->arena, &simulator->buses, notice, error);
 
     if (code) {
         return code;

@@ -10,7 +10,10 @@
 #include <string.h>
 
 enum {
+    /* Frames that wait for one participant: what a thread that is late has not read, or what the
+     * simulator's own thread reads in the same tick, which then stays in the processor's cache */
     LOCAL_INBOX = 4096,
+    LOCAL_INBOX_INLINE = 1024,
     INTERFACE_MAX = 15, /* IFNAMSIZ less the zero */
     SEEK_NS = 1000000000,
 };
@@ -85,8 +88,8 @@ static size_t bus_count_controllers(const struct rig_bus *bus)
     return bus->nboard ? bus->nboard : 1;
 }
 
-static enum error_code buses_create_local(struct buses *buses, size_t guests, struct arena *arena,
-                                          struct error *error)
+static enum error_code buses_create_local(struct buses *buses, size_t guests, bool apart,
+                                          struct arena *arena, struct error *error)
 {
     const struct rig *rig = buses->rig;
 
@@ -96,7 +99,7 @@ static enum error_code buses_create_local(struct buses *buses, size_t guests, st
         const struct local_bus_config config = {
             .name = buses->interface[b],
             .max_nodes = 1 + guests,
-            .inbox = LOCAL_INBOX,
+            .inbox = apart ? LOCAL_INBOX : LOCAL_INBOX_INLINE,
             .fd = bus->fd,
             .mode = rig->wire.timed ? LOCAL_BUS_WIRE : LOCAL_BUS_IDEAL,
             .bitrate = bus->bitrate,
@@ -123,7 +126,7 @@ static enum error_code buses_create_local(struct buses *buses, size_t guests, st
 
 enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
                            const char *const *overrides, size_t noverride, size_t guests,
-                           struct arena *arena, struct buses *buses, char notice[256],
+                           bool apart, struct arena *arena, struct buses *buses, char notice[256],
                            struct error *error)
 {
     enum error_code code = ERROR_NONE;
@@ -155,7 +158,7 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
         transport = TRANSPORT_LOCAL;
     }
     buses->local = transport == TRANSPORT_LOCAL;
-    return buses->local ? buses_create_local(buses, guests, arena, error)
+    return buses->local ? buses_create_local(buses, guests, apart, arena, error)
                         : interfaces_prepare(rig, buses->interface, &interface_kernel, error);
 }
 

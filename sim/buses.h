@@ -38,12 +38,13 @@ struct buses {
 };
 
 /* Chooses the transport and creates the local buses. overrides has "NAME=INTERFACE" entries, as of
- * --bus; borrowed. guests: how often buses_join will be called. notice receives one line when auto
+ * --bus; borrowed. guests: how often buses_join will be called; apart: not all of
+ * them in the simulator's thread. notice receives one line when auto
  * falls back on local buses, else "". Memory from arena. ERROR_INPUT, ERROR_MEMORY, ERROR_SYSTEM.
  * */
 enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
                            const char *const *overrides, size_t noverride, size_t guests,
-                           struct arena *arena, struct buses *buses, char notice[256],
+                           bool apart, struct arena *arena, struct buses *buses, char notice[256],
                            struct error *error);
 
 /* Joins every bus as the simulator: for all boards of the bus, each with a CAN controller of its

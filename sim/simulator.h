@@ -70,6 +70,7 @@ struct simulator_config {
     bool untouched; /* pages come at their first use, which costs least where nobody measures ticks;
                        else all are there when the run begins */
     size_t guests;  /* how often simulator_join will be called */
+    bool guests_inline; /* all of them by observers, which read each tick's frames in its course */
     const struct gateway_config *gateway; /* host and port; NULL = none */
     const char *record;                   /* directory, NULL = none */
     bool overwrite;

@@ -163,8 +163,8 @@ static enum error_code latency_join_rig(const struct latency_command *options,
     if (!port || !boards->tap) {
         return error_set(error, ERROR_MEMORY, "no memory left for the buses");
     }
-    code = buses_open(rig, TRANSPORT_SOCKETCAN, options->bus.item, options->bus.count, 0, arena,
-                      &buses, notice, error);
+    code = buses_open(rig, TRANSPORT_SOCKETCAN, options->bus.item, options->bus.count, 0, false,
+                      arena, &buses, notice, error);
     for (; !code && boards->nbus < rig->nbus; boards->nbus++) {
         size_t b = boards->nbus;
 

@@ -169,7 +169,7 @@ static int task_run_rig(void *context, const struct rig *rig, struct arena *aren
     lockstep =
         (options->clock < 0 ? rig->clock : (enum loop_clock)options->clock) == LOOP_CLOCK_LOCKSTEP;
     if (task_input_read(&options->input, options->task, rig, arena, &input, &error) ||
-        buses_open(rig, TRANSPORT_SOCKETCAN, options->bus.item, options->bus.count, 1, arena,
+        buses_open(rig, TRANSPORT_SOCKETCAN, options->bus.item, options->bus.count, 1, true, arena,
                    &buses, notice, &error) ||
         buses_join(&buses, arena, &ports, &error)) {
         return command_fail("task", &error);

@@ -182,9 +182,6 @@ static enum error_code create_host(struct run *run, struct arena *arena, struct 
     const struct host_config config =
         rig_host_config(rig, run->host_ports.port, scenario->clock == LOOP_CLOCK_LOCKSTEP);
 
-    run->starts = scenario->host == SCENARIO_HOST_ENABLED;
-    run->has_host = run->starts ||
-                    (config.lockstep && !scenario->task && scenario->host != SCENARIO_HOST_PROGRAM);
     return run->has_host ? host_create(&config, arena, &run->view.host, error) : ERROR_NONE;
 }
 
@@ -219,6 +216,17 @@ static uint64_t scenario_run_ticks(const struct run *run)
     return (uint64_t)ceil(length_s * 1e9 / (double)run->view.rig->tick_ns - 1e-6);
 }
 
+/* Whether a host of ours is on the buses: one that switches the motors on, or what a lockstep waits
+ * for when nobody else sends STEP frames. */
+static void scenario_run_find_host(struct run *run)
+{
+    const struct scenario *scenario = run->scenario;
+
+    run->starts = scenario->host == SCENARIO_HOST_ENABLED;
+    run->has_host = run->starts || (scenario->clock == LOOP_CLOCK_LOCKSTEP && !scenario->task &&
+                                    scenario->host != SCENARIO_HOST_PROGRAM);
+}
+
 static enum error_code create_simulator(struct run *run, const struct scenario_options *options,
                                         const struct simulator_observer *observer,
                                         const char **fault, size_t nfault, struct arena *arena,
@@ -240,7 +248,8 @@ static enum error_code create_simulator(struct run *run, const struct scenario_o
         .task = scenario->task,
         .observer = observer,
         .untouched = true,
-        .guests = 2,
+        .guests = 1 + run->has_host,
+        .guests_inline = true,
         .gateway = scenario->host == SCENARIO_HOST_PROGRAM ? &gateway : NULL,
         .record = options->record,
         .overwrite = true,
@@ -249,12 +258,10 @@ static enum error_code create_simulator(struct run *run, const struct scenario_o
     char notice[256];
     enum error_code code = simulator_create(&config, arena, &run->view.simulator, notice, error);
 
-    if (code) {
-        return code;
-    }
     /* Ports of our own, to observe and to send frames; and those of the host */
-    code = simulator_join(run->view.simulator, &run->ports, error);
-    return code ? code : simulator_join(run->view.simulator, &run->host_ports, error);
+    code = code ? code : simulator_join(run->view.simulator, &run->ports, error);
+    return code || !run->has_host ? code
+                                  : simulator_join(run->view.simulator, &run->host_ports, error);
 }
 
 static enum error_code scenario_run_create(struct run *run, const struct scenario_options *options,
@@ -270,6 +277,7 @@ static enum error_code scenario_run_create(struct run *run, const struct scenari
     if (!fault) {
         return error_set(error, ERROR_MEMORY, "no memory left for a scenario");
     }
+    scenario_run_find_host(run);
     if ((code = load_rig(run, arena, error)) ||
         (code = scenario_stimuli_create(scenario, options->mutation, arena, &run->stimuli, fault,
                                         &nfault, error)) ||

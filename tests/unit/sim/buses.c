@@ -40,7 +40,7 @@ static void wrong_overrides_are_refused_with_what_was_expected(void **state)
         char notice[256];
 
         assert_int_equal(buses_open(&rig, TRANSPORT_LOCAL, cases[i].item, cases[i].item[1] ? 2 : 1,
-                                    1, &arena, &buses, notice, &error),
+                                    1, true, &arena, &buses, notice, &error),
                          ERROR_INPUT);
         assert_non_null(strstr(error.text, cases[i].message));
     }
@@ -56,8 +56,9 @@ static void local_buses_bear_the_interface_names_and_carry_frames(void **state)
     char notice[256];
 
     (void)state;
-    assert_int_equal(buses_open(&rig, TRANSPORT_LOCAL, item, 1, 1, &arena, &buses, notice, &error),
-                     ERROR_NONE);
+    assert_int_equal(
+        buses_open(&rig, TRANSPORT_LOCAL, item, 1, 1, true, &arena, &buses, notice, &error),
+        ERROR_NONE);
     assert_string_equal(notice, "");
     assert_true(buses.local);
     assert_int_equal(buses_join(&buses, &arena, &simulator, &error), ERROR_NONE);
@@ -92,7 +93,7 @@ static void timed_local_buses_deliver_when_they_are_advanced(void **state)
 
     (void)state;
     assert_int_equal(
-        buses_open(&timed, TRANSPORT_LOCAL, NULL, 0, 1, &arena, &buses, notice, &error),
+        buses_open(&timed, TRANSPORT_LOCAL, NULL, 0, 1, true, &arena, &buses, notice, &error),
         ERROR_NONE);
     assert_true(buses.timed);
     assert_non_null(buses.wire[0]);
@@ -116,8 +117,9 @@ static void without_can_auto_is_local_and_says_so(void **state)
     char notice[256];
 
     (void)state;
-    assert_int_equal(buses_open(&rig, TRANSPORT_AUTO, NULL, 0, 1, &arena, &buses, notice, &error),
-                     ERROR_NONE);
+    assert_int_equal(
+        buses_open(&rig, TRANSPORT_AUTO, NULL, 0, 1, true, &arena, &buses, notice, &error),
+        ERROR_NONE);
     assert_int_equal(buses.local, !socketcan_available());
     assert_int_equal(notice[0] != '\0', !socketcan_available());
     buses_close(&buses);
@@ -132,8 +134,9 @@ static void a_named_interface_is_never_replaced_by_a_local_bus(void **state)
     char notice[256];
 
     (void)state;
-    assert_int_equal(buses_open(&rig, TRANSPORT_AUTO, item, 1, 1, &arena, &buses, notice, &error),
-                     ERROR_NONE);
+    assert_int_equal(
+        buses_open(&rig, TRANSPORT_AUTO, item, 1, 1, true, &arena, &buses, notice, &error),
+        ERROR_NONE);
     assert_int_not_equal(buses_join(&buses, &arena, &ports, &error), ERROR_NONE);
     assert_int_equal(ports.count, 0);
     assert_non_null(strstr(error.text, "bus torso"));
