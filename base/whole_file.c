@@ -3,37 +3,141 @@
 #include "base/whole_file.h"
 
 #include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <limits.h>
+#include <string.h>
+#include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-enum error_code whole_file_open(struct whole_file *file, const char *path, struct error *error)
+/* Returns the name of a path in its folder. */
+static const char *whole_file_name(const char *path)
 {
+    const char *slash = strrchr(path, '/');
+
+    return slash ? slash + 1 : path;
+}
+
+/* Opens the folder of the path, so that nobody can put another in its place. */
+static enum error_code whole_file_open_folder(struct whole_file *file, struct error *error)
+{
+    size_t length = (size_t)(whole_file_name(file->path) - file->path);
+    char folder[PATH_MAX] = ".";
+
+    if (length >= sizeof folder) {
+        return error_set(error, ERROR_INPUT, "the file's name %.40s... is too long", file->path);
+    }
+    if (length > 0) {
+        memcpy(folder, file->path, length);
+        folder[length] = '\0';
+    }
+    file->folder = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    return file->folder >= 0 ? ERROR_NONE
+                             : error_set_errno(error, errno, "cannot write %s", file->path);
+}
+
+/* Creates a file of a name that nobody can have guessed. */
+static int whole_file_create(struct whole_file *file)
+{
+    for (;;) {
+        uint64_t random;
+        int descriptor;
+
+        if (getrandom(&random, sizeof random, 0) != (ssize_t)sizeof random) {
+            return -1;
+        }
+        snprintf(file->partial, sizeof file->partial, ".coman-hil-%016" PRIx64 ".part", random);
+        descriptor = openat(file->folder, file->partial,
+                            O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0664);
+        if (descriptor >= 0 || errno != EEXIST) {
+            return descriptor;
+        }
+    }
+}
+
+/* Opens a pipe or a device of characters; -1 where it has become something else. */
+static int whole_file_open_device(struct whole_file *file)
+{
+    int descriptor = openat(file->folder, whole_file_name(file->path), O_WRONLY | O_CLOEXEC);
     struct stat there;
 
-    file->path = path;
-    file->in_place = stat(path, &there) == 0 && !S_ISREG(there.st_mode);
-    if ((size_t)snprintf(file->partial, sizeof file->partial, file->in_place ? "%s" : "%s.part",
-                         path) >= sizeof file->partial) {
-        return error_set(error, ERROR_INPUT, "the file's name %.40s... is too long", path);
+    if (descriptor >= 0 &&
+        (fstat(descriptor, &there) || !(S_ISFIFO(there.st_mode) || S_ISCHR(there.st_mode)))) {
+        close(descriptor);
+        errno = EINVAL;
+        return -1;
     }
-    file->out = fopen(file->partial, "we");
-    return file->out ? ERROR_NONE : error_set_errno(error, errno, "cannot write %s", file->partial);
+    return descriptor;
+}
+
+/* Decides whether the path is written in place, and refuses what can be no file. */
+static enum error_code whole_file_look(struct whole_file *file, struct error *error)
+{
+    const char *name = whole_file_name(file->path);
+    struct stat there, link;
+    bool found = fstatat(file->folder, name, &there, 0) == 0;
+
+    if (!*name || (found && S_ISDIR(there.st_mode))) {
+        return error_set_errno(error, EISDIR, "cannot write %s", file->path);
+    }
+    file->in_place = found && (S_ISFIFO(there.st_mode) || S_ISCHR(there.st_mode));
+    if (file->in_place && !fstatat(file->folder, name, &link, AT_SYMLINK_NOFOLLOW) &&
+        S_ISLNK(link.st_mode) && link.st_uid != 0 && link.st_uid != geteuid()) {
+        return error_set(error, ERROR_INPUT,
+                         "%s: found a symbolic link of another user, expected a file: what it "
+                         "points to is not written",
+                         file->path);
+    }
+    return ERROR_NONE;
+}
+
+enum error_code whole_file_open(struct whole_file *file, const char *path, struct error *error)
+{
+    enum error_code code;
+    int descriptor;
+
+    *file = (struct whole_file){.path = path};
+    code = whole_file_open_folder(file, error);
+    if (code) {
+        return code;
+    }
+    code = whole_file_look(file, error);
+    if (code) {
+        close(file->folder);
+        return code;
+    }
+    descriptor = file->in_place ? whole_file_open_device(file) : whole_file_create(file);
+    file->out = descriptor >= 0 ? fdopen(descriptor, "w") : NULL;
+    if (!file->out) {
+        code = error_set_errno(error, errno, "cannot write %s", path);
+        if (descriptor >= 0) {
+            close(descriptor);
+            unlinkat(file->folder, file->in_place ? "" : file->partial, 0);
+        }
+        close(file->folder);
+    }
+    return code;
 }
 
 enum error_code whole_file_close(struct whole_file *file, enum error_code code, struct error *error)
 {
     bool failed = ferror(file->out) != 0;
 
-    /* Data may only now reach the disk, and the name is given last */
+    failed = fflush(file->out) != 0 || failed;
+    /* Data reaches the disk before the name does, or a power cut could leave an empty file */
+    failed = failed || (!file->in_place && !code && fsync(fileno(file->out)) != 0);
     failed = fclose(file->out) != 0 || failed;
     if (!failed && !code && !file->in_place) {
-        failed = rename(file->partial, file->path) != 0;
+        failed =
+            renameat(file->folder, file->partial, file->folder, whole_file_name(file->path)) != 0;
     }
     if (failed && !code) {
         code = error_set_errno(error, errno, "cannot write %s", file->path);
     }
     if (code && !file->in_place) {
-        unlink(file->partial);
+        unlinkat(file->folder, file->partial, 0);
     }
+    close(file->folder);
     return code;
 }

@@ -270,18 +270,18 @@ static enum error_code write_plot(const struct dynamics_bench *bench, FILE *out,
 static enum error_code write_files(const struct dynamics_bench *bench, const char *folder,
                                    struct error *error)
 {
-    FILE *out;
-    enum error_code code = report_file_open(folder, "dynamics.csv", &out, error);
+    struct report_file file;
+    enum error_code code = report_file_open(&file, folder, "dynamics.csv", error);
 
     if (code) {
         return code;
     }
-    write_csv(bench, out);
-    if ((code = report_file_close(out, "dynamics.csv", ERROR_NONE, error)) ||
-        (code = report_file_open(folder, "dynamics.svg", &out, error))) {
+    write_csv(bench, file.whole.out);
+    if ((code = report_file_close(&file, ERROR_NONE, error)) ||
+        (code = report_file_open(&file, folder, "dynamics.svg", error))) {
         return code;
     }
-    return report_file_close(out, "dynamics.svg", write_plot(bench, out, error), error);
+    return report_file_close(&file, write_plot(bench, file.whole.out, error), error);
 }
 
 enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *file,

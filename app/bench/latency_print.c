@@ -199,14 +199,14 @@ static enum error_code latency_join_rig(const struct latency_command *options,
 static enum error_code latency_write_files(const struct latency_result *result, const char *folder,
                                            struct error *error)
 {
-    FILE *out;
-    enum error_code code = report_file_open(folder, "latency.csv", &out, error);
+    struct report_file file;
+    enum error_code code = report_file_open(&file, folder, "latency.csv", error);
 
     if (code) {
         return code;
     }
-    latency_write_csv(result, out);
-    return report_file_close(out, "latency.csv", ERROR_NONE, error);
+    latency_write_csv(result, file.whole.out);
+    return report_file_close(&file, ERROR_NONE, error);
 }
 
 /* Everything is open: measures and prints. */

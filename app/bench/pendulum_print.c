@@ -96,19 +96,20 @@ static enum error_code write_table(const struct pendulum_table *table, const cha
                                    struct error *error)
 {
     static const char name[] = "pendulum-table.csv";
-    FILE *out;
-    enum error_code code = report_file_open(folder, name, &out, error);
+    struct report_file file;
+    enum error_code code = report_file_open(&file, folder, name, error);
 
     if (code) {
         return code;
     }
-    fprintf(out, "engine,version,bodies,dt,coordinates,constraints,energy_error,constraint_error,"
-                 "real_time_factor\n");
-    write_rows(out, &pendulum_ours, table->nstep, table->ours);
+    fprintf(file.whole.out,
+            "engine,version,bodies,dt,coordinates,constraints,energy_error,constraint_error,"
+            "real_time_factor\n");
+    write_rows(file.whole.out, &pendulum_ours, table->nstep, table->ours);
     if (table->absolute) {
-        write_rows(out, table->absolute, table->nstep, table->theirs);
+        write_rows(file.whole.out, table->absolute, table->nstep, table->theirs);
     }
-    return report_file_close(out, name, ERROR_NONE, error);
+    return report_file_close(&file, ERROR_NONE, error);
 }
 
 /* ---- Fig. 3 ---- */
@@ -148,13 +149,13 @@ static void print_courses(const struct pendulum_course *course, size_t count)
 static enum error_code write_plot_file(const char *folder, const char *name,
                                        const struct svg_plot *plot, struct error *error)
 {
-    FILE *out;
-    enum error_code code = report_file_open(folder, name, &out, error);
+    struct report_file file;
+    enum error_code code = report_file_open(&file, folder, name, error);
 
     if (code) {
         return code;
     }
-    return report_file_close(out, name, svg_write(plot, out, error), error);
+    return report_file_close(&file, svg_write(plot, file.whole.out, error), error);
 }
 
 static enum error_code write_periods(const struct pendulum_course *course, size_t count,
@@ -170,26 +171,26 @@ static enum error_code write_periods(const struct pendulum_course *course, size_
                                   .y = {.label = "period of one turn"},
                                   .series = series,
                                   .nseries = count + 1};
-    FILE *out;
-    enum error_code code = report_file_open(folder, name, &out, error);
+    struct report_file file;
+    enum error_code code = report_file_open(&file, folder, name, error);
 
     if (code) {
         return code;
     }
 
     /* A row for each turn, and a series for each engine */
-    fprintf(out, "engine,turn,time,period,error\n");
+    fprintf(file.whole.out, "engine,turn,time,period,error\n");
     for (size_t i = 0; i < count; i++) {
         const struct pendulum_course *c = &course[i];
 
         for (size_t k = 0; k < c->nturn; k++) {
-            fprintf(out, "%s,%zu,%.9f,%.12f,%.3e\n", c->peer->name, k + 1, c->end[k], c->period[k],
-                    c->period[k] - period);
+            fprintf(file.whole.out, "%s,%zu,%.9f,%.12f,%.3e\n", c->peer->name, k + 1, c->end[k],
+                    c->period[k], c->period[k] - period);
         }
         series[i + 1] = (struct svg_series){
             .name = c->peer->name, .x = c->end, .y = c->period, .count = c->nturn};
     }
-    code = report_file_close(out, name, ERROR_NONE, error);
+    code = report_file_close(&file, ERROR_NONE, error);
     return code ? code : write_plot_file(folder, "pendulum-period.svg", &plot, error);
 }
 
@@ -205,20 +206,20 @@ static enum error_code write_heights(const struct pendulum_course *course, size_
                                   .series = series,
                                   .nseries = count,
                                   .width = 1200};
-    FILE *out;
-    enum error_code code = report_file_open(folder, name, &out, error);
+    struct report_file file;
+    enum error_code code = report_file_open(&file, folder, name, error);
 
     if (code) {
         return code;
     }
 
     /* A row for each sample, and a series for each engine */
-    fprintf(out, "engine,time,height\n");
+    fprintf(file.whole.out, "engine,time,height\n");
     for (size_t i = 0; i < count; i++) {
         const struct pendulum_course *c = &course[i];
 
         for (size_t k = 0; k < c->nsample; k++) {
-            fprintf(out, "%s,%.2f,%.9f\n", c->peer->name, c->time[k], c->height[k]);
+            fprintf(file.whole.out, "%s,%.2f,%.9f\n", c->peer->name, c->time[k], c->height[k]);
         }
         series[i] = (struct svg_series){.name = c->peer->name,
                                         .x = c->time,
@@ -226,7 +227,7 @@ static enum error_code write_heights(const struct pendulum_course *course, size_
                                         .count = c->nsample,
                                         .style = i ? SVG_DASHED : SVG_LINE};
     }
-    code = report_file_close(out, name, ERROR_NONE, error);
+    code = report_file_close(&file, ERROR_NONE, error);
     return code ? code : write_plot_file(folder, "pendulum-height.svg", &plot, error);
 }
 

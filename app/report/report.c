@@ -111,21 +111,20 @@ enum error_code report_open(struct report *report, const char *folder, const cha
     return report->body ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory for the report");
 }
 
+/* Opens the one file beside the page that is written at a time. */
 static FILE *open_file(struct report *report, const char *name)
 {
-    FILE *out = NULL;
-
     if (report_is_good(report)) {
-        report_file_open(report->folder, name, &out, &report->error);
+        report_file_open(&report->file, report->folder, name, &report->error);
     }
-    return report_is_good(report) ? out : NULL;
+    return report_is_good(report) ? report->file.whole.out : NULL;
 }
 
-static void close_file(struct report *report, FILE *out, const char *name)
+static void close_file(struct report *report)
 {
     struct error error;
 
-    if (report_file_close(out, name, ERROR_NONE, &error)) {
+    if (report_file_close(&report->file, ERROR_NONE, &error)) {
         report_fail(report, error.code, error.text);
     }
 }
@@ -134,7 +133,7 @@ static void close_table(struct report *report)
 {
     if (report->csv) {
         fputs("</tbody></table></div>\n", report->body);
-        close_file(report, report->csv, "a table of the report");
+        close_file(report);
         report->csv = NULL;
     }
 }
@@ -308,7 +307,7 @@ static void write_panel(struct report *report, const struct svg_plot *panel, con
     out = open_file(report, name);
     if (out) {
         svg_write(panel, out, &report->error);
-        close_file(report, out, name);
+        close_file(report);
     }
 }
 
@@ -335,7 +334,7 @@ static void write_points(struct report *report, const char *id, const struct svg
             }
         }
     }
-    close_file(report, out, name);
+    close_file(report);
 }
 
 void report_figure(struct report *report, const char *id, const char *caption,
@@ -406,7 +405,7 @@ static void write_findings(struct report *report)
             putc(k < 4 ? ',' : '\n', out);
         }
     }
-    close_file(report, out, "compared.csv");
+    close_file(report);
 }
 
 static void report_free(struct report *report)
@@ -436,7 +435,7 @@ enum error_code report_close(struct report *report, struct error *error)
     out = open_file(report, "index.html");
     if (out) {
         put_page(report, out);
-        close_file(report, out, "index.html");
+        close_file(report);
     }
     report_free(report);
     *error = report->error;

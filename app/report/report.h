@@ -9,6 +9,7 @@
 #ifndef APP_REPORT_REPORT_H
 #define APP_REPORT_REPORT_H
 
+#include "app/report/report_file.h"
 #include "app/report/svg.h"
 #include "base/error.h"
 #include "base/memory_file.h"
@@ -29,7 +30,8 @@ struct report {
     const char *folder, *title;
     FILE *body;
     struct memory_file text; /* of body */
-    FILE *csv;               /* of the open table */
+    struct report_file file; /* the open one beside the page */
+    FILE *csv;               /* its stream while a table is open */
     size_t nsection, nfinding, compared;
     struct {
         char id[32];

@@ -330,7 +330,7 @@ static enum error_code expectation_plot(const struct scenario_expectations *expe
         .width = 900,
         .height = 360};
     char name[64];
-    FILE *out;
+    struct report_file file;
     enum error_code code;
 
     /* The band, where the expectation has one of values */
@@ -352,11 +352,11 @@ static enum error_code expectation_plot(const struct scenario_expectations *expe
     }
 
     snprintf(name, sizeof name, "expectation-%zu.svg", index + 1);
-    code = report_file_open(directory, name, &out, error);
+    code = report_file_open(&file, directory, name, error);
     if (code) {
         return code;
     }
-    return report_file_close(out, name, svg_write(&plot, out, error), error);
+    return report_file_close(&file, svg_write(&plot, file.whole.out, error), error);
 }
 
 enum error_code scenario_expectations_plot(const struct scenario_expectations *expectations,

@@ -116,10 +116,10 @@ enum error_code plan_read_result(const char *path, struct arena *arena, struct p
 static enum error_code plan_write_result(const struct plan *plan, const struct plan_result *result,
                                          struct error *error)
 {
-    char path[PATH_MAX], part[PATH_MAX + 32], state[PLAN_HASH];
+    char path[PATH_MAX], state[PLAN_HASH];
     json_t *margin = result->has_margin ? json_real(result->margin) : json_null(), *text;
-    enum error_code code = ERROR_NONE;
-    FILE *out;
+    struct whole_file file;
+    enum error_code code;
 
     snprintf(state, sizeof state, "%016" PRIx64, result->state_hash);
     text =
@@ -129,25 +129,15 @@ static enum error_code plan_write_result(const struct plan *plan, const struct p
                   status_word[result->status], "state_hash", state, "virtual_s", result->virtual_s,
                   "margin", margin, "failed_s", result->failed_s, "message", result->message);
 
-    /* Two of the same case may run at once: each writes a file of its own, and the last to take the
-     * name has the same bytes */
     plan_result_path(plan, result->number, path);
-    snprintf(part, sizeof part, "%s.%ld", path, (long)getpid());
-    out = text ? fopen(part, "w") : NULL;
-    if (!text) {
-        code = error_set(error, ERROR_MEMORY, "no memory left for a result");
-    } else if (!out) {
-        code = error_set_file(error, errno, part, "cannot be written");
-    } else {
-        int failed = json_dumpf(text, out, JSON_PRESERVE_ORDER | JSON_REAL_PRECISION(12));
-
-        failed |= fputc('\n', out) == EOF;
-        failed |= fflush(out) || fsync(fileno(out));
-        failed |= fclose(out);
-        if (failed || rename(part, path)) {
-            code = error_set_file(error, errno, part, "cannot be written");
-            unlink(part);
+    code = text ? whole_file_open(&file, path, error)
+                : error_set(error, ERROR_MEMORY, "no memory left for a result");
+    if (!code) {
+        if (json_dumpf(text, file.out, JSON_PRESERVE_ORDER | JSON_REAL_PRECISION(12))) {
+            code = error_set(error, ERROR_SYSTEM, "%s: a result cannot be written", path);
         }
+        fputc('\n', file.out);
+        code = whole_file_close(&file, code, error);
     }
     json_decref(text);
     return code;

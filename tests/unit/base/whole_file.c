@@ -2,6 +2,7 @@
 /* Files that are there whole or as they were before. */
 #include "base/whole_file.h"
 
+#include <dirent.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -14,7 +15,7 @@
 #include <cmocka.h>
 
 static char folder[] = "/tmp/whole-file-XXXXXX";
-static char path[64], partial[64];
+static char path[64], other[64];
 
 static const char *content(const char *name)
 {
@@ -37,15 +38,31 @@ static int make_folder(void **state)
         return -1;
     }
     snprintf(path, sizeof path, "%s/file", folder);
-    snprintf(partial, sizeof partial, "%s/file.part", folder);
+    snprintf(other, sizeof other, "%s/other", folder);
     return 0;
 }
 
+/* A folder in which something else is left is not removed, which fails. */
 static int remove_folder(void **state)
 {
     (void)state;
     unlink(path);
+    unlink(other);
     return rmdir(folder);
+}
+
+/* Counts what is in the folder, hidden files too. */
+static int count_entries(void)
+{
+    DIR *entries = opendir(folder);
+    int count = 0;
+
+    assert_non_null(entries);
+    for (struct dirent *entry; (entry = readdir(entries));) {
+        count += strcmp(entry->d_name, ".") && strcmp(entry->d_name, "..");
+    }
+    closedir(entries);
+    return count;
 }
 
 static enum error_code write_file(const char *name, const char *text, enum error_code code)
@@ -69,7 +86,7 @@ static void has_its_name_when_it_is_whole(void **state)
     assert_null(content(path));
     assert_int_equal(whole_file_close(&file, ERROR_NONE, &error), ERROR_NONE);
     assert_string_equal(content(path), "first");
-    assert_null(content(partial));
+    assert_int_equal(count_entries(), 1);
 }
 
 static void leaves_what_was_there_when_writing_fails(void **state)
@@ -78,7 +95,82 @@ static void leaves_what_was_there_when_writing_fails(void **state)
     assert_int_equal(write_file(path, "first", ERROR_NONE), ERROR_NONE);
     assert_int_equal(write_file(path, "second", ERROR_MEMORY), ERROR_MEMORY);
     assert_string_equal(content(path), "first");
-    assert_null(content(partial));
+    assert_int_equal(count_entries(), 1);
+}
+
+static void replaces_a_link_and_leaves_what_it_points_to(void **state)
+{
+    struct stat there;
+
+    (void)state;
+    assert_int_equal(write_file(other, "precious", ERROR_NONE), ERROR_NONE);
+    unlink(path);
+    assert_int_equal(symlink(other, path), 0);
+    assert_int_equal(write_file(path, "text", ERROR_NONE), ERROR_NONE);
+    assert_int_equal(lstat(path, &there), 0);
+    assert_true(S_ISREG(there.st_mode));
+    assert_string_equal(content(other), "precious");
+    assert_string_equal(content(path), "text");
+    assert_int_equal(unlink(other), 0);
+}
+
+static void is_never_writable_by_others(void **state)
+{
+    mode_t mask = umask(0);
+    struct stat there;
+
+    (void)state;
+    assert_int_equal(write_file(path, "text", ERROR_NONE), ERROR_NONE);
+    umask(mask);
+    assert_int_equal(stat(path, &there), 0);
+    assert_int_equal(there.st_mode & 0777, 0664);
+}
+
+static void stays_in_the_folder_that_it_was_opened_in(void **state)
+{
+    char moved[64];
+    struct whole_file file;
+    struct error error;
+
+    (void)state;
+    snprintf(moved, sizeof moved, "%s-moved", folder);
+    assert_int_equal(whole_file_open(&file, path, &error), ERROR_NONE);
+    fputs("text", file.out);
+    assert_int_equal(rename(folder, moved), 0);
+    assert_int_equal(symlink("/", folder), 0);
+    assert_int_equal(whole_file_close(&file, ERROR_NONE, &error), ERROR_NONE);
+    assert_int_equal(unlink(folder), 0);
+    assert_int_equal(rename(moved, folder), 0);
+    assert_string_equal(content(path), "text");
+    assert_int_equal(count_entries(), 1);
+}
+
+static void a_device_behind_the_link_of_another_user_is_not_written(void **state)
+{
+    enum { NOBODY = 65534 };
+    struct whole_file file;
+    struct error error;
+
+    (void)state;
+    unlink(path);
+    assert_int_equal(symlink("/dev/null", path), 0);
+    if (geteuid() == 0) {
+        assert_int_equal(lchown(path, NOBODY, NOBODY), 0);
+        assert_int_equal(whole_file_open(&file, path, &error), ERROR_INPUT);
+        assert_non_null(strstr(error.text, "link of another user"));
+    }
+    assert_int_equal(unlink(path), 0);
+}
+
+static void refuses_a_folder(void **state)
+{
+    struct whole_file file;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(whole_file_open(&file, folder, &error), ERROR_SYSTEM);
+    assert_non_null(strstr(error.text, "Is a directory"));
+    assert_int_equal(count_entries(), 0);
 }
 
 /* By links of its own: what would be replaced by mistake, as root too, is a link. */
@@ -97,7 +189,7 @@ static void writes_to_a_device_in_place_and_says_that_it_is_full(void **state)
     assert_int_equal(write_file(path, "text", ERROR_NONE), ERROR_SYSTEM);
     assert_int_equal(lstat(path, &link), 0);
     assert_int_equal(unlink(path), 0);
-    assert_null(content(partial));
+    assert_int_equal(count_entries(), 0);
 }
 
 static void names_a_folder_that_is_not_there(void **state)
@@ -115,6 +207,11 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(has_its_name_when_it_is_whole),
         cmocka_unit_test(leaves_what_was_there_when_writing_fails),
+        cmocka_unit_test(replaces_a_link_and_leaves_what_it_points_to),
+        cmocka_unit_test(is_never_writable_by_others),
+        cmocka_unit_test(stays_in_the_folder_that_it_was_opened_in),
+        cmocka_unit_test(a_device_behind_the_link_of_another_user_is_not_written),
+        cmocka_unit_test(refuses_a_folder),
         cmocka_unit_test(writes_to_a_device_in_place_and_says_that_it_is_full),
         cmocka_unit_test(names_a_folder_that_is_not_there),
     };
