@@ -5,6 +5,8 @@
 # ./dev does not install fails there, whatever somebody has installed here by hand.
 #
 #   fresh.sh WORK [TEST...]
+#   fresh.sh WORK --package FILE.deb   installs the package there instead, runs the robot, and
+#                                      removes it
 #
 # WORK/root is the machine, made anew each time and left for a look; WORK/archives keeps the
 # downloaded packages. The machine uses this one's kernel, its sources of packages (/etc/apt) and
@@ -42,10 +44,31 @@ make_root() {
     cp -L /etc/resolv.conf /etc/hosts "$root/etc/"
 }
 
-# enter ROOT ARCHIVES [TEST...]: becomes a run and the suite in the machine
+# try_package: what is done in the machine with /root/package.deb
+try_package() {
+    local left
+    export DEBIAN_FRONTEND=noninteractive
+    apt-get update -qq
+    apt-get install -y -qq --no-install-recommends /root/package.deb >/dev/null
+    cd /tmp
+    coman-hil version
+    coman-hil run coman --task squat --clock free --transport local --duration 2 --record record
+    [ -s record/signals.csv ]
+    coman-hil test command_timeout
+    apt-get purge -y -qq coman-hil >/dev/null
+    left=$(find /usr /etc /var /run -path /var/cache -prune -o -path /var/log -prune -o \
+        -name '*coman*' -print)
+    [ -z "$left" ] || { printf 'left behind: %s\n' "$left" && return 1; }
+    echo "1 passed, 0 failed, 0 skipped"
+}
+
+# enter ROOT ARCHIVES [--package FILE | TEST...]: becomes a run and the suite in the machine
 enter() {
-    local root=$1 archives=$2
+    local root=$1 archives=$2 inside='cd /root/coman-hil && ./dev run --duration 3 && ./dev test "$@"'
     shift 2
+    if [ "${1:-}" = --package ]; then
+        inside="$(declare -f try_package); try_package"
+    fi
     mount --bind "$root" "$root"
     mount -t proc proc "$root/proc"
     mount --rbind /sys "$root/sys"
@@ -60,8 +83,7 @@ enter() {
     exec chroot . /usr/bin/env -i HOME=/root TERM=dumb LC_ALL=C.UTF-8 \
         PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
         ${http_proxy:+"http_proxy=$http_proxy"} ${https_proxy:+"https_proxy=$https_proxy"} \
-        bash -euo pipefail -c \
-        'cd /root/coman-hil && ./dev run --duration 3 && ./dev test "$@"' fresh "$@"
+        bash -euo pipefail -c "$inside" fresh "$@"
 }
 
 # fresh WORK [TEST...]: the first process of the name spaces
@@ -71,8 +93,13 @@ fresh() {
     rm -rf --one-file-system "$root"
     echo "making a minimal Debian in $root"
     make_root "$root" "$archives"
-    git clone --quiet --no-hardlinks "$source" "$root/root/coman-hil"
-    git -C "$root/root/coman-hil" checkout --quiet --detach "$(git -C "$source" rev-parse HEAD)"
+    if [ "${1:-}" = --package ]; then
+        cp "$2" "$root/root/package.deb"
+    else
+        git clone --quiet --no-hardlinks "$source" "$root/root/coman-hil"
+        git -C "$root/root/coman-hil" checkout --quiet --detach \
+            "$(git -C "$source" rev-parse HEAD)"
+    fi
     enter "$root" "$archives" "$@"
 }
 
@@ -82,6 +109,9 @@ if [ "${1:-}" = --inside ]; then
 fi
 work=${1:?the folder to work in}
 shift
+if [ "${1:-}" = --package ]; then
+    set -- --package "$(realpath -e "${2:?the package}")"
+fi
 mkdir -p "$work"
 work=$(cd "$work" && pwd)
 exec 9>"$work/lock"

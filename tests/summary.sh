@@ -1,10 +1,49 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# ctest --verbose | summary.sh
+# ctest --verbose | summary.sh [ALLOWED]
 # Counts the TAP lines of every test program, shows what failed or was skipped, and closes with "N
 # passed, N failed, N skipped". A program that dies, runs out of time or prints fewer results than
-# its plan counts its missing results as failed. Exits 1 on a failure or when nothing ran.
-exec awk '
+# its plan counts its missing results as failed. With the file ALLOWED (tests/allowed_skips.txt) a
+# skip that is not in it counts as failed. Exits 1 on a failure or when nothing ran.
+exec awk -v allowed_file="${1:-}" '
+# Reads ALLOWED: "PROGRAM: NAME  # REASON", where * stands for any text and # begins a remark
+function read_allowed(    line) {
+    while ((getline line <allowed_file) > 0) {
+        sub(/ *#.*/, "", line)
+        if (line == "") {
+            continue
+        }
+        gsub(/[][().+?^$|{}\\]/, "\\\\&", line)
+        gsub(/\*/, ".*", line)
+        allowed[++nallowed] = "^" line "$"
+    }
+    if (!nallowed) {
+        failures[++nfailures] = "no list of allowed skips in " allowed_file
+        failed++
+    }
+}
+# Counts one skipped test; NAME is that of the test in its program
+function count_skip(number, test, reason,    what, i) {
+    what = name[number] ": " test
+    for (i = 1; i <= nallowed; i++) {
+        if (what ~ allowed[i]) {
+            break
+        }
+    }
+    if (allowed_file != "" && i > nallowed) {
+        failed++; bad[number] = 1
+        failures[++nfailures] = what ": skipped, which tests/allowed_skips.txt does not allow" \
+                                (reason == "" ? "" : ": " reason)
+        return
+    }
+    skipped++
+    reasons[++nreasons] = what (reason == "" ? "" : " # " reason)
+}
+BEGIN {
+    if (allowed_file != "") {
+        read_allowed()
+    }
+}
 function finish(number,    missing) {
     if (plan[number] > seen[number]) {
         missing = plan[number] - seen[number]
@@ -24,17 +63,23 @@ function finish(number,    missing) {
     number = $0; sub(/:.*/, "", number)
     line = $0; sub(/^[0-9]+: ?/, "", line)
     text[number] = text[number] line "\n"
-    if (line ~ /^1\.\.[0-9]+/) {
+    if (line ~ /^1\.\.0+ *# *SKIP/) { # a program that skips itself
+        sub(/^1\.\.0+ *# *SKIP */, "", line)
+        seen[number]++; count_skip(number, "all", line)
+    } else if (line ~ /^1\.\.[0-9]+/) {
         sub(/^1\.\./, "", line); plan[number] += line + 0
     } else if (line ~ /^(not )?ok [0-9]+.*# *SKIP/) { # cmocka says "not ok" of what it skips
-        skipped++; seen[number]++; reasons[++nreasons] = name[number] ": " line
+        reason = line; sub(/^.*# *SKIP */, "", reason)
+        sub(/^(not )?ok [0-9]+ *-? */, "", line); sub(/ *# *SKIP.*$/, "", line)
+        seen[number]++; count_skip(number, line, reason != "" ? reason : said[number])
+        said[number] = ""
     } else if (line ~ /^ok [0-9]/) {
         passed++; seen[number]++
     } else if (line ~ /^not ok [0-9]/) {
         failed++; seen[number]++; bad[number] = 1
         failures[++nfailures] = name[number] ": " line
-    } else if (line ~ /^SKIP:/) {
-        reasons[++nreasons] = name[number] ": " line
+    } else if (line ~ /^SKIP:/) { # a cmocka program says why on the line before
+        said[number] = line; sub(/^SKIP: */, "", said[number])
     }
     next
 }

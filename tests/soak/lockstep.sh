@@ -2,13 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 # COMAN in lockstep with everything broken at random, two runs side by side in their own processes,
 # one of them with less of the machine and recording: no rule is broken, and both agree to the last
-# bit. Five simulated minutes; SOAK=full: an hour. Usage: lockstep.sh SOAK_LOCKSTEP. Prints TAP.
+# bit. Five simulated minutes; SOAK=full: an hour; SOAK=N: N seconds. Usage: lockstep.sh SOAK_LOCKSTEP. Prints TAP.
 set -u
 program=$1
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 seconds=300 limit=280 # of the wall's, a run
-[ "${SOAK:-}" = full ] && seconds=3600 limit=1700
+case "${SOAK:-}" in
+full) seconds=3600 limit=1700 ;;
+[1-9]*) seconds=$SOAK limit=1700 ;;
+esac
 number=0
 bad=0
 

@@ -1,0 +1,160 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""The release check-list as one command (./dev release): runs checks, one after the other, and
+writes their verdicts to docs/release-report.md with the commit and the processor that each was seen
+on. What was not run keeps its row of before. The output of a check is in build/release-check/."""
+import argparse
+import collections
+import os
+import pathlib
+import re
+import shlex
+import subprocess
+import sys
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+REPORT = ROOT / "docs" / "release-report.md"
+LOGS = ROOT / "build" / "release-check"
+
+# `short` stands in the place of `command` with --short, where it is given; minutes are a limit
+Check = collections.namedtuple("Check", "name proves command short minutes")
+CHECKS = [
+    Check("suite", "every test passes, and only what tests/allowed_skips.txt names is skipped",
+          "./dev test --strict", None, 60),
+    Check("sanitize", "no test touches memory that it should not, leaks, or relies on undefined "
+          "behavior", "./dev sanitize", "./dev sanitize --short", 180),
+    Check("tsan", "what has threads is free of data races", "./dev tsan", None, 60),
+    Check("fresh", "a minimal Debian 12 with a clone and ./dev alone runs it and passes its tests",
+          "./dev fresh", "./dev fresh base_ cli_", 120),
+    Check("soak", "an hour (--short: ten minutes) of random faults breaks no rule, twice with one "
+          "hash; in real time wake-ups are as good as cyclictest's", "./dev soak",
+          "SOAK=600 ./dev soak soak_lockstep", 90),
+    Check("fuzz", "libFuzzer finds nothing in ten minutes (--short: one) a target",
+          "./dev fuzz all 600", "./dev fuzz all 60", 400),
+    Check("scenarios", "all scenarios pass, and each of their expectations can fail",
+          "build/release/coman-hil test config/scenarios/*.yaml --mutate", None, 60),
+    Check("bits-x86", "the runs of the table have the same bits with SSE2, AVX2 and AVX-512, of "
+          "which the processor must have the last", "./dev test --strict service_same_bits", None,
+          30),
+    Check("bits-arm", "all rows of the table of bits agree on 64-bit ARM, under QEMU",
+          "./dev build aarch64 && HIL_SOURCE_DIR=$PWD HIL_LIMIT_S=3000 "
+          "bash tests/aarch64/emulate.sh bits",
+          "./dev test --strict aarch64_same_bits", 300),
+    Check("controllers", "bit rates, states and restarts work on real CAN controllers, in QEMU",
+          "./dev test --strict canbus_qemu", None, 15),
+    Check("package", "the package installs on a minimal Debian 12, runs there and leaves nothing "
+          "behind", "cmake --build build/release --target package && "
+          "bash tests/fresh.sh build/fresh-package --package build/release/coman-hil_*.deb", None,
+          20),
+]
+
+
+def output_of(*command):
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True).stdout.strip()
+
+
+def commit():
+    changed = output_of("git", "status", "--porcelain", "--untracked-files=no", "--", ".",
+                        f":!{REPORT.relative_to(ROOT)}")
+    return output_of("git", "rev-parse", "--short", "HEAD") + ("+changes" if changed else "")
+
+
+def processor():
+    """The processor's name and its widest vectors, of which results may depend."""
+    text = pathlib.Path("/proc/cpuinfo").read_text()
+    model = re.search(r"^model name\s*: (.*)$", text, re.M)
+    flags = re.search(r"^flags\s*: (.*)$", text, re.M)
+    flags = flags.group(1).split() if flags else []
+    widest = [name for flag, name in (("avx512f", "AVX-512"), ("avx2", "AVX2")) if flag in flags]
+    name = model.group(1) if model else os.uname().machine
+    return ", ".join([f"{os.cpu_count()} x {name}", *widest[:1]])
+
+
+def closing_line(log):
+    """What a suite says at its end, or nothing."""
+    lines = re.findall(r"^\d+ passed, \d+ failed, \d+ skipped$", log.read_text(errors="replace"),
+                       re.M)
+    return lines[-1] if lines else ""
+
+
+def run(check, short):
+    """Returns the row of a check that was made now."""
+    command = check.short if short and check.short else check.command
+    LOGS.mkdir(parents=True, exist_ok=True)
+    log = LOGS / f"{check.name}.log"
+    print(f"{check.name}: {command}", flush=True)
+    start = time.monotonic()
+    with log.open("w") as file:
+        try:
+            status = subprocess.run(
+                ["timeout", "-k", "30", f"{check.minutes}m", "bash", "-c", command], cwd=ROOT,
+                stdin=subprocess.DEVNULL, stdout=file, stderr=subprocess.STDOUT).returncode
+        except KeyboardInterrupt:
+            sys.exit(130)
+    minutes = (time.monotonic() - start) / 60
+    verdict = "passed" if status == 0 else f"**no end in {check.minutes} min**" if status == 124 \
+        else "**failed**"
+    closing = closing_line(log)
+    print(f"    {verdict} in {minutes:.1f} min  {closing}  (see {log.relative_to(ROOT)})",
+          flush=True)
+    return {"check": check.name, "proves": check.proves,
+            "command": f"`{command}`".replace("|", "\\|"),
+            "verdict": verdict + (f": {closing}" if closing else ""),
+            "minutes": f"{minutes:.1f}", "commit": commit(), "processor": processor()}
+
+
+COLUMNS = ("check", "proves", "command", "verdict", "minutes", "commit", "processor")
+
+
+def rows_of(text):
+    """The rows of a report by the name of their check."""
+    rows = {}
+    for line in text.splitlines():
+        cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+        if len(cells) == len(COLUMNS) and cells[0] != "check" and set(cells[0]) != {"-"}:
+            rows[cells[0]] = dict(zip(COLUMNS, cells))
+    return rows
+
+
+def report(rows):
+    """The text of the report."""
+    lines = ["# Release report", "",
+             "What `./dev release` found; each row was made by its command, on the commit and the "
+             "processor that it", "names. [release.md](release.md) says what else a release takes.",
+             "", "| " + " | ".join(COLUMNS) + " |", "|" + "---|" * len(COLUMNS)]
+    for check in CHECKS:
+        row = rows.get(check.name, {"check": check.name, "proves": check.proves,
+                                    "command": f"`{check.command}`", "verdict": "not yet run"})
+        lines.append("| " + " | ".join(row.get(column, "") for column in COLUMNS) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="./dev release", description=__doc__)
+    parser.add_argument("check", nargs="*", help="of these: " + " ".join(c.name for c in CHECKS))
+    parser.add_argument("--short", action="store_true", help="shorter forms of the long ones")
+    parser.add_argument("--list", action="store_true", help="print the commands and run nothing")
+    arguments = parser.parse_args()
+    names = [check.name for check in CHECKS]
+    unknown = [name for name in arguments.check if name not in names]
+    if unknown:
+        parser.error(f"found the check {shlex.quote(unknown[0])}, expected one of "
+                     + ", ".join(names))
+    chosen = [check for check in CHECKS if not arguments.check or check.name in arguments.check]
+    if arguments.list:
+        for check in chosen:
+            command = check.short if arguments.short and check.short else check.command
+            print(f"{check.name:12} {command}")
+        return 0
+    rows = rows_of(REPORT.read_text()) if REPORT.exists() else {}
+    good = True
+    for check in chosen:
+        rows[check.name] = run(check, arguments.short)
+        good = good and rows[check.name]["verdict"].startswith("passed")
+        REPORT.write_text(report(rows))
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
