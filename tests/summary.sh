@@ -68,17 +68,20 @@ function finish(number,    missing) {
         seen[number]++; count_skip(number, "all", line)
     } else if (line ~ /^1\.\.[0-9]+/) {
         sub(/^1\.\./, "", line); plan[number] += line + 0
-    } else if (line ~ /^(not )?ok [0-9]+.*# *SKIP/) { # cmocka says "not ok" of what it skips
+    } else if (line ~ /^(not )?ok [0-9]+.*# *SKIP/) { # "not ok" of cmocka
         reason = line; sub(/^.*# *SKIP */, "", reason)
         sub(/^(not )?ok [0-9]+ *-? */, "", line); sub(/ *# *SKIP.*$/, "", line)
-        seen[number]++; count_skip(number, line, reason != "" ? reason : said[number])
+        if (line == "") { # of cmocka: the name stands after the word
+            line = reason; reason = said[number]
+        }
+        seen[number]++; count_skip(number, line, reason)
         said[number] = ""
     } else if (line ~ /^ok [0-9]/) {
         passed++; seen[number]++
     } else if (line ~ /^not ok [0-9]/) {
         failed++; seen[number]++; bad[number] = 1
         failures[++nfailures] = name[number] ": " line
-    } else if (line ~ /^SKIP:/) { # a cmocka program says why on the line before
+    } else if (line ~ /^SKIP:/) { # why, on the line before
         said[number] = line; sub(/^SKIP: */, "", said[number])
     }
     next
