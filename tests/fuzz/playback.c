@@ -78,6 +78,14 @@ static void write_recording(void)
     write_text("recording/candump.log", &text);
 }
 
+static void tear_down(void)
+{
+    viewer_stop(viewer);
+    viewer_destroy(viewer);
+    recording_close(recording);
+    arena_fini(&arena);
+}
+
 /* The server, whose thread waits for an order that never comes: its work is done here. */
 static void set_up(void)
 {
@@ -101,6 +109,7 @@ static void set_up(void)
                               &error) == ERROR_NONE,
                  "%s", error.text);
     fresh = viewer->client[0];
+    fuzz_require(atexit(tear_down) == 0, "no end");
 }
 
 /* ---- what comes back ---- */

@@ -101,6 +101,8 @@ static void run(const uint8_t *data, size_t size, int test, const char *what)
     limit_time(SECONDS_MAX);
     LLVMFuzzerTestOneInput(exact, size);
     limit_time(0);
+    current = NULL;
+    current_size = 0;
     free(exact);
 }
 

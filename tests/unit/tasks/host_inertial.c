@@ -20,7 +20,8 @@ static void play_compact(struct bench *bench, int bus, const struct bus_frame *f
     const uint8_t *data = frame->data;
 
     if (frame->id == 0x7e0) {
-        say(bench, bus, 0x7c0 | ADDRESS, 8, (const uint8_t[]){bench->mute ? 3 : 4, 0, 0, 1});
+        say(bench, bus, 0x7c0 | ADDRESS, 8,
+            (const uint8_t[]){bench->mute ? 3 : 4, 0, 0, 1, 0, 0, 0, 0});
     } else if (frame->id == (0x680 | ADDRESS)) {
         say(bench, bus, 0x6a0 | ADDRESS, 7,
             (const uint8_t[]){data[0], data[1], data[2], data[3], data[4], data[5], 0});
