@@ -64,7 +64,8 @@ try_package() {
 
 # enter ROOT ARCHIVES [--package FILE | TEST...]: becomes a run and the suite in the machine
 enter() {
-    local root=$1 archives=$2 inside='cd /root/coman-hil && ./dev run --duration 3 && ./dev test "$@"'
+    local root=$1 archives=$2
+    local inside='cd /root/coman-hil && ./dev run --duration 3 && ./dev test "$@"'
     shift 2
     if [ "${1:-}" = --package ]; then
         inside="$(declare -f try_package); try_package"

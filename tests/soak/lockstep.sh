@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # COMAN in lockstep with everything broken at random, two runs side by side in their own processes,
 # one of them with less of the machine and recording: no rule is broken, and both agree to the last
-# bit. Five simulated minutes; SOAK=full: an hour; SOAK=N: N seconds. Usage: lockstep.sh SOAK_LOCKSTEP. Prints TAP.
+# bit. Five simulated minutes; SOAK=full: an hour; SOAK=N: N seconds. Prints TAP.
+# usage: lockstep.sh SOAK_LOCKSTEP
 set -u
 program=$1
 work=$(mktemp -d)

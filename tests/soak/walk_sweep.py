@@ -28,7 +28,7 @@ rig: {name}-rig.yaml
 task: walk
 seed: {seed}
 duration_s: 14.0
-wall_limit_s: 600
+cpu_limit_s: 600
 stimuli:
   - {{at_s: 2.0, push: {{body: DWYTorso, force_n: [0, 0, {load:.2f}]}}}}
   - {{at_s: {at:.3f}, push: {{body: Waist, force_n: [{x:.2f}, {y:.2f}, 0]}}, for_s: 0.1}}
