@@ -12,7 +12,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-enum { MAX_EXTENDS = 4 /* files below one that extends */ };
+enum { MAX_CHAIN = 256 /* files that extend one another, for the stack's sake */ };
 
 /* ---- files ---- */
 
@@ -67,9 +67,17 @@ done:
 
 /* ---- files that extend others ---- */
 
+/* A file that is read because another extends it, which is `by` (NULL: it is the first). */
+struct yaml_chain {
+    const struct yaml_chain *by;
+    int depth;
+    dev_t device; /* which file it is, whatever its name; 0 and 0 for a text from memory */
+    ino_t inode;
+};
+
 static enum error_code yaml_read_extended(struct yaml_reader *r, const char *name, const char *text,
-                                          size_t size, const struct yaml_schema *schema, int depth,
-                                          struct yaml_node **root);
+                                          size_t size, const struct yaml_schema *schema,
+                                          const struct yaml_chain *by, struct yaml_node **root);
 
 /* The link that points to a key, or the end of the list. */
 static struct yaml_node **yaml_find_key(struct yaml_node *map, const char *name)
@@ -142,9 +150,31 @@ static enum error_code yaml_find_extended(struct yaml_reader *r, const struct ya
                 : ERROR_NONE;
 }
 
+/* Refuses a file that extends itself, at last, by the line that names it. */
+static enum error_code yaml_check_chain(struct yaml_reader *r, const struct yaml_chain *chain,
+                                        const struct yaml_node *reference, const char *path)
+{
+    struct stat status;
+
+    for (const struct yaml_chain *file = chain; file && !stat(path, &status); file = file->by) {
+        if (file->inode == status.st_ino && file->device == status.st_dev) {
+            return yaml_error(r->error, &reference->mark,
+                              "found %.200s, which extends this file itself: expected no circle of "
+                              "files that extend one another",
+                              path);
+        }
+    }
+    return chain->depth < MAX_CHAIN
+               ? ERROR_NONE
+               : yaml_error(r->error, &reference->mark,
+                            "found a chain of more than %d files that extend one another, expected "
+                            "fewer",
+                            MAX_CHAIN);
+}
+
 /* Follows the key extends, if the document has it. */
 static enum error_code yaml_follow_extends(struct yaml_reader *r, const struct yaml_schema *schema,
-                                           int depth, struct yaml_node *root)
+                                           const struct yaml_chain *chain, struct yaml_node *root)
 {
     struct yaml_node **at, *reference, *base;
     enum error_code code;
@@ -162,13 +192,8 @@ static enum error_code yaml_follow_extends(struct yaml_reader *r, const struct y
     if (reference->kind != YAML_KIND_SCALAR) {
         return yaml_unexpected(r, reference, "the file that this one extends");
     }
-    if (depth == MAX_EXTENDS) {
-        return yaml_error(r->error, &reference->mark,
-                          "found more than %d files that extend one another, expected an end",
-                          MAX_EXTENDS);
-    }
-    code = yaml_find_extended(r, schema, reference, &path);
-    if (code) {
+    if ((code = yaml_find_extended(r, schema, reference, &path)) ||
+        (code = yaml_check_chain(r, chain, reference, path))) {
         return code;
     }
 
@@ -181,7 +206,7 @@ static enum error_code yaml_follow_extends(struct yaml_reader *r, const struct y
     }
 
     /* The base with all that it extends itself gives what this document leaves out */
-    code = yaml_read_extended(r, path, text, size, schema, depth + 1, &base);
+    code = yaml_read_extended(r, path, text, size, schema, chain, &base);
     if (!code && base->kind == YAML_KIND_MAP) {
         yaml_merge_maps(root, base);
     }
@@ -192,10 +217,17 @@ done:
 
 /* The document with all that it extends. */
 static enum error_code yaml_read_extended(struct yaml_reader *r, const char *name, const char *text,
-                                          size_t size, const struct yaml_schema *schema, int depth,
-                                          struct yaml_node **root)
+                                          size_t size, const struct yaml_schema *schema,
+                                          const struct yaml_chain *by, struct yaml_node **root)
 {
+    struct yaml_chain chain = {.by = by, .depth = by ? by->depth + 1 : 1};
+    struct stat status;
     enum error_code code;
+
+    if (!stat(name, &status)) {
+        chain.device = status.st_dev;
+        chain.inode = status.st_ino;
+    }
 
     if (size > YAML_MAX_FILE) {
         return error_set(r->error, ERROR_INPUT,
@@ -212,14 +244,14 @@ static enum error_code yaml_read_extended(struct yaml_reader *r, const char *nam
     if (!code && schema->format_version > 0) {
         code = yaml_check_format(r, schema, *root);
     }
-    return code || !schema->extendable ? code : yaml_follow_extends(r, schema, depth, *root);
+    return code || !schema->extendable ? code : yaml_follow_extends(r, schema, &chain, *root);
 }
 
 enum error_code yaml_document_read(struct yaml_reader *r, const char *name, const char *text,
                                    size_t size, const struct yaml_schema *schema,
                                    struct yaml_node **root)
 {
-    return yaml_read_extended(r, name, text, size, schema, 0, root);
+    return yaml_read_extended(r, name, text, size, schema, NULL, root);
 }
 
 /* ---- references ---- */

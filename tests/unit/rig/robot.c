@@ -108,7 +108,47 @@ static void refuses_files_that_cannot_be_extended(void **state)
     refused("extends: missing.yaml\n", "more.yaml:1:10: ");
     refused("extends: ../../../etc/passwd\n", "leaves the configuration tree");
     refused("extends: [toy.yaml]\n", "found a list, expected the file that this one extends");
-    refused("extends: more.yaml\n", "found more than 4 files that extend one another");
+    refused("extends: more.yaml\n", "more.yaml:1:10: ");
+    refused("extends: more.yaml\n", "which extends this file itself");
+    refused("extends: ../rigs/./more.yaml\n", "which extends this file itself");
+}
+
+/* A chain of files, each of which extends the next; the last extends `last`. */
+static void write_chain(int length, const char *last)
+{
+    char name[64], text[64];
+
+    for (int i = 1; i <= length; i++) {
+        snprintf(name, sizeof name, "config/rigs/chain%d.yaml", i);
+        snprintf(text, sizeof text, "extends: chain%d.yaml\nname: more\n", i + 1);
+        if (i == length) {
+            snprintf(text, sizeof text, "extends: %s\n", last);
+        }
+        assert_int_equal(write_file(name, text, strlen(text)), 0);
+    }
+}
+
+static void remove_chain(int length)
+{
+    char path[128];
+
+    for (int i = 1; i <= length; i++) {
+        snprintf(path, sizeof path, "%s/config/rigs/chain%d.yaml", tree, i);
+        assert_int_equal(unlink(path), 0);
+    }
+}
+
+static void follows_a_long_chain_but_no_circle(void **state)
+{
+    (void)state;
+    write_chain(20, "toy.yaml");
+    assert_string_equal(load("extends: chain1.yaml\n")->robot->name, "toy");
+    write_chain(20, "chain7.yaml");
+    refused("extends: chain1.yaml\n", "chain20.yaml:1:10: found ");
+    remove_chain(20);
+    write_chain(300, "toy.yaml");
+    refused("extends: chain1.yaml\n", "a chain of more than 256 files");
+    remove_chain(300);
 }
 
 /* ---- springs ---- */
@@ -265,6 +305,7 @@ int main(void)
         cmocka_unit_test(merges_mappings_and_replaces_lists),
         cmocka_unit_test(names_the_file_in_which_a_value_stands),
         cmocka_unit_test(refuses_files_that_cannot_be_extended),
+        cmocka_unit_test(follows_a_long_chain_but_no_circle),
         cmocka_unit_test(replaces_springs_by_name),
         cmocka_unit_test(adds_masses_to_bodies),
         cmocka_unit_test(refuses_springs_of_joints_that_have_none),
