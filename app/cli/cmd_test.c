@@ -23,7 +23,7 @@ struct test_options {
     const char **file; /* NULL ends */
     const char *junit, *output, *program, *cases;
     int64_t jobs, seed;
-    bool mutate, plan, merge, list;
+    bool mutate, to_the_end, plan, merge, list;
 };
 
 /* All runs to be made, and their results. */
@@ -58,6 +58,9 @@ static bool test_parse_options(int argc, char **argv, struct test_options *out, 
          .value = &o.jobs, .min = 1.0, .max = 256.0},
         {"--mutate", OPTION_FLAG, NULL,
          "also run every mutation, which must make its scenario fail", .value = &o.mutate},
+        {"--to-the-end", OPTION_FLAG, NULL,
+         "go on after the first expectation that is not met, to judge all of them",
+         .value = &o.to_the_end},
         {"--seed", OPTION_INT, "N", "seed of noise and faults, instead of the scenarios' own",
          .value = &o.seed, .min = 0.0, .max = 9e15},
         {"--output", OPTION_STRING, "DIR",
@@ -310,6 +313,7 @@ static int run_plan(struct test_runs *plan, const struct test_options *options)
 {
     struct scenario_jobs_options jobs = {
         .parallel = test_parallel(options),
+        .to_the_end = options->to_the_end,
         .program = options->program,
         .ended = on_end,
         .context = plan,
@@ -365,7 +369,7 @@ static int test_run_plan(const struct test_options *options)
 
     if (options->plan + (options->cases != NULL) + options->merge > 1 || options->file[1] ||
         options->mutate || options->list || options->junit || options->program ||
-        options->seed >= 0 || (options->jobs && !options->cases) ||
+        options->to_the_end || options->seed >= 0 || (options->jobs && !options->cases) ||
         (options->merge && options->output)) {
         error_set(&error, ERROR_INPUT,
                   "found options that do not belong together, expected --plan SWEEP --output PLAN, "

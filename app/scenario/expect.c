@@ -241,11 +241,11 @@ static void expectation_step(struct judged *judged, double value,
     judged->fresh = 0;
 }
 
-void scenario_expectations_step(struct scenario_expectations *expectations,
+bool scenario_expectations_step(struct scenario_expectations *expectations,
                                 const struct scenario_view *view,
                                 const struct scenario_clock *clock, int64_t time_ns)
 {
-    bool kept = expectations->nsample < expectations->max;
+    bool kept = expectations->nsample < expectations->max, missed = false;
 
     for (size_t i = 0; i < expectations->count; i++) {
         struct judged *judged = &expectations->judged[i];
@@ -256,6 +256,7 @@ void scenario_expectations_step(struct scenario_expectations *expectations,
             value = signal->read(view, signal->a, signal->b);
         }
         expectation_step(judged, value, clock, time_ns);
+        missed = missed || (judged->progress == DECIDED && !judged->met);
         if (kept) {
             judged->trace[expectations->nsample] =
                 judged->what->signal_given ? value - judged->reference : (double)judged->count;
@@ -264,6 +265,7 @@ void scenario_expectations_step(struct scenario_expectations *expectations,
     if (kept) {
         expectations->time_s[expectations->nsample++] = (double)time_ns * 1e-9;
     }
+    return missed;
 }
 
 /* How near a signal has come to the bounds that it had to keep. */
@@ -281,7 +283,7 @@ static void expectation_measure_margin(const struct judged *judged,
 
 void scenario_expectations_finish(struct scenario_expectations *expectations,
                                   const struct scenario_clock *clock, int64_t time_ns,
-                                  int64_t planned_ns, struct scenario_outcome *outcome)
+                                  int64_t planned_ns, bool early, struct scenario_outcome *outcome)
 {
     outcome->nverdict = expectations->count;
     for (size_t i = 0; i < expectations->count; i++) {
@@ -290,7 +292,11 @@ void scenario_expectations_finish(struct scenario_expectations *expectations,
         int64_t label = clock->label_ns[what->after_index];
         int64_t until_ns = what->to_given ? label + scenario_ns(what->to_s) : planned_ns;
 
-        if (judged->progress == OPEN && time_ns < until_ns) {
+        outcome->verdict[i].judged = !early || judged->progress == DECIDED;
+        if (!outcome->verdict[i].judged) {
+            snprintf(judged->text, sizeof judged->text,
+                     "not judged: the run ended at %.4f s, at a failure", (double)time_ns * 1e-9);
+        } else if (judged->progress == OPEN && time_ns < until_ns) {
             expectation_decide(judged, false, time_ns);
             snprintf(judged->text, sizeof judged->text,
                      "the run ended at %.4f s, expected to look until %.4f s",

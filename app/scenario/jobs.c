@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs scenarios in a process each, several at a time, with a limit of wall-clock time. */
+/* Runs scenarios in a process each, several at a time, with a limit of processor time. */
 #include "app/scenario/jobs.h"
 
 #include "rt/clock.h"
@@ -13,9 +13,14 @@
 #include <sys/prctl.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
-enum { PARALLEL_MAX = 256 };
+enum {
+    PARALLEL_MAX = 256,
+    LOOK_MS = 500, /* between two looks at the processor time of processes */
+    STALL_S = 60,  /* a process that computes nothing for so long has locked itself up */
+};
 
 /* A job in a process. */
 struct process {
@@ -24,7 +29,9 @@ struct process {
     int pipe; /* its outcome comes through this */
     size_t got;
     struct scenario_outcome outcome;
-    int64_t begin_ns, limit_ns;
+    int64_t begin_ns;
+    clockid_t cpu;                /* its processor time */
+    int64_t computed_ns, seen_ns; /* that at the last look; when it last had grown */
 };
 
 struct pool {
@@ -56,6 +63,7 @@ static void job_run_here(const struct scenario_job *job, const struct scenario_j
         .mutation = job->mutation,
         .seed_given = job->seed_given,
         .seed = job->seed,
+        .to_the_end = jobs->to_the_end,
         .program = jobs->program,
         .scratch = job->scratch,
     };
@@ -138,8 +146,11 @@ static enum error_code job_start(struct pool *pool, struct scenario_job *job, st
     process->job = job;
     process->pipe = ends[0];
     process->got = 0;
-    process->begin_ns = clock_now(pool->time);
-    process->limit_ns = process->begin_ns + (int64_t)(job->scenario->wall_limit_s * 1e9);
+    process->begin_ns = process->seen_ns = clock_now(pool->time);
+    process->computed_ns = -1;
+    if (clock_getcpuclockid(process->pid, &process->cpu)) {
+        process->cpu = CLOCK_PROCESS_CPUTIME_ID; /* gone already: what it says comes next */
+    }
     pool->running++;
     return ERROR_NONE;
 }
@@ -183,38 +194,51 @@ static void job_take_outcome(struct pool *pool, struct process *process)
     }
 }
 
-/* Waits until a process sends something or exceeds its time. */
+/* Ends a process that has computed for longer than its scenario may, or not at all for so long that
+ * no load explains it. */
+static void job_check_time(struct pool *pool, struct process *process)
+{
+    const double limit_s = process->job->scenario->cpu_limit_s;
+    int64_t now_ns = clock_now(pool->time), computed_ns;
+    struct timespec cpu;
+    char why[64];
+
+    if (clock_gettime(process->cpu, &cpu)) {
+        return; /* it has just ended */
+    }
+    computed_ns = (int64_t)cpu.tv_sec * 1000000000 + cpu.tv_nsec;
+    if (computed_ns > process->computed_ns) {
+        process->computed_ns = computed_ns;
+        process->seen_ns = now_ns;
+    }
+    if ((double)computed_ns > limit_s * 1e9) {
+        snprintf(why, sizeof why, "no end after %g s of processor time", limit_s);
+        job_end(pool, process, why);
+    } else if (now_ns - process->seen_ns > STALL_S * CLOCK_SECOND) {
+        snprintf(why, sizeof why, "it has computed nothing for %d s", STALL_S);
+        job_end(pool, process, why);
+    }
+}
+
+/* Waits until a process sends something, for a while, and looks at the time of the others. */
 static void jobs_attend(struct pool *pool)
 {
     struct pollfd fd[PARALLEL_MAX];
-    int64_t now = clock_now(pool->time), next = INT64_MAX;
     size_t count = 0;
-    char why[64];
 
     for (size_t i = 0; i < pool->options->parallel; i++) {
         struct process *process = &pool->process[i];
 
         fd[count++] = (struct pollfd){.fd = process->job ? process->pipe : -1, .events = POLLIN};
-        if (process->job && process->limit_ns < next) {
-            next = process->limit_ns;
-        }
     }
-
-    /* Until the first deadline at most */
-    poll(fd, count, next > now ? (int)((next - now) / CLOCK_MS) + 1 : 0);
-    now = clock_now(pool->time);
+    poll(fd, count, LOOK_MS);
     for (size_t i = 0; i < count; i++) {
         struct process *process = &pool->process[i];
 
-        if (!process->job) {
-            continue;
-        }
-        if (fd[i].revents) {
+        if (process->job && fd[i].revents) {
             job_take_outcome(pool, process);
-        } else if (now >= process->limit_ns) {
-            snprintf(why, sizeof why, "no end after %g s of wall-clock time",
-                     process->job->scenario->wall_limit_s);
-            job_end(pool, process, why);
+        } else if (process->job) {
+            job_check_time(pool, process);
         }
     }
 }

@@ -26,13 +26,15 @@ struct scenario_job {
 
 struct scenario_jobs_options {
     size_t parallel;     /* processes at a time */
+    bool to_the_end;     /* as in struct scenario_options */
     const char *program; /* command of scenarios with host: program; NULL = none */
     /* Called for each job in the order of the array, as soon as it and all before it have ended. */
     void (*ended)(void *context, const struct scenario_job *job);
     void *context;
 };
 
-/* Runs all. When a process crashes or exceeds its scenario's wall_limit_s, the outcome has not run.
+/* Runs all. When a process crashes, takes more processor time than its scenario's cpu_limit_s, or
+ * gets none for a minute, the outcome has not run. No verdict depends on how loaded the machine is.
  * ERROR_SYSTEM when no process can be made. */
 enum error_code scenario_jobs_run(struct scenario_job *job, size_t count,
                                   const struct scenario_jobs_options *options, struct error *error);

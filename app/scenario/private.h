@@ -79,17 +79,19 @@ void scenario_expectations_frame(struct scenario_expectations *expectations, siz
                                  const struct bus_frame *frame);
 void scenario_expectations_event(struct scenario_expectations *expectations, const char *text);
 
-/* After the frames and events of the tick that ended at time_ns. */
-void scenario_expectations_step(struct scenario_expectations *expectations,
+/* After the frames and events of the tick that ended at time_ns. Returns whether one has turned out
+ * not to be met, in this tick or before. */
+bool scenario_expectations_step(struct scenario_expectations *expectations,
                                 const struct scenario_view *view,
                                 const struct scenario_clock *clock, int64_t time_ns);
 
 /* The run has ended at time_ns, where planned_ns was intended: windows that are still open close.
  * One that should have stayed open longer, to its own end or the intended one of the run, has not
- * seen what it is about: its expectation is not met. */
+ * seen what it is about: its expectation is not met. Where the run was ended early because another
+ * was not met, it is not judged instead. */
 void scenario_expectations_finish(struct scenario_expectations *expectations,
                                   const struct scenario_clock *clock, int64_t time_ns,
-                                  int64_t planned_ns, struct scenario_outcome *outcome);
+                                  int64_t planned_ns, bool early, struct scenario_outcome *outcome);
 
 /* A plot of each expectation that was not met, directory/expectation-N.svg. */
 enum error_code scenario_expectations_plot(const struct scenario_expectations *expectations,

@@ -26,8 +26,10 @@ struct run {
     struct bus_ports ports, host_ports;
     struct clock *wall;
     int64_t last_ns, duration_ns;
-    bool has_host; /* the host takes part */
-    bool starts;   /* and starts the boards up */
+    bool has_host;          /* the host takes part */
+    bool starts;            /* and starts the boards up */
+    bool to_the_end, early; /* ends at a failure or does not; has done so */
+    int64_t stepped_ns;     /* by the wall clock: when the last tick of a lockstep was made */
     struct scenario_program program;
     uint64_t dones, released; /* frames DONE so far; those that the program may have had */
     uint64_t mismatches;      /* STEP frames that were refused */
@@ -109,8 +111,23 @@ static void scenario_run_release_program(struct run *run, struct gateway *gatewa
     }
 }
 
+/* Ends a run in lockstep for which no STEP comes: the program is no more, or nothing has come for
+ * longer than any load explains. */
+static void scenario_run_watch_steps(struct run *run)
+{
+    const double limit_s = run->scenario->wall_limit_s;
+
+    if (scenario_program_ended(&run->program, run->broken, sizeof run->broken)) {
+        simulator_stop(run->view.simulator);
+    } else if (clock_now(run->wall) - run->stepped_ns > scenario_ns(limit_s)) {
+        snprintf(run->broken, sizeof run->broken, "no STEP has come for %g s of wall-clock time",
+                 limit_s);
+        simulator_stop(run->view.simulator);
+    }
+}
+
 /* A program's turn comes with DONE; a STEP that is refused is answered without a tick. */
-static void scenario_run_program(struct run *run, bool fresh)
+static void scenario_run_program(struct run *run)
 {
     struct gateway *gateway = simulator_gateway(run->view.simulator);
     const uint64_t mismatches = simulator_stats(run->view.simulator)->lockstep.mismatches;
@@ -124,10 +141,6 @@ static void scenario_run_program(struct run *run, bool fresh)
         run->mismatches = mismatches;
         gateway_release_done(gateway);
     }
-    /* One that is no more sends no STEP */
-    if (!fresh && scenario_program_ended(&run->program, run->broken, sizeof run->broken)) {
-        simulator_stop(run->view.simulator);
-    }
 }
 
 /* Judges the tick that ended at time_ns, after its frames and events. */
@@ -135,7 +148,11 @@ static void scenario_run_judge_tick(struct run *run, int64_t time_ns)
 {
     set_labels(run, time_ns);
     scenario_stimuli_step(run->stimuli, &run->view, &run->ports, &run->clock, time_ns);
-    scenario_expectations_step(run->expectations, &run->view, &run->clock, time_ns);
+    if (scenario_expectations_step(run->expectations, &run->view, &run->clock, time_ns) &&
+        !run->to_the_end) {
+        run->early = true;
+        simulator_stop(run->view.simulator);
+    }
 }
 
 static void scenario_run_host(struct run *run)
@@ -157,8 +174,12 @@ static void scenario_run_step(void *context, int64_t time_ns)
     if (fresh) {
         observe_frames(run);
         observe_events(run);
+        run->stepped_ns = run->scenario->clock == LOOP_CLOCK_LOCKSTEP ? clock_now(run->wall) : 0;
     }
-    scenario_run_program(run, fresh);
+    scenario_run_program(run);
+    if (!fresh) {
+        scenario_run_watch_steps(run);
+    }
 
     /* Only in lockstep does a host wait: for DONE */
     if (run->has_host && !host_receive(run->view.host, time_ns)) {
@@ -312,7 +333,8 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     }
 
     /* The verdicts, and what identifies the run */
-    scenario_expectations_finish(run->expectations, &run->clock, time_ns, planned_ns, outcome);
+    scenario_expectations_finish(run->expectations, &run->clock, time_ns, planned_ns, run->early,
+                                 outcome);
     outcome->ran = true;
     outcome->virtual_ns = time_ns;
     outcome->rig_hash = run->view.rig->hash;
@@ -384,6 +406,8 @@ void scenario_run(struct scenario *scenario, const struct scenario_options *opti
     /* No label has happened but the start */
     run->scenario = scenario;
     run->wall = wall;
+    run->stepped_ns = begin;
+    run->to_the_end = scenario->to_the_end || options->to_the_end || options->mutation >= 0;
     run->last_ns = -1;
     for (size_t i = 0; i < ARRAY_COUNT(run->clock.label_ns); i++) {
         run->clock.label_ns[i] = -1;

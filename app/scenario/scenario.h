@@ -3,8 +3,11 @@
  * Scenarios: tests of a rig with a verdict, as files (config/scenarios/). A scenario names a rig
  * and its start, stimuli (frames, voltages, faults, pushes) and expectations (signals in a band,
  * frames and log lines in time or never). It is read once for each combination of its parameters,
- * and run in virtual time; nothing depends on the wall clock but the limit that ends a run that
- * hangs.
+ * and run in virtual time. What ends a run that does not end by itself is processor time, and in
+ * lockstep a wait for the next STEP that no load explains.
+ *
+ * A run ends at the first expectation that is not met, unless it is mutated or told otherwise: what
+ * was still open then is not judged.
  *
  * Time. Everything is placed relative to a label, by default "start", virtual time 0. The runner
  * sets "start", "ready" (the host's start-up is complete, or all motors are on), "clean_up"
@@ -172,9 +175,11 @@ struct scenario {
     struct yaml_mark rig_mark;
     int clock, hold, wire, host;
     bool clock_given, hold_given, wire_given, seed_given, task_given;
-    bool settle;
+    bool settle, to_the_end;
     int64_t seed;
-    double duration_s, clean_up_s, wall_limit_s;
+    double duration_s, clean_up_s;
+    double cpu_limit_s;  /* of the process */
+    double wall_limit_s; /* in lockstep: until the next STEP */
     const char *task;
     struct yaml_mark task_mark;
     size_t nfault, nstimulus, ncleanup, nexpectation, nmutation, nparameter;
@@ -235,6 +240,7 @@ bool scenario_pattern_matches(const struct scenario_pattern *pattern,
 
 struct scenario_verdict {
     bool met;
+    bool judged;              /* false: the run ended at a failure before it was decided */
     int64_t time_ns;          /* when it was decided; -1 = never */
     bool has_margin;          /* of a signal that stayed between two bounds */
     double margin;            /* its least distance from either, as a share of that between them */
@@ -255,6 +261,7 @@ struct scenario_options {
     int mutation; /* index, -1 = none */
     bool seed_given;
     uint64_t seed;
+    bool to_the_end;     /* although an expectation was not met */
     const char *program; /* command of host: program; NULL = none */
     const char *scratch; /* folder for its log, and in its environment; NULL = that of record */
     const char

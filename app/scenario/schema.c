@@ -190,7 +190,9 @@ static const struct yaml_field scenario_fields[] = {
      .given_offset = AT(seed_given)},
     {"duration_s", YAML_REAL, true, .offset = AT(duration_s), .min = 1e-3, .max = 1e4},
     {"clean_up_s", YAML_REAL, false, .offset = AT(clean_up_s), .min = 0.0, .max = 1e3},
+    {"cpu_limit_s", YAML_REAL, false, .offset = AT(cpu_limit_s), .min = 0.1, .max = 1e5},
     {"wall_limit_s", YAML_REAL, false, .offset = AT(wall_limit_s), .min = 0.1, .max = 1e5},
+    {"to_the_end", YAML_BOOL, false, .offset = AT(to_the_end)},
     {"host", YAML_ENUM, false, .offset = AT(host), .names = host_words},
     {"task", YAML_STRING, false, .offset = AT(task), .min = 1, .max = 31,
      .mark_offset = AT(task_mark), .given_offset = AT(task_given)},
@@ -209,6 +211,7 @@ static const struct yaml_field scenario_fields[] = {
 #undef STRUCT
 static const struct scenario scenario_defaults = {
     .clock = LOOP_CLOCK_FREE,
+    .cpu_limit_s = 60.0,
     .wall_limit_s = 60.0,
 };
 const struct yaml_schema scenario_file_schema = {.what = "the scenario",

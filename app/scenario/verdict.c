@@ -33,6 +33,8 @@ void scenario_judge(const struct scenario_job *job, struct scenario_result *resu
     const struct scenario *scenario = job->scenario;
     const struct scenario_outcome *outcome = &job->outcome;
     const char *missed;
+    size_t unjudged = 0;
+    char text[96];
 
     *result = (struct scenario_result){.scenario = scenario,
                                        .record = "",
@@ -59,11 +61,19 @@ void scenario_judge(const struct scenario_job *job, struct scenario_result *resu
         return;
     }
     for (size_t i = 0; i < outcome->nverdict; i++) {
-        if (!outcome->verdict[i].met) {
+        if (!outcome->verdict[i].judged) {
+            unjudged++;
+        } else if (!outcome->verdict[i].met) {
             result_add_message(result, SCENARIO_FAILED, scenario->expectation[i].name,
                                outcome->verdict[i].text);
             result->record = job->record;
         }
+    }
+    if (unjudged) {
+        snprintf(text, sizeof text,
+                 "the run ended there: %zu of %zu expectations not judged (--to-the-end)", unjudged,
+                 outcome->nverdict);
+        result_add_message(result, SCENARIO_FAILED, "", text);
     }
 }
 

@@ -80,7 +80,7 @@ result $? "so is one that crashes"
 
 scenario hangs 3
 run 1 "exec /usr/bin/python3 $here/program_host.py linger $work/pids" "$work/hangs.yaml" &&
-    says "no end after 3 s" && gone "$(cat "$work/pids")"
+    says "no STEP has come for 3 s" && gone "$(cat "$work/pids")"
 result $? "one that hangs is ended with its run"
 
 run 2 "" "$work/answers.yaml" && says "answers.yaml:1:1: found host: program"

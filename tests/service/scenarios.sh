@@ -38,7 +38,7 @@ names()
 print(*sorted(c.get("name") for c in tree.parse(sys.argv[1]).iter("testcase")), sep="\n")' "$1"
 }
 
-echo 1..7
+echo 1..8
 
 name="there are at least twenty scenarios"
 if [ "$(find "$scenarios" -name '*.yaml' | wc -l)" -ge 20 ]
@@ -73,7 +73,8 @@ END
 
 name="what fails is told with time and value, in the status, in JUnit, and as log and plots"
 stayed="one <volt>: LElbj.voltage stayed between 0 and 2.* until 0.0[0-9]* s"
-if run 1 --output "$work/results" --junit "$work/wrong.xml" "$work/config/scenarios/wrong.yaml" &&
+if run 1 --to-the-end --output "$work/results" --junit "$work/wrong.xml" \
+    "$work/config/scenarios/wrong.yaml" &&
     [ "$(totals "$work/wrong.xml")" = "2 2 0" ] &&
     grep -q '^FAIL  wrong \[volts=2\]' "$work/out" &&
     grep -q "$stayed, expected it to reach 0.99 to 1.01" "$work/out" &&
@@ -84,7 +85,17 @@ if run 1 --output "$work/results" --junit "$work/wrong.xml" "$work/config/scenar
     [ ! -e "$work/results/wrong-1/expectation-1.svg" ]
 then ok "$name"; else not_ok "$name"; fi
 
-name="a run that hangs is ended by its limit of wall-clock time, the others go on"
+name="a run ends at its first failure, and says what was not judged"
+sed 's/^name: wrong/name: early/' "$work/config/scenarios/wrong.yaml" \
+    >"$work/config/scenarios/early.yaml"
+if run 1 --output "$work/results" --junit "$work/early.xml" "$work/config/scenarios/early.yaml" &&
+    [ "$(totals "$work/early.xml")" = "2 2 0" ] &&
+    grep -q 'the run ended there: [12] of 3 expectations not judged' "$work/out" &&
+    [ "$(wc -l <"$work/results/early-1/signals.csv")" -lt \
+        "$(wc -l <"$work/results/wrong-1/signals.csv")" ]
+then ok "$name"; else not_ok "$name"; fi
+
+name="a run whose STEP never comes is ended, the others go on"
 sed -e 's/^name: wrong/name: hangs/' -e '/^hold:/i\
 clock: lockstep\
 wall_limit_s: 0.5\
@@ -92,7 +103,7 @@ faults: ["bus torso loss 1 id=0x6f0"]' \
     "$work/config/scenarios/wrong.yaml" >"$work/config/scenarios/hangs.yaml"
 if run 1 --output "$work/results" --junit "$work/hangs.xml" "$work/config/scenarios/hangs.yaml" \
     "$scenarios/brown_out.yaml" &&
-    [ "$(totals "$work/hangs.xml")" = "3 0 2" ] && grep -q 'no end after 0.5 s' "$work/out"
+    [ "$(totals "$work/hangs.xml")" = "3 0 2" ] && grep -q 'no STEP has come for 0.5 s' "$work/out"
 then ok "$name"; else not_ok "$name"; fi
 
 name="the seed of the command line is that of the run, and equal seeds make equal runs"

@@ -78,6 +78,8 @@ static void expect(const char *expectation_text)
     clock_of.label_ns[SCENARIO_LABEL_START] = 0;
 }
 
+static bool missed; /* what the last step has said */
+
 /* Runs to the end of last ms of the TICKS that were planned; a frame and an event come in the ticks
  * of the list, which ends with 0; mark is when the label happens, -1 = never. */
 static const struct scenario_verdict *run_until(int last, const int *ticks, int mark)
@@ -94,9 +96,9 @@ static const struct scenario_verdict *run_until(int last, const int *ticks, int 
                 scenario_expectations_event(expectations, "1.0 s: boom and bust");
             }
         }
-        scenario_expectations_step(expectations, NULL, &clock_of, tick * MS);
+        missed = scenario_expectations_step(expectations, NULL, &clock_of, tick * MS);
     }
-    scenario_expectations_finish(expectations, &clock_of, last * MS, TICKS * MS, &outcome);
+    scenario_expectations_finish(expectations, &clock_of, last * MS, TICKS * MS, false, &outcome);
     assert_int_equal(outcome.nverdict, 1);
     return &outcome.verdict[0];
 }
@@ -113,8 +115,26 @@ static const struct scenario_verdict *run_signal(double usual, int odd, double o
         signal_value = tick == odd ? other : usual;
         scenario_expectations_step(expectations, NULL, &clock_of, tick * MS);
     }
-    scenario_expectations_finish(expectations, &clock_of, TICKS * MS, TICKS * MS, &outcome);
+    scenario_expectations_finish(expectations, &clock_of, TICKS * MS, TICKS * MS, false, &outcome);
     return &outcome.verdict[0];
+}
+
+static void what_an_early_end_left_open_is_not_judged(void **state)
+{
+    (void)state;
+    expect("event: boom, never: true");
+    run_until(5, (const int[]){3, 0}, -1);
+    assert_true(missed);
+    assert_true(outcome.verdict[0].judged && !outcome.verdict[0].met);
+    expect("event: boom, never: true");
+    run_until(5, (const int[]){0}, -1);
+    assert_false(missed);
+    assert_true(outcome.verdict[0].judged && !outcome.verdict[0].met); /* it should have gone on */
+    expect("event: boom, never: true");
+    scenario_expectations_step(expectations, NULL, &clock_of, 0);
+    scenario_expectations_finish(expectations, &clock_of, MS, TICKS * MS, true, &outcome);
+    assert_false(outcome.verdict[0].judged || outcome.verdict[0].met);
+    assert_non_null(strstr(outcome.verdict[0].text, "not judged"));
 }
 
 static void judges_frames_and_events(void **state)
@@ -256,6 +276,7 @@ int main(void)
         cmocka_unit_test(judges_frames_and_events),
         cmocka_unit_test(judges_values_against_their_band),
         cmocka_unit_test(a_run_that_ends_early_meets_only_what_was_decided),
+        cmocka_unit_test(what_an_early_end_left_open_is_not_judged),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

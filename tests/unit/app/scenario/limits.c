@@ -14,6 +14,7 @@ static const struct limit scenario_limits[] = {
     {"seed", 0, 9e15},
     {"duration_s", 1e-3, 1e4},
     {"clean_up_s", 0, 1e3},
+    {"cpu_limit_s", 0.1, 1e5},
     {"wall_limit_s", 0.1, 1e5},
     {"task", 1, 31},
     {"*.label", 1, 63},

@@ -320,7 +320,9 @@ static void a_mutation_has_to_make_its_expectations_fail(void **state)
     for (int i = 0; i < 2; i++) {
         jobs[i] = (struct scenario_job){.scenario = cases, .mutation = i - 1};
         jobs[i].outcome = (struct scenario_outcome){.ran = true, .nverdict = 2};
-        jobs[i].outcome.verdict[0].met = jobs[i].outcome.verdict[1].met = true;
+        for (int e = 0; e < 2; e++) {
+            jobs[i].outcome.verdict[e] = (struct scenario_verdict){.met = true, .judged = true};
+        }
     }
     assert_false(scenario_flipped(cases, 0, &jobs[1].outcome, &missed));
     assert_string_equal(missed, "one");
