@@ -37,6 +37,7 @@
 static const struct yaml_field walk_fields[] = {
     WALK(begin_s, 0.0, 1e3),
     {"steps", YAML_INT, true, AT(config.steps), .min = 0, .max = 1e9},
+    {"distance_m", YAML_REAL, false, AT(config.distance_m), .min = 0.0, .max = 1e6},
     WALK(forward_m_s, -2.0, 2.0),
     WALK(left_m_s, -2.0, 2.0),
     WALK(turn_rad_s, -2.0, 2.0),

@@ -213,8 +213,9 @@ struct balance_config {
 
 struct walk_config {
     struct balance_config balance;
-    double begin_s; /* of the steps, after the motors are on */
-    int64_t steps;  /* then it stands; 0: for ever */
+    double begin_s;    /* of the steps, after the motors are on */
+    int64_t steps;     /* then it stands; 0: for ever */
+    double distance_m; /* so far from where its steps begin it stops, and is done; 0: never */
     double forward_m_s, left_m_s, turn_rad_s;
 };
 

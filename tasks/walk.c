@@ -15,6 +15,7 @@
 #define TURN_MOST_RAD_S 0.5
 #define HEADING_RAD_S 0.3 /* turning to a heading, at most */
 #define HEADING_STEPS 3   /* in which it would get there: slow enough for TURN_UP_RAD_S2 */
+#define STOOD_S 2.0       /* where the walk ends, until it is done */
 
 /* What a user may change (enum order). A step is the transfer and the swing of one foot. */
 enum walk_setting {
@@ -36,7 +37,10 @@ struct walk {
     struct task_setting setting[WALK_SETTINGS];
     _Atomic double value[WALK_SETTINGS]; /* another thread writes them */
     atomic_bool holds_heading;           /* of WALK_HEADING, rather than to turn at a rate */
-    double kept_rad; /* heading when it is not to turn: that of its begin, or of its last turn */
+    double kept_rad;  /* heading when it is not to turn: that of its begin, or of its last turn */
+    double from_m[2]; /* where its steps begin, as estimated */
+    bool arrived;     /* it has gone its distance */
+    double stood_s;   /* since it has come to rest there */
 };
 
 /* ---- settings ---- */
@@ -177,7 +181,20 @@ static void walk_command(struct walk *walk, const struct walk_config *config, do
     }
 }
 
-/* Begins and ends to step: the command of the user, or as many steps as the rig asks for. */
+/* Decides whether the steps or the distance that the rig asks for are made. */
+static bool walk_is_complete(struct walk *walk, const struct walk_config *config)
+{
+    const struct gait *gait = balance_gait(walk->balance);
+    const double *at = balance_estimate(walk->balance)->pelvis_m;
+
+    walk->arrived = walk->arrived ||
+                    (config->distance_m > 0 &&
+                     hypot(at[0] - walk->from_m[0], at[1] - walk->from_m[1]) > config->distance_m);
+    return walk->arrived ||
+           (config->steps > 0 && gait->steps - walk->from_steps >= (uint64_t)config->steps);
+}
+
+/* Begins and ends to step: the command of the user, or as far as the rig asks for. */
 static void walk_begin_or_halt(struct task *task, double t_s)
 {
     struct walk *walk = task->state;
@@ -185,8 +202,7 @@ static void walk_begin_or_halt(struct task *task, double t_s)
     const struct gait *gait = balance_gait(walk->balance);
     bool on = walk->value[WALK_ON] > 0 && balance_ready(walk->balance) && t_s > config->begin_s;
 
-    if (walk->command.step && config->steps > 0 &&
-        gait->steps - walk->from_steps >= (uint64_t)config->steps) {
+    if (walk->command.step && walk_is_complete(walk, config)) {
         walk->value[WALK_ON] = 0;
         atomic_fetch_add(&task->changes, 1);
         on = false;
@@ -199,6 +215,8 @@ static void walk_begin_or_halt(struct task *task, double t_s)
         }
         walk->from_steps = gait->steps;
         walk->kept_rad = gait->now.yaw;
+        memcpy(walk->from_m, balance_estimate(walk->balance)->pelvis_m, sizeof walk->from_m);
+        walk->arrived = false;
         walk->command = (struct gait_command){.step = true};
     }
     walk->command.step = on;
@@ -226,7 +244,8 @@ static enum task_status walk_advance(struct task *task, double t_s, bool walks)
         snprintf(task->message, sizeof task->message, "%u steps, %.2f m ahead, %.2f m left",
                  gait->steps, estimate->pelvis_m[0], estimate->pelvis_m[1]);
     }
-    return TASK_RUNNING;
+    walk->stood_s = walk->arrived && gait->now.phase == GAIT_STAND ? walk->stood_s + dt : 0;
+    return walk->stood_s > STOOD_S ? TASK_DONE : TASK_RUNNING;
 }
 
 static enum task_status walk_step(struct task *task, double t_s)
