@@ -85,12 +85,16 @@ void arena_join(void *memory, size_t size)
     ASAN_UNPOISON_MEMORY_REGION(memory, size);
 }
 
-/* Writes every page. Its first byte may lie between two pieces, or belong to a thread that already
+/* Makes every page present: by the kernel, which looks at no content, or before Linux 5.14 by
+ * writing each. There the first byte may lie between two pieces, or belong to a thread that already
  * runs (the recorder's): it is atomically exchanged for itself. */
 __attribute__((no_sanitize("address"))) static void arena_touch_pages(const struct arena *arena)
 {
     size_t page = (size_t)sysconf(_SC_PAGESIZE);
 
+    if (!madvise(arena->memory, arena->used, MADV_POPULATE_WRITE)) {
+        return;
+    }
     for (size_t at = 0; at < arena->used; at += page) {
         unsigned char *touch = arena->memory + at;
         unsigned char is = __atomic_load_n(touch, __ATOMIC_RELAXED);

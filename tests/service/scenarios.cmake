@@ -1,7 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 # Scenarios, and programs that join the buses through the gateway.
+set(scenarios) # all; with sanitizers some, of each protocol and kind of fault
+if(HIL_SANITIZE)
+    set(scenarios bus_off_and_recovery compact_timeout error_burst fd_telemetry
+        foc_set_point_expiry ft_saturation id_collision lost_step over_current start_up_discovery
+        wrong_length)
+endif()
 hil_script_test(service_scenarios COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/scenarios.sh
-                LABELS service TIMEOUT 300)
+                ${scenarios} LABELS service TIMEOUT 300)
 hil_script_test(service_gateway COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/gateway.py
                 LABELS service TIMEOUT 200)
 hil_script_test(service_gateway_lockstep

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 # COMAN in lockstep with everything broken at random, two runs side by side in their own processes,
 # one of them with less of the machine and recording: no rule is broken, and both agree to the last
-# bit. Five simulated minutes; SOAK=full: an hour; SOAK=N: N seconds. Prints TAP.
-# usage: lockstep.sh SOAK_LOCKSTEP
+# bit. SOAK=full: an hour; SOAK=N: N simulated seconds. Prints TAP.
+# usage: lockstep.sh SOAK_LOCKSTEP SECONDS
 set -u
 program=$1
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-seconds=300 limit=280 # of the wall's, a run
+seconds=$2 limit=280 # of the wall's, a run
 case "${SOAK:-}" in
 full) seconds=3600 limit=1700 ;;
 [1-9]*) seconds=$SOAK limit=1700 ;;

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# Long runs, bounded here: five simulated minutes in lockstep and twelve seconds in real time; with
-# SOAK=full in the environment an hour and ten minutes.
+# Long runs, bounded here: five simulated minutes in lockstep (one with sanitizers) and twelve
+# seconds in real time; with SOAK=full in the environment an hour and ten minutes.
 set(soak_sources fault_lines intruder listener lockstep part player rules)
 list(TRANSFORM soak_sources PREPEND ${CMAKE_CURRENT_SOURCE_DIR}/soak/)
 list(TRANSFORM soak_sources APPEND .c)
@@ -13,7 +13,8 @@ target_link_libraries(soak_realtime PRIVATE hil_flags sim report)
 target_compile_definitions(soak_realtime PRIVATE HIL_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
 
 hil_script_test(soak_lockstep COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/soak/lockstep.sh
-                $<TARGET_FILE:soak_lockstep> LABELS soak TIMEOUT 1800)
+                $<TARGET_FILE:soak_lockstep> $<IF:$<BOOL:${HIL_SANITIZE}>,60,300>
+                LABELS soak TIMEOUT 1800)
 hil_script_test(soak_realtime COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/soak/realtime.sh
                 $<TARGET_FILE:soak_realtime> LABELS soak TIMEOUT 1500 SERIAL)
 hil_script_test(soak_walk_sweep COMMAND /usr/bin/python3
