@@ -12,8 +12,12 @@ add_executable(soak_realtime ${CMAKE_CURRENT_SOURCE_DIR}/soak/realtime.c)
 target_link_libraries(soak_realtime PRIVATE hil_flags sim report)
 target_compile_definitions(soak_realtime PRIVATE HIL_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
 
+set(soak_seconds 300)
+if(HIL_SANITIZE)
+    set(soak_seconds 60)
+endif()
 hil_script_test(soak_lockstep COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/soak/lockstep.sh
-                $<TARGET_FILE:soak_lockstep> $<IF:$<BOOL:${HIL_SANITIZE}>,60,300>
+                $<TARGET_FILE:soak_lockstep> ${soak_seconds}
                 LABELS soak TIMEOUT 1800)
 hil_script_test(soak_realtime COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/soak/realtime.sh
                 $<TARGET_FILE:soak_realtime> LABELS soak TIMEOUT 1500 SERIAL)
