@@ -63,7 +63,7 @@ async function judge(browser, run, directory) {
 
   // It plays by itself
   await page.goto(`${run.address}&quality=low`);
-  await wait(() => window.coman?.page.scene?.drawn > 0);
+  await wait(() => window.coman?.page.scene?.firstDrawn > 0);
   const found = await page.evaluate(variance);
   check(found > 100, 'the picture is not blank', found);
   await wait(() => window.coman.state.time > 0.3);
