@@ -315,17 +315,17 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
 static void print_settled(const struct simulator *simulator)
 {
     const struct settled *settled = simulator_settled(simulator);
+    char base[96] = "";
 
     if (!settled) {
         return;
     }
-    fprintf(stderr, "settled: residual %.1g of the weight, %.1g sideways", settled->residual,
-            settled->sideways);
     if (simulator_configuration(simulator)->rig->robot->floating) {
-        fprintf(stderr, "; base %.3f mm lower and tilted by %.3f mrad", -1e3 * settled->rise_m,
-                1e3 * settled->tilt_rad);
+        snprintf(base, sizeof base, "; base %.3f mm lower and tilted by %.3f mrad",
+                 -1e3 * settled->rise_m, 1e3 * settled->tilt_rad);
     }
-    fputc('\n', stderr);
+    fprintf(stderr, "settled: residual %.1g of the weight, %.1g sideways%s\n", settled->residual,
+            settled->sideways, base);
 }
 
 /* What a person may want to know before the first tick. */
