@@ -75,11 +75,17 @@ static void bash_put_command(const struct command_spec *spec, FILE *out)
     fprintf(out, "    %s)\n        options='--help", spec->name);
     for (size_t i = 0; i < spec->noption; i++) {
         fprintf(out, " %s", spec->option[i].name);
+        if (spec->option[i].letter) {
+            fprintf(out, " %s", spec->option[i].letter);
+        }
     }
     fputs("' valued=' ", out);
     for (size_t i = 0; i < spec->noption; i++) {
         if (spec->option[i].type != OPTION_FLAG) {
             fprintf(out, "%s ", spec->option[i].name);
+            if (spec->option[i].letter) {
+                fprintf(out, "%s ", spec->option[i].letter);
+            }
         }
     }
     fputs("'\n        operands=(", out);
@@ -91,7 +97,8 @@ static void bash_put_command(const struct command_spec *spec, FILE *out)
         const struct option_spec *option = &spec->option[i];
 
         if (option->type != OPTION_FLAG) {
-            fprintf(out, "        %s) value='%s%s%s", option->name, completion_kind(option),
+            fprintf(out, "        %s%s%s) value='%s%s%s", option->letter ? option->letter : "",
+                    option->letter ? " | " : "", option->name, completion_kind(option),
                     option->noun ? " " : "", option->noun ? option->noun : "");
             completion_put_words(option, out);
             fputs("' ;;\n", out);
@@ -198,18 +205,19 @@ static void zsh_put_text(const char *text, FILE *out)
     }
 }
 
-static void zsh_put_option(const struct option_spec *option, FILE *out)
+/* name: one of the option's two. */
+static void zsh_put_option(const struct option_spec *option, const char *name, FILE *out)
 {
     const char *kind;
 
-    fprintf(out, " \\\n            '%s%s", option->type == OPTION_LIST ? "*" : "", option->name);
+    fprintf(out, " \\\n            '%s%s", option->type == OPTION_LIST ? "*" : "", name);
     if (option->type == OPTION_FLAG) {
         putc('[', out);
         zsh_put_text(option->help, out);
         fputs("]'", out);
         return;
     }
-    fputs(option->name[1] == '-' ? "=[" : "[", out);
+    fputs(name[1] == '-' ? "=[" : "[", out);
     zsh_put_text(option->help, out);
     fputs("]:", out);
     zsh_put_text(option->argument, out);
@@ -255,7 +263,10 @@ static void zsh_put_command(const struct command_spec *spec, FILE *out)
 {
     fprintf(out, "    %s)\n        _arguments '--help[print the manual and exit]'", spec->name);
     for (size_t i = 0; i < spec->noption; i++) {
-        zsh_put_option(&spec->option[i], out);
+        zsh_put_option(&spec->option[i], spec->option[i].name, out);
+        if (spec->option[i].letter) {
+            zsh_put_option(&spec->option[i], spec->option[i].letter, out);
+        }
     }
     for (size_t i = 0; i < spec->noperand; i++) {
         zsh_put_operand(spec, i, out);

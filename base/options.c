@@ -13,12 +13,18 @@ enum { MAX_NAMES = 64, WIDTH = 80, HELP_COLUMN = 24 };
 
 /* ---- parsing ---- */
 
+/* Returns whether the option is called so: name has so many characters, and no 0 behind them. */
+static bool option_has_name(const char *option, const char *name, size_t length)
+{
+    return option && strlen(option) == length && strncmp(option, name, length) == 0;
+}
+
 static const struct option_spec *options_find(const struct command_spec *spec, const char *name,
                                               size_t length)
 {
     for (size_t i = 0; i < spec->noption; i++) {
-        if (strlen(spec->option[i].name) == length &&
-            !strncmp(spec->option[i].name, name, length)) {
+        if (option_has_name(spec->option[i].name, name, length) ||
+            option_has_name(spec->option[i].letter, name, length)) {
             return &spec->option[i];
         }
     }
@@ -264,10 +270,12 @@ void options_wrap(const char *text, int used, int indent, FILE *out)
     putc('\n', out);
 }
 
-static void options_put_help_line(const char *name, const char *argument, const char *help,
-                                  FILE *out)
+/* letter: a second name, NULL = none. */
+static void options_put_help_line(const char *letter, const char *name, const char *argument,
+                                  const char *help, FILE *out)
 {
-    int used = fprintf(out, "  %s%s%s", name, argument ? " " : "", argument ? argument : "");
+    int used = fprintf(out, "  %s%s%s%s%s", letter ? letter : "", letter ? ", " : "", name,
+                       argument ? " " : "", argument ? argument : "");
 
     if (used >= HELP_COLUMN) {
         putc('\n', out);
@@ -296,13 +304,14 @@ void options_help(const struct command_spec *spec, FILE *out)
     options_wrap(spec->summary, 0, 0, out);
     putc('\n', out);
     for (size_t i = 0; i < spec->noperand; i++) {
-        options_put_help_line(spec->operand[i].name, NULL, spec->operand[i].help, out);
+        options_put_help_line(NULL, spec->operand[i].name, NULL, spec->operand[i].help, out);
     }
     for (size_t i = 0; i < spec->noption; i++) {
-        options_put_help_line(spec->option[i].name, spec->option[i].argument, spec->option[i].help,
-                              out);
+        const struct option_spec *option = &spec->option[i];
+
+        options_put_help_line(option->letter, option->name, option->argument, option->help, out);
     }
-    options_put_help_line("--help", NULL, "print this and exit", out);
+    options_put_help_line(NULL, "--help", NULL, "print this and exit", out);
     if (spec->manual) {
         putc('\n', out);
         options_wrap(spec->manual, 0, 0, out);

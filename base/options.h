@@ -69,6 +69,7 @@ struct option_spec {
     const char *unit;                /* for messages: "seconds"; NULL = none */
     const struct option_word *words; /* of OPTION_ENUM, ends with word NULL */
     const char *noun;                /* as of an operand */
+    const char *letter;              /* a second name, "-o"; NULL = none */
 };
 
 /* An argument without dashes. Those that must be given come first. */

@@ -37,9 +37,15 @@ static void manpage_put_manual(const char *text, FILE *out)
     }
 }
 
-static void manpage_put_term(const char *name, const char *argument, const char *help, FILE *out)
+/* letter: a second name, NULL = none. */
+static void manpage_put_term(const char *letter, const char *name, const char *argument,
+                             const char *help, FILE *out)
 {
     fputs("\n*", out);
+    if (letter) {
+        manpage_put_text(letter, strlen(letter), out);
+        fputs("*, *", out);
+    }
     manpage_put_text(name, strlen(name), out);
     fputs("*", out);
     if (argument) {
@@ -82,12 +88,14 @@ void options_page(const struct command_spec *spec, FILE *out)
     manpage_put_synopsis(spec, out);
     fputs("\n# OPTIONS\n", out);
     for (size_t i = 0; i < spec->noperand; i++) {
-        manpage_put_term(spec->operand[i].name, NULL, spec->operand[i].help, out);
+        manpage_put_term(NULL, spec->operand[i].name, NULL, spec->operand[i].help, out);
     }
     for (size_t i = 0; i < spec->noption; i++) {
-        manpage_put_term(spec->option[i].name, spec->option[i].argument, spec->option[i].help, out);
+        const struct option_spec *option = &spec->option[i];
+
+        manpage_put_term(option->letter, option->name, option->argument, option->help, out);
     }
-    manpage_put_term("--help", NULL, "print the manual and exit", out);
+    manpage_put_term(NULL, "--help", NULL, "print the manual and exit", out);
     if (spec->manual) {
         fputs("\n# DESCRIPTION\n", out);
         manpage_put_manual(spec->manual, out);

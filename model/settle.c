@@ -5,6 +5,7 @@
  */
 #include "model/settle.h"
 
+#include "base/portable_math.h"
 #include "model/settle_private.h"
 #include "model/spatial.h"
 
@@ -41,8 +42,8 @@ static enum error_code refuse_sliding(const struct settle *s, const struct rest 
                                       struct error *error)
 {
     return error_set(error, ERROR_INPUT,
-                     "%s would slide: friction holds less than what pushes it sideways, by %.3g N "
-                     "of its weight of %.4g N",
+                     "%s would slide: %.3g N are missing to hold it sideways, of its weight of "
+                     "%.4g N",
                      rest->name, find_push(s, rest), rest->weight);
 }
 
@@ -400,6 +401,42 @@ static enum error_code find_equilibrium(struct settle *s, bool holds, struct set
     return ERROR_NONE;
 }
 
+/* Says which body would slide when no equilibrium with friction was found: the search fails in many
+ * ways once a body slides, with forces that mean nothing. Where the bodies rest without friction
+ * but for what pushes them sideways, the slope that each stands on is known, and the steepest that
+ * friction holds it on can be measured. Leaves the error where no body is on a steeper one. */
+static void find_sliding_body(struct settle *s, const double *start, struct error *error)
+{
+    struct settled unused = {0};
+    struct error silent;
+    double most = 0.0;
+
+    memcpy(s->plant->state, start, s->plant->at.count * sizeof *start);
+    settle_begin(s, false);
+    if (iterate_to_rest(s, &unused, &silent)) {
+        return;
+    }
+    for (size_t b = 0; b < s->nrest; b++) {
+        const struct rest *rest = &s->rest[b];
+        double push, slope, held;
+
+        settle_begin(s, false);
+        if (settle_weigh(s, s->g)) {
+            return;
+        }
+        push = find_push(s, rest);
+        slope = portable_atan2(push, rest->weight);
+        if (push > LEVEL * rest->weight && !settle_friction_angle(s, b, &held) &&
+            slope - held > most) {
+            most = slope - held;
+            error_set(error, ERROR_INPUT,
+                      "%s would slide: it stands on a slope of %.3g rad, where %.3g N push it "
+                      "sideways, and friction holds it up to %.3g rad",
+                      rest->name, slope, push, held);
+        }
+    }
+}
+
 /* Without friction where that is an equilibrium, so that legs do not push against each other; where
  * it is not, and friction holds at rest, with it. */
 static enum error_code find_rest(struct settle *s, const double *start, struct settled *settled,
@@ -411,7 +448,11 @@ static enum error_code find_rest(struct settle *s, const double *start, struct s
 
     if (plant->nbristle > 0 && (code == ERROR_INPUT || settled->sideways > LEVEL)) {
         memcpy(plant->state, start, plant->at.count * sizeof *start);
-        return find_equilibrium(s, true, settled, error);
+        code = find_equilibrium(s, true, settled, error);
+        if (code == ERROR_INPUT) {
+            find_sliding_body(s, start, error);
+        }
+        return code;
     }
     return code ? error_set(error, code, "%s", without.text) : ERROR_NONE;
 }

@@ -23,6 +23,7 @@ enum { HALVINGS = 40 }; /* of a step, at most */
 #define LONGEST_STEP 5e-3 /* m, tilts times the radius of gyration */
 #define DIFFERENCE 1e-7   /* m, for the tangent */
 #define AHEAD_S 1e6
+#define DRAGGED 5e-3 /* m: further than bristles bend */
 
 /* ---- geometry ---- */
 
@@ -363,5 +364,54 @@ enum error_code settle_advance(struct settle *s, bool *moved)
             return code;
         }
     }
+    return ERROR_NONE;
+}
+
+/* ---- friction ---- */
+
+enum error_code settle_friction_angle(struct settle *s, size_t body, double *angle)
+{
+    const size_t first = body * UNKNOWNS, bytes = s->plant->at.count * sizeof *s->before;
+    const struct rest *rest = &s->rest[body];
+    double push[2], side, slope, support[3], load[3], along[3];
+    enum error_code code = settle_weigh(s, s->ahead);
+
+    if (code) {
+        return code;
+    }
+
+    /* Without friction the support pushes at a right angle to the slope, which is then known */
+    push[0] = vec3_dot(rest->force, s->across[0]);
+    push[1] = vec3_dot(rest->force, s->across[1]);
+    side = sqrt(push[0] * push[0] + push[1] * push[1]);
+    slope = portable_atan2(side, rest->weight);
+    for (int i = 0; i < 3; i++) {
+        support[i] = rest->force[i] + rest->weight * s->up[i];
+        along[i] =
+            portable_cos(slope) * (push[0] * s->across[0][i] + push[1] * s->across[1][i]) / side -
+            portable_sin(slope) * s->up[i];
+    }
+
+    /* Down the slope, so far that all bristles slip */
+    memcpy(s->before, s->plant->state, bytes);
+    s->holds = true;
+    s->unknowns = UNKNOWNS;
+    s->n = s->unknowns * s->nrest;
+    memset(s->step, 0, s->n * sizeof *s->step);
+    s->step[first + UNKNOWN_UP] = -DRAGGED * portable_sin(slope);
+    s->step[first + UNKNOWN_FIRST_ACROSS] = DRAGGED * portable_cos(slope) * push[0] / side;
+    s->step[first + UNKNOWN_SECOND_ACROSS] = DRAGGED * portable_cos(slope) * push[1] / side;
+    move_bodies(s, 1.0, s->step);
+    code = settle_weigh(s, s->ahead);
+    memcpy(s->plant->state, s->before, bytes);
+    if (code) {
+        return code;
+    }
+
+    /* What resists, to what presses */
+    for (int i = 0; i < 3; i++) {
+        load[i] = rest->force[i] + rest->weight * s->up[i];
+    }
+    *angle = portable_atan2(-vec3_dot(load, along), vec3_dot(load, support) / vec3_norm(support));
     return ERROR_NONE;
 }

@@ -80,6 +80,11 @@ bool settle_factorize(struct settle *s, double damping);
 /* Fills step: (K + damping)^-1 g by the factor, cut to the longest that is allowed. */
 void settle_solve(struct settle *s);
 
+/* Measures the steepest slope that friction holds a body on, rad: drags it slowly along what
+ * carries it. Expects the equilibrium without friction, where the body is pushed sideways; leaves
+ * the state as it was. */
+enum error_code settle_friction_angle(struct settle *s, size_t body, double *angle);
+
 /* Takes the step, or the half of it and so on, until it lowers the potential or the residual;
  * *moved is false when no part does. */
 enum error_code settle_advance(struct settle *s, bool *moved);

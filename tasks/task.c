@@ -223,6 +223,11 @@ enum task_status task_step(struct task *task, int64_t now_ns)
     return status;
 }
 
+bool task_is_endless(const struct task *task)
+{
+    return task->ops->endless && task->ops->endless(task);
+}
+
 void task_stop(struct task *task)
 {
     for (size_t i = 0; i < task->config.host.naxis; i++) {

@@ -282,6 +282,9 @@ enum error_code task_create(const char *name, const struct task_config *config, 
  * the caller's time. RT-safe. */
 enum task_status task_step(struct task *task, int64_t now_ns);
 
+/* Whether the task goes on until it is stopped or fails, as a walk does. RT-safe. */
+bool task_is_endless(const struct task *task);
+
 /* Motors off; call it when stopping early. RT-safe. */
 void task_stop(struct task *task);
 

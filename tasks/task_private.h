@@ -22,6 +22,8 @@ struct task_ops {
     /* Sets the servo's references for t_s; writes task->message when it ends or task->tells: a text
      * in every step would take a tenth of the time. */
     enum task_status (*step)(struct task *task, double t_s);
+    /* Whether it goes on until it is stopped or fails; NULL: it does not. */
+    bool (*endless)(const struct task *task);
     /* What it estimates and plans, for recordings; none when nsignal is 0. */
     const char *const *signal_name;
     size_t nsignal;

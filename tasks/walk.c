@@ -258,6 +258,11 @@ static enum task_status stand_step(struct task *task, double t_s)
     return walk_advance(task, t_s, false);
 }
 
+static bool walk_is_endless(const struct task *task)
+{
+    return task->ops == &task_stand || task->config.walk->distance_m <= 0;
+}
+
 static void walk_signals(const struct task *task, double *value)
 {
     const struct walk *walk = task->state;
@@ -271,6 +276,7 @@ const struct task_ops task_stand = {
     .create = walk_create,
     .start = walk_start,
     .step = stand_step,
+    .endless = walk_is_endless,
     .signal_name = balance_signal_name,
     .nsignal = BALANCE_SIGNALS,
     .signals = walk_signals,
@@ -282,6 +288,7 @@ const struct task_ops task_walk = {
     .create = walk_create,
     .start = walk_start,
     .step = walk_step,
+    .endless = walk_is_endless,
     .signal_name = balance_signal_name,
     .nsignal = BALANCE_SIGNALS,
     .signals = walk_signals,

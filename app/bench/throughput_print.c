@@ -151,8 +151,8 @@ int bench_throughput(int argc, char **argv)
          "of all rigs; by default that of the list below, else what the rig's file is for",
          .value = &o.task},
         BENCH_PEERS_OPTION(&o.peers),
-        {"-o", OPTION_STRING, "FILE", "write all figures into this file, as JSON",
-         .value = &o.file},
+        {"--output", OPTION_STRING, "FILE", "write all figures into this file, as JSON",
+         .value = &o.file, .letter = "-o"},
     };
     struct operand_spec operand = {"RIG", "rigs' files or names; without them the list below",
                                    .noun = "rigs"};

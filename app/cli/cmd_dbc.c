@@ -86,7 +86,7 @@ static enum error_code export_all(const struct rig *rig, const char *folder, str
 
         if (snprintf(path, sizeof path, "%s/%s-%s.dbc", folder, rig->name, rig->bus[i].name) >=
             PATH_SIZE) {
-            return error_set(error, ERROR_INPUT, "-o: the folder's name is too long");
+            return error_set(error, ERROR_INPUT, "--output: the folder's name is too long");
         }
         code = export_bus(rig, i, path, arena, error);
         if (code) {
@@ -114,7 +114,7 @@ static enum error_code export_rig(const struct dbc_options *o, const struct rig 
                          o->bus, rig->file);
     }
     if (o->output && strlen(o->output) >= PATH_SIZE) {
-        return error_set(error, ERROR_INPUT, "-o: the file's name is too long");
+        return error_set(error, ERROR_INPUT, "--output: the file's name is too long");
     }
     return export_bus(rig, (size_t)found, o->output, arena, error);
 }
@@ -132,10 +132,10 @@ int cmd_dbc(int argc, char **argv)
     static const struct option_spec options[] = {
         {"--bus", OPTION_STRING, "NAME", "this bus only; all of the rig by default",
          .value = &o.bus},
-        {"-o", OPTION_STRING, "PATH",
+        {"--output", OPTION_STRING, "PATH",
          "with --bus the file to write, standard output by default; else the folder to write into, "
          "which must exist, the current one by default",
-         .value = &o.output},
+         .value = &o.output, .letter = "-o"},
     };
     static const struct operand_spec operands[] = {
         {"RIG", "a rig's file or name", true, &o.rig, .noun = "rigs"}};

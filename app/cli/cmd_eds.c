@@ -69,7 +69,7 @@ static enum error_code eds_export_all(const struct rig *rig, const char *folder,
         }
         eds_make_name(rig, board, name);
         if (snprintf(path, sizeof path, "%s/%s", folder, name) >= EDS_PATH_SIZE) {
-            return error_set(error, ERROR_INPUT, "-o: the folder's name is too long");
+            return error_set(error, ERROR_INPUT, "--output: the folder's name is too long");
         }
         code = eds_export_node(rig, board, path, arena, error);
         if (code) {
@@ -111,10 +111,10 @@ int cmd_eds(int argc, char **argv)
 {
     static struct eds_options o;
     static const struct option_spec options[] = {
-        {"-o", OPTION_STRING, "PATH",
+        {"--output", OPTION_STRING, "PATH",
          "with a NODE the file to write, standard output by default; else the folder to write "
          "into, which must exist, the current one by default",
-         .value = &o.output},
+         .value = &o.output, .letter = "-o"},
     };
     static const struct operand_spec operands[] = {
         {"RIG", "a rig's file or name", true, &o.rig, .noun = "rigs"},

@@ -79,8 +79,9 @@ int cmd_generate(int argc, char **argv)
     static const struct option_word lanes[] = {{"1", 1}, {"2", 2}, {"4", 4}, {NULL, 0}};
     struct generate_options o = {.folder = ".", .symbolic = {.lanes = 4}};
     const struct option_spec options[] = {
-        {"-o", OPTION_STRING, "DIR",
-         "folder to write into, which must exist; the current one by default", .value = &o.folder},
+        {"--output", OPTION_STRING, "DIR",
+         "folder to write into, which must exist; the current one by default", .value = &o.folder,
+         .letter = "-o"},
         {"--variant", OPTION_STRING, "NAME", "variant of the robot file", .value = &o.variant},
         {"--lanes", OPTION_ENUM, "N",
          "at most this many identical limbs side by side; 4 by default", .value = &o.symbolic.lanes,

@@ -84,8 +84,8 @@ int cmd_import(int argc, char **argv)
     static struct option_list lock, packages, drives;
     static int prismatic, personality;
     static const struct option_spec options[] = {
-        {"-o", OPTION_STRING, "DIR", "folder to write into; it is made when it is not there",
-         .value = &r.folder},
+        {"--output", OPTION_STRING, "DIR", "folder to write into; it is made when it is not there",
+         .value = &r.folder, .letter = "-o"},
         {"--srdf", OPTION_STRING, "FILE", "take poses and the kind of base from this SRDF",
          .value = &r.srdf},
         {"--base", OPTION_ENUM, "KIND", "the base is fixed or floating; guessed by default",
@@ -135,7 +135,7 @@ int cmd_import(int argc, char **argv)
         return status;
     }
     if (!r.folder) {
-        error_set(&error, ERROR_INPUT, "found no -o, expected the folder to write into");
+        error_set(&error, ERROR_INPUT, "found no --output, expected the folder to write into");
         return options_fail(&spec, &error);
     }
     r.personality = (enum import_personality)personality;

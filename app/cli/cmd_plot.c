@@ -207,7 +207,7 @@ int cmd_plot(int argc, char **argv)
          .value = &o.list},
         {"--output", OPTION_STRING, "FILE",
          "SVG file to write, or PNG when its name ends in .png; SVG on standard output by default",
-         .value = &o.output},
+         .value = &o.output, .letter = "-o"},
         {"--title", OPTION_STRING, "TEXT", "title of the plot", .value = &o.title},
         {"--from", OPTION_REAL, "S", "first second to plot", .value = &o.span[0], .min = -1e9,
          .max = 1e9, .unit = "seconds"},

@@ -27,7 +27,7 @@ enum { NAME_SIZE = 16, BUSES_MAX = OPTION_LIST_MAX };
 #define EXTENDED_MAX 0x1fffffff
 
 struct replay_options {
-    const char *log, *http, *rig;
+    const char *log, *http, *ready, *rig;
     struct option_list onto, id;
     double from_s, to_s, speed;
 };
@@ -270,6 +270,7 @@ static int replay_show(const struct replay_options *options)
     const struct replay_page_options page = {
         .directory = options->log,
         .http = options->http,
+        .ready = options->ready,
         .rig = options->rig,
         .from_s = options->from_s,
         .to_s = options->to_s,
@@ -295,6 +296,10 @@ static int replay_run(const struct replay_options *options)
 
     if (options->http) {
         return replay_show(options);
+    }
+    if (options->ready) {
+        error_set(&error, ERROR_INPUT, "found --ready without --http, expected both");
+        return command_fail("replay", &error);
     }
     replay.options = *options;
     if (arena_init(&arena, REPLAY_ARENA, &error)) {
@@ -323,6 +328,10 @@ int cmd_replay(int argc, char **argv)
          "serve a page that plays the recording; HOST is a numeric address, 127.0.0.1 by default; "
          "PORT 0 is any that is free",
          .value = &o.http},
+        {"--ready", OPTION_STRING, "FILE",
+         "with --http: write this file, in one piece, when the page is served, and remove it at "
+         "the end; its line page_view='ADDRESS' says where",
+         .value = &o.ready},
         {"--rig", OPTION_STRING, "RIG",
          "the rig that was recorded, for --http; that of the recording's summary by default",
          .value = &o.rig, .noun = "rigs"},

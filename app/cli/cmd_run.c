@@ -6,6 +6,7 @@
 #include "app/cli/firmware.h"
 #include "app/cli/monitor.h"
 #include "app/cli/page.h"
+#include "app/cli/ready.h"
 #include "app/cli/rig_command.h"
 #include "app/cli/run_options.h"
 #include "app/cli/summary.h"
@@ -192,6 +193,25 @@ static enum error_code open_control(const struct run_options *options, struct si
 
 /* ---- the run ---- */
 
+/* Writes the file of --ready; host: of the gateway, "" = the default. */
+static enum error_code write_ready(const struct run_options *options, const char *host,
+                                   struct simulator *simulator, const struct control *control,
+                                   const struct page *page, struct error *error)
+{
+    const struct gateway *gateway = simulator_gateway(simulator);
+    const struct ready ready = {
+        .control = control ? control_path(control) : NULL,
+        .gateway_host = !gateway  ? NULL
+                        : host[0] ? host
+                                  : "127.0.0.1",
+        .gateway_port = gateway ? gateway_port(gateway) : 0,
+        .page = page->viewer ? viewer_address(page->viewer, true) : NULL,
+        .page_view = page->viewer ? viewer_address(page->viewer, false) : NULL,
+    };
+
+    return ready_write(options->ready, &ready, error);
+}
+
 /* What the monitor's thread does beside its own work. */
 struct background {
     struct simulator *simulator;
@@ -232,7 +252,7 @@ static void run_each_period(void *context)
 }
 
 static int run_simulator(struct simulator *simulator, struct control *control, struct page *page,
-                         bool quiet)
+                         const struct run_options *options, const char *host)
 {
     static struct monitor monitor;
     struct background background = {simulator, control, page, &monitor};
@@ -240,14 +260,14 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
                                     .manager = &manager,
                                     .out = stderr,
                                     .terminal = isatty(STDERR_FILENO),
-                                    .quiet = quiet,
+                                    .quiet = options->quiet,
                                     .each = run_each_period,
                                     .event = run_show_event,
                                     .context = &background};
     struct realtime_report report;
     struct error error;
     enum loop_end end;
-    int status;
+    int status, silent = STATUS_OK;
 
     /* Threads start before simulator_start, which gives the loop's thread its rights and CPU */
     if (monitor_start(&monitor, &config, &error)) {
@@ -267,6 +287,10 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
     control_serve(control);
     viewer_serve(page->viewer);
     rig_command_warn(&report, monitor.log.clear);
+    if (write_ready(options, host, simulator, control, page, &error)) {
+        silent = command_fail("run", &error); /* nobody would come: the run ends at once */
+        simulator_stop(simulator);
+    }
     end = simulator_run(simulator);
 
     /* The log is complete once all threads have ended; the page's before the socket it uses */
@@ -274,9 +298,11 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
     control_stop(control);
     monitor_stop(&monitor);
     log_control(&background);
+    ready_end(options->ready);
     if (!reload) {
         rig_command_ignore_stop();
-        return run_finish(simulator, control, page, end);
+        status = run_finish(simulator, control, page, end);
+        return silent ? silent : status;
     }
 
     /* A stop that comes now is that of the service: it is noted first, then carried out at once */
@@ -289,17 +315,17 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
 static void print_settled(const struct simulator *simulator)
 {
     const struct settled *settled = simulator_settled(simulator);
+    char base[96] = "";
 
     if (!settled) {
         return;
     }
-    fprintf(stderr, "settled: residual %.1g of the weight, %.1g sideways", settled->residual,
-            settled->sideways);
     if (simulator_configuration(simulator)->rig->robot->floating) {
-        fprintf(stderr, "; base %.3f mm lower and tilted by %.3f mrad", -1e3 * settled->rise_m,
-                1e3 * settled->tilt_rad);
+        snprintf(base, sizeof base, "; base %.3f mm lower and tilted by %.3f mrad",
+                 -1e3 * settled->rise_m, 1e3 * settled->tilt_rad);
     }
-    fputc('\n', stderr);
+    fprintf(stderr, "settled: residual %.1g of the weight, %.1g sideways%s\n", settled->residual,
+            settled->sideways, base);
 }
 
 /* What a person may want to know before the first tick. */
@@ -320,6 +346,15 @@ static void print_start(const struct simulator *simulator, const char *host, con
                     journal_prefix(JOURNAL_WARNING), host);
         }
     }
+}
+
+/* Whether only the user ends the run. */
+static bool run_is_endless(const struct simulator *simulator)
+{
+    const struct task_runner *runner = simulator_task_runner(simulator);
+
+    return simulator_configuration(simulator)->ticks == 0 &&
+           (!runner || task_is_endless(runner->task));
 }
 
 /* The report of the task, when it makes one; the run's status unless that fails. */
@@ -377,6 +412,11 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
         return command_fail("run", &error);
     }
     print_start(simulator, host, notice);
+    if (run_is_endless(simulator)) {
+        fputs("the run goes on until it is stopped (Ctrl-C, or coman-hil ctl stop); --duration S "
+              "ends it\n",
+              stderr);
+    }
     if (open_control(options, simulator, &control, &error)) {
         status = command_fail("run", &error);
     } else if (page_open(&page, options, simulator, control ? control_path(control) : NULL,
@@ -385,7 +425,7 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
         status = command_fail("run", &error);
     } else {
         status = run_report_task(simulator, options->input.report,
-                                 run_simulator(simulator, control, &page, options->quiet));
+                                 run_simulator(simulator, control, &page, options, host));
     }
     page_close(&page);
     control_destroy(control);
@@ -396,10 +436,14 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
 int cmd_run(int argc, char **argv)
 {
     struct run_options options;
+    struct error error;
     int status;
 
     if (!run_options_read(argc, argv, &options, &status)) {
         return status;
+    }
+    if (ready_begin(options.ready, &error)) {
+        return command_fail("run", &error);
     }
     notify_open(&manager);
     if (manager.descriptor >= 0) {

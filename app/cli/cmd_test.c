@@ -66,7 +66,7 @@ static bool test_parse_options(int argc, char **argv, struct test_options *out, 
         {"--output", OPTION_STRING, "DIR",
          "folder for recordings and plots of failures, test-results by default; with --plan the "
          "plan to write; with --case run it again, compare, and record a failure there",
-         .value = &o.output},
+         .value = &o.output, .letter = "-o"},
         {"--program", OPTION_STRING, "COMMAND",
          "the host of scenarios with host: program, a shell command", .value = &o.program},
         {"--junit", OPTION_STRING, "FILE", "write the results as JUnit XML", .value = &o.junit},

@@ -4,6 +4,7 @@
 
 #include "app/cli/commands.h"
 #include "app/cli/page.h"
+#include "app/cli/ready.h"
 #include "app/cli/rig_command.h"
 #include "base/journal.h"
 #include "rt/recorder.h"
@@ -99,13 +100,16 @@ static enum error_code replay_page_serve(const struct replay_page_options *optio
                 journal_prefix(JOURNAL_WARNING), config.host);
     }
     viewer_serve(page.viewer);
-    while (sem_wait(&replay_page_end) && errno == EINTR) {
+    code = ready_write(options->ready,
+                       &(struct ready){.page_view = viewer_address(page.viewer, false)}, error);
+    while (!code && sem_wait(&replay_page_end) && errno == EINTR) {
     }
+    ready_end(options->ready);
     rig_command_ignore_stop();
     viewer_stop(page.viewer);
     page_print(&page);
     viewer_destroy(page.viewer);
-    return ERROR_NONE;
+    return code;
 }
 
 static int replay_page_play(void *context, const struct rig *rig, struct arena *arena)
@@ -146,7 +150,7 @@ int replay_page(const struct replay_page_options *options)
     char rig[PATH_MAX];
     struct error error;
 
-    if (replay_page_find_rig(options, rig, &error)) {
+    if (ready_begin(options->ready, &error) || replay_page_find_rig(options, rig, &error)) {
         return command_fail("replay", &error);
     }
     return rig_command("replay", rig, (void *)(uintptr_t)options, replay_page_play);

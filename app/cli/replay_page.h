@@ -5,8 +5,9 @@
 
 struct replay_page_options {
     const char *directory;
-    const char *http; /* "[HOST:]PORT" */
-    const char *rig;  /* NULL = that of the recording's summary */
+    const char *http;  /* "[HOST:]PORT" */
+    const char *ready; /* file of --ready, NULL = none */
+    const char *rig;   /* NULL = that of the recording's summary */
     double from_s, to_s, speed;
 };
 

@@ -37,7 +37,8 @@ static const struct option_spec options[] = {
     {"--clock", OPTION_ENUM, "CLOCK", "real, lockstep or free; the rig's by default",
      .value = &read.clock, .words = clock_words},
     {"--duration", OPTION_REAL, "S",
-     "end after S seconds of virtual time, more than 0; without it and --ticks, never",
+     "end after S seconds of virtual time, more than 0; without it and --ticks when the task does, "
+     "else never",
      .value = &read.duration_s, .min = 0.0, .max = 1e7, .unit = "seconds"},
     {"--ticks", OPTION_INT, "N", "end after N ticks", .value = &read.ticks, .min = 1.0,
      .max = 1e12},
@@ -70,6 +71,10 @@ static const struct option_spec options[] = {
      "serve a page that shows and controls the run; HOST is a numeric address, 127.0.0.1 by "
      "default; PORT 0 is any that is free; none: no page, whatever the rig says; see below",
      .value = &read.http},
+    {"--ready", OPTION_STRING, "FILE",
+     "write this file, in one piece, when others can talk to the run, and remove it at the end; it "
+     "says where: control socket, gateway, page; see below",
+     .value = &read.ready},
     {"--wire", OPTION_ENUM, "MODE",
      "ideal: frames take no time; wire: frames take the time of their bits and of arbitration, on "
      "local buses and at the speed of SocketCAN's; the rig's by default",

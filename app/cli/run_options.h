@@ -12,7 +12,7 @@ enum { RUN_HOST_SIZE = 64 }; /* room for any numeric address */
 
 /* As given; strings are the command line's. */
 struct run_options {
-    const char *rig, *task, *stimulus, *record, *gateway, *control, *http;
+    const char *rig, *task, *stimulus, *record, *gateway, *control, *http, *ready;
     struct task_options input; /* of the task */
     struct option_list bus, fault, set;
     double duration_s;               /* INFINITY = not given */

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import os
-import re
+import shlex
 import shutil
 import subprocess
 import tempfile
 import threading
+import time
 import weakref
 from typing import Sequence
 
 from .errors import ProgramNotFound, SimulatorDied, SimulatorTimeout
 
-GATEWAY = re.compile(r"^gateway: (\S+) port (\d+)$", re.M)
-CONTROL = re.compile(r"^control: (/.*)$", re.M)
+POLL_S = 0.005          # for the file of --ready
 END_S = 20.0            # for the summary, after it was asked to end
 SOCKET_PATH_MAX = 100   # of a path of a unix socket, with some room
 
@@ -37,6 +37,15 @@ def make_folder() -> str:
         os.rmdir(folder)
         folder = tempfile.mkdtemp(prefix="coman-hil-", dir="/tmp")
     return folder
+
+
+def read_ready(path: str | os.PathLike[str]) -> dict[str, str] | None:
+    """What the file of --ready says, by name; None while there is none."""
+    try:
+        with open(path, encoding="utf-8", errors="surrogateescape") as file:
+            return dict(word.split("=", 1) for word in shlex.split(file.read()))
+    except FileNotFoundError:
+        return None
 
 
 def _end(process: subprocess.Popen, folder: str) -> None:
@@ -63,8 +72,8 @@ class Process:
         self.folder = folder or make_folder()
         self.command = [program, "run", rig, "--transport", "local", "--clock", "lockstep",
                         "--gateway", "127.0.0.1:0", "--control", self.folder + "/control",
-                        "--quiet", *options]
-        self._text, self._changed, self._whole = "", threading.Condition(), False
+                        "--ready", self.folder + "/ready", "--quiet", *options]
+        self._text, self._lock = "", threading.Lock()
         try:
             self._process = subprocess.Popen(
                 self.command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
@@ -79,12 +88,8 @@ class Process:
 
     def _read(self) -> None:
         for line in self._process.stdout:
-            with self._changed:
+            with self._lock:
                 self._text += line.decode(errors="replace")
-                self._changed.notify_all()
-        with self._changed:
-            self._whole = True
-            self._changed.notify_all()
 
     @property
     def pid(self) -> int:
@@ -93,7 +98,7 @@ class Process:
     @property
     def log(self) -> str:
         """What it has printed, the summary of the run last."""
-        with self._changed:
+        with self._lock:
             return self._text
 
     def poll(self) -> int | None:
@@ -111,15 +116,14 @@ class Process:
 
     def wait_until_ready(self, timeout_s: float) -> tuple[str, int, str]:
         """Host and port of the gateway and the path of the control socket, once it serves them."""
-
-        def ready() -> bool:
-            return self._whole or bool(GATEWAY.search(self._text) and CONTROL.search(self._text))
-
-        with self._changed:
-            self._changed.wait_for(ready, timeout_s)
-            gateway, control = GATEWAY.search(self._text), CONTROL.search(self._text)
-        if gateway and control:
-            return gateway[1], int(gateway[2]), control[1]
+        end = time.monotonic() + timeout_s
+        while time.monotonic() < end:
+            ready = read_ready(self.folder + "/ready")
+            if ready:
+                return ready["gateway_host"], int(ready["gateway_port"]), ready["control"]
+            if self.poll() is not None:
+                break
+            time.sleep(POLL_S)
         error = self.died("start")
         if error:
             raise error

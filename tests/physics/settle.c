@@ -12,6 +12,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -416,6 +417,31 @@ static void friction_decides_whether_a_block_on_a_slope_settles(void **state)
     yard_fini(&yard);
 }
 
+/* However the search ended: the angle of the slope, and that of the cone of friction. */
+static void a_block_that_slides_is_told_its_slope_and_its_friction(void **state)
+{
+    static const double slope[] = {0.1, 0.2, 0.35, 0.5}, part[] = {0.1, 0.5, 0.95};
+    char expected[128];
+    struct yard yard;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof slope / sizeof *slope; i++) {
+        for (size_t k = 0; k < sizeof part / sizeof *part; k++) {
+            yard_slope(&yard, 1, slope[i]);
+            yard.friction = part[k] * tan(slope[i]);
+            assert_int_equal(yard_settle(&yard), ERROR_INPUT);
+            print_message("# %s\n", yard.error.text);
+            snprintf(expected, sizeof expected,
+                     "block would slide: it stands on a slope of %.3g rad, where %.3g N push it",
+                     slope[i], mass * gravity * tan(slope[i]));
+            assert_memory_equal(yard.error.text, expected, strlen(expected));
+            assert_near(strtod(strstr(yard.error.text, "up to ") + 6, NULL), atan(yard.friction),
+                        0.005 * slope[i]);
+            yard_fini(&yard);
+        }
+    }
+}
+
 /* Between two walls that press it, with nothing under it. */
 static void a_block_between_two_walls_is_held_by_them(void **state)
 {
@@ -550,6 +576,7 @@ int main(void)
         cmocka_unit_test(thrown_body_is_left_alone),
         cmocka_unit_test(blocks_on_a_slope_settle_with_their_bristles_bent),
         cmocka_unit_test(friction_decides_whether_a_block_on_a_slope_settles),
+        cmocka_unit_test(a_block_that_slides_is_told_its_slope_and_its_friction),
         cmocka_unit_test(a_block_between_two_walls_is_held_by_them),
         cmocka_unit_test(refuses_a_body_that_nothing_supports),
         cmocka_unit_test(refuses_a_body_that_tips_over),

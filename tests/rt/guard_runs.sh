@@ -60,13 +60,13 @@ verdict "CAN FD in real time" only clock_nanosleep
 # as descriptor 3
 client()
 {
-    local port=
+    local gateway_port pid control gateway_host
     for _ in $(seq 500); do
-        port=$(sed -n 's/^gateway: .* port \([0-9]*\)$/\1/p' "$work/err" 2>/dev/null)
-        [ -n "$port" ] && break
+        [ -e "$work/ready" ] && break
         sleep 0.02
     done
-    exec 3<>"/dev/tcp/127.0.0.1/$port" || return
+    . "$work/ready"
+    exec 3<>"/dev/tcp/127.0.0.1/$gateway_port" || return
     printf '< open torso >< rawmode >' >&3
     "$@" >"$work/heard"
     exec 3>&-
@@ -92,15 +92,15 @@ made()
     done
 }
 
-rm -f "$work/err"
 client listen &
-guarded "$rigs/coman.yaml" --transport local --clock real --task squat --gateway 0 --duration 1.5
+guarded "$rigs/coman.yaml" --transport local --clock real --task squat --gateway 0 \
+    --ready "$work/ready" --duration 1.5
 wait $!
 verdict "in real time a client of the gateway costs the loop no system call" only clock_nanosleep
 
-rm -f "$work/err"
 client steps &
-guarded "$rigs/coman.yaml" --transport local --clock lockstep --gateway 0 --ticks 200
+guarded "$rigs/coman.yaml" --transport local --clock lockstep --gateway 0 \
+    --ready "$work/ready" --ticks 200
 wait $!
 verdict "a client of the gateway drives lockstep: the loop sleeps for it" made ppoll read write
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the tests of the page in a browser share: TAP, the browser, what a picture shows.
-import { existsSync } from 'node:fs';
+import { existsSync, readFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import { join } from 'node:path';
 
@@ -32,6 +32,16 @@ export function launch() {
   const { chromium } = createRequire(join(modules, 'index.js'))(modules);
   return chromium.launch({ executablePath: browserPath,
     args: ['--enable-unsafe-swiftshader', '--no-sandbox', '--disable-dev-shm-usage'] });
+}
+
+/** Waits for the file of --ready: its lines by their names. text(): what the program has said. */
+export async function untilReady(child, path, text) {
+  for (const end = Date.now() + WAIT_MS; !existsSync(path);) {
+    if (child.exitCode !== null || Date.now() > end) throw new Error(text());
+    await new Promise((resolve) => { setTimeout(resolve, 10); });
+  }
+  return Object.fromEntries([...readFileSync(path, 'utf8').matchAll(/^(\w+)='(.*)'$/gm)]
+    .map(([, name, value]) => [name, value]));
 }
 
 /** In the page: how much the picture of the robot differs from one color, the variance of its luminance. */

@@ -13,6 +13,8 @@ import sys
 import tempfile
 import time
 
+from ready import wait_until_ready
+
 PATIENCE_S = 60
 PROGRAM = sys.argv[1]
 RIG = os.environ["HIL_SOURCE_DIR"] + "/config/rigs/coman.yaml"
@@ -27,10 +29,11 @@ class Run:
             self.env.pop(variable, None)
         self.err = work + "/" + name + ".err"
         self.out = work + "/" + name + ".out"
+        self.ready, self.known = work + "/" + name + ".ready", None
         with open(self.err, "w") as err, open(self.out, "w") as out:
             self.process = subprocess.Popen(
-                [PROGRAM, "run", RIG, "--transport", "local", "--quiet", *options], env=self.env,
-                stdin=subprocess.DEVNULL, stdout=out, stderr=err)
+                [PROGRAM, "run", RIG, "--transport", "local", "--ready", self.ready, "--quiet",
+                 *options], env=self.env, stdin=subprocess.DEVNULL, stdout=out, stderr=err)
 
     def says(self, what, file=None):
         """the line with this in what it prints"""
@@ -46,9 +49,15 @@ class Run:
             time.sleep(0.02)
         return None
 
+    def places(self):
+        """where it can be talked to, once it can"""
+        if not self.known:
+            self.known = wait_until_ready(self.ready, self.process, PATIENCE_S,
+                                          lambda: open(self.err).read())
+        return self.known
+
     def path(self):
-        line = self.says("control: /")
-        return line and line.split(": ", 1)[1]
+        return self.places()["control"]
 
     def ctl(self, *words):
         return subprocess.run([PROGRAM, "ctl", *words], env=self.env, stdin=subprocess.DEVNULL,
@@ -152,7 +161,7 @@ def session(work):
                and mode == 0o600,
                (path, oct(mode)))
         client = Client(path)
-        port = int(run.says("gateway: ").split()[-1])
+        port = int(run.places()["gateway_port"])
         paused = client.ask("pause")
         stepped = client.ask("step", count=10)
         result("it stands still, and runs ten ticks",
@@ -334,8 +343,9 @@ def places(work):
         fifth = Run(work, "--control", "none", "--hold", "always", name="five")
         runs.append(fifth)
         fifth.process.send_signal(signal.SIGTERM)
-        result("--control none opens none", fifth.ends() is not None and not fifth.path(),
-               fifth.path())
+        fifth_ended = fifth.ends() is not None
+        result("--control none opens none", fifth_ended and not fifth.says("control: /"),
+               fifth.says(""))
         sixth = Run(work, "--ticks", "100", "--clock", "free", name="six", places="/proc/self/no")
         runs.append(sixth)
         result("a default place that cannot be had is no end: another is, or a notice says why",

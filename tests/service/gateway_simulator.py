@@ -5,7 +5,8 @@ import re
 import signal
 import subprocess
 import tempfile
-import time
+
+from ready import wait_until_ready
 
 PROGRAM = os.path.join(os.environ["HIL_BINARY_DIR"], "coman-hil")
 RIG = os.path.join(os.environ["HIL_SOURCE_DIR"], "config", "rigs", "coman.yaml")
@@ -16,15 +17,14 @@ PATIENCE_S = 20
 class Simulator:
     def __init__(self, *arguments):
         self.log = tempfile.NamedTemporaryFile("w+", dir=WORK.name)
+        ready = tempfile.mktemp(dir=WORK.name)
         self.process = subprocess.Popen(
-            [PROGRAM, "run", RIG, "--transport", "local", "--gateway", "0", "--quiet", *arguments],
+            [PROGRAM, "run", RIG, "--transport", "local", "--gateway", "0", "--ready", ready,
+             "--quiet", *arguments],
             stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log)
         self.buses = []
-        end = time.monotonic() + PATIENCE_S
-        while not (found := re.search(r"^gateway: (\S+) port (\d+)$", self.text(), re.M)):
-            assert self.process.poll() is None and time.monotonic() < end, self.text()
-            time.sleep(0.02)
-        self.host, self.port = found[1], int(found[2])
+        places = wait_until_ready(ready, self.process, PATIENCE_S, self.text)
+        self.host, self.port = places["gateway_host"], int(places["gateway_port"])
 
     def text(self):
         return open(self.log.name).read()

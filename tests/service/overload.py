@@ -215,7 +215,7 @@ def lockstep_session(disturb=None):
     between the steps. The run and its summary."""
     run = Run("--transport", "local", "--clock", "lockstep", "--hold", "always", "--gateway", "0",
               "--quiet")
-    port = int(run.says(r"^gateway: 127\.0\.0\.1 port (\d+)$")[1])
+    port = run.port()
     client = Client(port, "can0", raw=True)
     tick = 0
     for step in range(30):
@@ -293,7 +293,7 @@ def test_clients_that_flood_the_gateway_change_nothing_and_take_no_memory():
 def test_clients_that_flood_a_real_time_run_do_not_end_it():
     run = Run("--transport", "local", "--clock", "real", "--task", "squat", "--duration", "2",
               "--gateway", "0")
-    port = int(run.says(r"^gateway: 127\.0\.0\.1 port (\d+)$")[1])
+    port = run.port()
     floods = [Flood(port, "can%d" % n) for n in range(5)]
     run.wrote("signals.csv", 60000)
     for one in floods:

@@ -11,6 +11,8 @@ import tempfile
 import time
 import traceback
 
+from ready import wait_until_ready
+
 PROGRAM = os.path.join(os.environ["HIL_BINARY_DIR"], "coman-hil")
 CONFIG = os.path.join(os.environ["HIL_SOURCE_DIR"], "config")
 RIG = os.path.join(CONFIG, "rigs", "coman.yaml")
@@ -55,9 +57,10 @@ class Run:
         if before:
             before(self.directory)
         recording = ["--record", self.directory] + (["--force"] if before else []) if record else []
-        self.control = self.directory + ".control"
+        self.control, self.ready = self.directory + ".control", self.directory + ".ready"
         self.process = subprocess.Popen(
-            [*prefix, PROGRAM, "run", rig, *recording, "--control", self.control, *arguments],
+            [*prefix, PROGRAM, "run", rig, *recording, "--control", self.control,
+             "--ready", self.ready, *arguments],
             stdin=subprocess.DEVNULL, stdout=open(self.out, "w"), stderr=open(self.err, "w"),
             preexec_fn=prepare)
 
@@ -76,6 +79,11 @@ class Run:
                 "never said %s:\n%s" % (pattern, self.text()[-2000:])
             time.sleep(0.02)
         return found
+
+    def port(self):
+        """The gateway's, once it is there."""
+        places = wait_until_ready(self.ready, self.process, PATIENCE_S, self.text)
+        return int(places["gateway_port"])
 
     def wrote(self, name, size=1):
         """Waits until a file of its recording has so many bytes."""

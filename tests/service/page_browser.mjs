@@ -6,7 +6,7 @@ import { spawn } from 'node:child_process';
 import { mkdirSync, mkdtempSync, readFileSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
-import { check, launch, plan, variance, WAIT_MS } from './browser.mjs';
+import { check, launch, plan, untilReady, variance, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
 const source = process.env.HIL_SOURCE_DIR;
@@ -23,20 +23,15 @@ function makeRig(work) {
   return join(work, 'rigs/coman.yaml');
 }
 
-function start(work) {
+async function start(work) {
+  const ready = join(work, 'ready');
   const child = spawn(program, ['run', makeRig(work), '--transport', 'local',
     '--clock', 'real', '--task', 'squat', '--http', '0', '--control', join(work, 'control'),
-    '--quiet', '--fault', 'jam: motor LElbj jam manual'], { stdio: ['ignore', 'ignore', 'pipe'] });
-  return new Promise((resolve, reject) => {
-    let text = '';
-    child.stderr.on('data', (data) => {
-      text += data;
-      const control = text.match(/^page: (\S+)$/m)?.[1];
-      const look = text.match(/^page, to look only: (\S+)$/m)?.[1];
-      if (control && look) resolve({ child, control, look });
-    });
-    child.on('exit', () => reject(new Error(text)));
-  });
+    '--ready', ready, '--quiet', '--fault', 'jam: motor LElbj jam manual'], { stdio: ['ignore', 'ignore', 'pipe'] });
+  let text = '';
+  child.stderr.on('data', (data) => { text += data; });
+  const { page: control, page_view: look } = await untilReady(child, ready, () => text);
+  return { child, control, look };
 }
 
 const knee = () => {

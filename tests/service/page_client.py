@@ -9,7 +9,8 @@ import socket
 import struct
 import subprocess
 import tempfile
-import time
+
+from ready import wait_until_ready
 
 PROGRAM = os.path.join(os.environ["HIL_BINARY_DIR"], "coman-hil")
 RIGS = os.path.join(os.environ["HIL_SOURCE_DIR"], "config", "rigs")
@@ -28,17 +29,13 @@ class Simulator:
         self.log = tempfile.NamedTemporaryFile("w+", dir=WORK.name)
         if "--control" not in arguments:
             arguments = ("--control", self.socket, *arguments)
+        ready = tempfile.mktemp(dir=WORK.name)
         self.process = subprocess.Popen(
             [PROGRAM, "run", os.path.join(RIGS, rig + ".yaml"), "--transport", "local", "--http",
-             "0", "--quiet", *arguments],
+             "0", "--ready", ready, "--quiet", *arguments],
             stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log)
-        end = time.monotonic() + PATIENCE_S
-        while not (look := re.search(r"^page, to look only: (\S+)$", self.text(), re.M)):
-            assert self.process.poll() is None and time.monotonic() < end, self.text()
-            time.sleep(0.02)
-        control = re.search(r"^page: (http\S+)$", self.text(), re.M)
-        self.look = look[1]
-        self.control = control and control[1]
+        places = wait_until_ready(ready, self.process, PATIENCE_S, self.text)
+        self.look, self.control = places["page_view"], places.get("page")
         self.port = int(re.search(r":(\d+)/", self.look)[1])
 
     def text(self):

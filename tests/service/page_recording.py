@@ -12,9 +12,9 @@ import struct
 import subprocess
 import sys
 import tempfile
-import time
 
 from page_client import PROGRAM, RIGS, WORK, Page, ask_http, header, token
+from ready import wait_until_ready
 from tap import check
 
 SERIES = struct.Struct("<BBHIIIQ")
@@ -37,13 +37,12 @@ class Replay:
 
     def __init__(self, directory, *arguments):
         self.log = tempfile.NamedTemporaryFile("w+", dir=WORK.name)
-        self.process = subprocess.Popen([PROGRAM, "replay", directory, "--http", "0", *arguments],
-                                        stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log)
-        end = time.monotonic() + 30
-        while not (found := re.search(r"^page: (http\S+)$", open(self.log.name).read(), re.M)):
-            assert self.process.poll() is None and time.monotonic() < end
-            time.sleep(0.02)
-        self.address = found[1]
+        ready = tempfile.mktemp(dir=WORK.name)
+        self.process = subprocess.Popen(
+            [PROGRAM, "replay", directory, "--http", "0", "--ready", ready, *arguments],
+            stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log)
+        self.address = wait_until_ready(ready, self.process, 30,
+                                        lambda: open(self.log.name).read())["page_view"]
         self.port = int(re.search(r":(\d+)/", self.address)[1])
 
     def __enter__(self):

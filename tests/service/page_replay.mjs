@@ -7,7 +7,7 @@ import { spawn, spawnSync } from 'node:child_process';
 import { mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
-import { check, launch, plan, variance, WAIT_MS } from './browser.mjs';
+import { check, launch, plan, untilReady, variance, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
 const source = process.env.HIL_SOURCE_DIR;
@@ -20,18 +20,13 @@ function record(directory) {
   if (made.status !== 0) throw new Error(made.stderr);
 }
 
-function replay(directory) {
-  const child = spawn(program, ['replay', directory, '--http', '0'],
+async function replay(directory, ready) {
+  const child = spawn(program, ['replay', directory, '--http', '0', '--ready', ready],
     { stdio: ['ignore', 'ignore', 'pipe'] });
-  return new Promise((resolve, reject) => {
-    let text = '';
-    child.stderr.on('data', (data) => {
-      text += data;
-      const address = text.match(/^page: (\S+)$/m)?.[1];
-      if (address) resolve({ child, address });
-    });
-    child.on('exit', () => reject(new Error(text)));
-  });
+  let text = '';
+  child.stderr.on('data', (data) => { text += data; });
+  const { page_view: address } = await untilReady(child, ready, () => text);
+  return { child, address };
 }
 
 /** Rows of a CSV file, as objects. */
@@ -63,7 +58,7 @@ async function judge(browser, run, directory) {
 
   // It plays by itself
   await page.goto(`${run.address}&quality=low`);
-  await wait(() => window.coman?.page.scene?.firstDrawn > 0); // the first picture is complete
+  await wait(() => window.coman?.page.scene?.firstDrawn > 0);
   const found = await page.evaluate(variance);
   check(found > 100, 'the picture is not blank', found);
   await wait(() => window.coman.state.time > 0.3);
@@ -127,7 +122,7 @@ async function main() {
   const work = mkdtempSync(join(tmpdir(), 'coman-replay-'));
   const directory = join(work, 'recording');
   record(directory);
-  const run = await replay(directory);
+  const run = await replay(directory, join(work, 'ready'));
   const browser = await launch();
   try {
     await judge(browser, run, directory);

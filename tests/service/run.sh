@@ -53,7 +53,7 @@ without_can()
     ! python3 -c 'import socket; socket.socket(socket.AF_CAN, socket.SOCK_RAW, 1)' 2>/dev/null
 }
 
-echo 1..31
+echo 1..33
 
 # ---- runs and their length ----
 name="a free run without a controller ends at its length and lets the robot fall"
@@ -232,6 +232,35 @@ END
     then ok "$name"; else not_ok "$name"; fi
     program=${program_saved:-$program}
 done
+
+# ends OPTION...: starts a run, ends it once it is ready; $said: how often it has said that it has
+# no end
+ends()
+{
+    "$program" run "$@" --transport local --control "$work/it's" --quiet --ready "$work/ready" \
+        >"$work/out" 2>"$work/err" </dev/null &
+    for _ in $(seq 600); do
+        [ -e "$work/ready" ] && break
+        sleep 0.05
+    done
+    (. "$work/ready" && [ "$pid" = $! ] && [ "$control" = "$work/it's" ] && [ -S "$control" ] &&
+        timeout 5 bash -c "exec 3<>/dev/tcp/$gateway_host/$gateway_port") &&
+        [ "$(stat -c %a "$work/ready")" = 600 ]
+    found=$?
+    kill -INT $!
+    wait $!
+    said=$(grep -c "^the run goes on until it is stopped .*--duration S ends it" "$work/err")
+    [ $found = 0 ] && [ ! -e "$work/ready" ]
+}
+rigs=$HIL_SOURCE_DIR/config/rigs
+name="--ready says where a run is found, from when it can be until it ends"
+if ends "$rig" --clock lockstep --gateway 0; then ok "$name"; else not_ok "$name"; fi
+name="a run that only its user ends says so at the start, others do not"
+if ends "$rigs/walk-flat.yaml" --clock free --task walk --gateway 0 && [ "$said" = 1 ] &&
+    ends "$rig" --clock real --gateway 0 && [ "$said" = 1 ] &&
+    ends "$rig" --clock real --gateway 0 --duration 1000 && [ "$said" = 0 ] &&
+    ends "$rig" --clock real --gateway 0 --task squat && [ "$said" = 0 ]
+then ok "$name"; else not_ok "$name"; fi
 
 name="a stopped and continued process takes up the grid and does not run after it"
 "$program" run "$rig" --transport local --clock real --duration 3 --record "$work/paused" \

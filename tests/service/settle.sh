@@ -21,7 +21,7 @@ start()
     result $? "the run from the start $name ends with status 0"
 }
 
-echo 1..9
+echo 1..10
 start rig
 start settled --settle
 
@@ -35,4 +35,27 @@ sed -i "s|settle: false|settle: true|" "$asking"
 "$HIL_BINARY_DIR/coman-hil" check "$asking" | grep -q "^start .*settled$" &&
     ! "$HIL_BINARY_DIR/coman-hil" check "$rig" | grep -q "settled"
 result $? "a rig can ask for it"
+
+# A box on a ramp of 0.35 rad beside the robot; with 1.1 and 0.2, whose harmonic mean counts,
+# friction holds it up to 0.326 rad
+python3 - "$work/config/rigs" <<'END'
+import sys
+def change(text, old, new):
+    assert text.count(old) == 1, old
+    return text.replace(old, new)
+rig = open(sys.argv[1] + "/grasp.yaml").read()
+rig = change(rig, "xyz_m: [0.20, 0.0, 0.55]}", "xyz_m: [1.0, 0.0, 0.0798], rpy_rad: [0, 0.35, 0]}")
+rig = change(rig, "xyz_m: [0.20, 0.0, 0.475]}", "xyz_m: [1.0, 0.0, 0.0], rpy_rad: [0, 0.35, 0]}")
+rig = change(rig, """shape: box, half_extents_m: [0.10, 0.12, 0.025], cells: 1,
+       xyz_m: [0.0, 0.0, -0.025], material: table}""", "shape: half_space, material: table}")
+head, tail = rig.split("    table:\n")
+open(sys.argv[1] + "/slide.yaml", "w").write(
+    head + "    table:\n" + tail.replace("static_friction: 1.1", "static_friction: 0.2", 1)
+    .replace("dynamic_friction: 0.9", "dynamic_friction: 0.2", 1))
+END
+"$HIL_BINARY_DIR/coman-hil" run "$work/config/rigs/slide.yaml" --transport local --clock free \
+    --ticks 1 --settle --quiet >"$work/slide.err" 2>&1
+[ $? -eq 2 ] && grep -q "box would slide: it stands on a slope of 0.35 rad, where 5.37 N push it \
+sideways, and friction holds it up to 0.326 rad" "$work/slide.err"
+tap_show=$work/slide.err result $? "of a robot that stands and a box that slides the box is named"
 python3 "$HIL_SOURCE_DIR/tests/service/settle_judge.py" "$work/rig" "$work/settled" 5

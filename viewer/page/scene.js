@@ -198,6 +198,7 @@ export class Scene {
     this.controls.target.copy(this.target);
     this.camera.position.copy(this.target).add(new THREE.Vector3(0.82, -0.62, 0.28)
       .normalize().multiplyScalar(far));
+    this.controls.update(); // turns the camera, so that this picture shows the robot already
     this.base = this.#basePosition();
   }
 

@@ -4,7 +4,7 @@
 // is refused, starts and resets the node, maps its PDOs, sends SYNC, turns a motor, moves data in
 // blocks and gives the node another Node-ID. Prints TAP.
 import { execFileSync, spawn } from "node:child_process";
-import { mkdtempSync, readdirSync, rmSync } from "node:fs";
+import { existsSync, mkdtempSync, readdirSync, readFileSync, rmSync } from "node:fs";
 import { connect } from "node:net";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -47,19 +47,18 @@ async function until(condition) {
 // ---- the bus: the gateway's raw mode ----
 
 function startSimulator() {
+  const ready = join(work, "ready");
   const child = spawn(
     program,
-    ["run", "coman-cia402", "--transport", "local", "--clock", "real", "--gateway", "0", "--quiet"],
+    ["run", "coman-cia402", "--transport", "local", "--clock", "real", "--gateway", "0", "--ready", ready,
+      "--quiet"],
     { stdio: ["ignore", "ignore", "pipe"] },
   );
-  const port = new Promise((resolve, reject) => {
-    let text = "";
-    child.stderr.on("data", (data) => {
-      text += data;
-      const found = /gateway:.* port (\d+)/.exec(text);
-      if (found) resolve(Number(found[1]));
-    });
-    child.on("exit", (status) => reject(new Error(`the simulator ended, ${status}: ${text}`)));
+  let text = "";
+  child.stderr.on("data", (data) => (text += data));
+  const port = until(() => child.exitCode !== null || existsSync(ready)).then(() => {
+    if (!existsSync(ready)) throw new Error(`the simulator is not ready: ${text}`);
+    return Number(/^gateway_port='(\d+)'$/m.exec(readFileSync(ready, "utf8"))[1]);
   });
   return { child, port };
 }

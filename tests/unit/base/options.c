@@ -86,6 +86,20 @@ static void takes_a_value_behind_an_equals_sign(void **state)
     assert_string_equal(given.buses.item[0], "a=can0");
 }
 
+static void an_option_may_have_a_letter_too(void **state)
+{
+    (void)state;
+    assert_string_equal(PARSE("-r", "out", "f"), "");
+    assert_string_equal(given.directory, "out");
+    assert_string_equal(PARSE("-r=in", "f"), "");
+    assert_string_equal(given.directory, "in");
+    assert_string_equal(PARSE("-r", "out", "--record", "in", "f"),
+                        "--record: found it again, expected it once");
+    assert_string_equal(PARSE("f", "-r"), "--record: found nothing, expected DIR");
+    assert_string_equal(PARSE("-re", "out", "f"),
+                        "found unknown option -re, expected one that is listed by --help");
+}
+
 static void what_is_not_given_keeps_its_default(void **state)
 {
     (void)state;
@@ -238,6 +252,7 @@ static void the_manual_lists_everything_within_eighty_columns(void **state)
         assert_non_null(strstr(text, spec.option[i].name));
         assert_non_null(strstr(text, spec.option[i].help));
     }
+    assert_non_null(strstr(text, "\n  -r, --record DIR"));
     assert_non_null(strstr(text, "column.\n\nAnother paragraph.\n"));
     for (const char *line = text; *line; line += strcspn(line, "\n") + 1) {
         assert_true(strcspn(line, "\n") <= 80);
@@ -261,6 +276,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(reads_every_type),
         TEST(takes_a_value_behind_an_equals_sign),
+        TEST(an_option_may_have_a_letter_too),
         TEST(what_is_not_given_keeps_its_default),
         TEST(negative_numbers_are_values),
         TEST(two_dashes_end_the_options),

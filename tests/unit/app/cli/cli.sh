@@ -30,7 +30,7 @@ conclude() {
     result $? "$1" "$problem"
 }
 
-echo 1..29
+echo 1..30
 
 run 0 --help
 says out 'usage: coman-hil COMMAND'
@@ -43,6 +43,18 @@ run 2
 says err 'usage: coman-hil COMMAND'
 silent out
 conclude no_command_prints_the_usage_as_an_error
+
+run 0 --help
+for command in import dbc eds generate test plot; do
+    run 0 "$command" --help
+    says out '-o, --output '
+done
+mkdir "$work/short" "$work/long"
+run 0 dbc "$source/config/rigs/coman.yaml" -o "$work/short"
+run 0 dbc "$source/config/rigs/coman.yaml" --output "$work/long"
+[ -e "$work/long/coman-torso.dbc" ] && diff -r "$work/short" "$work/long" >"$work/out" ||
+    problem="$problem; not the same files"
+conclude what_is_written_goes_to_output_or_o
 
 run 0 --version
 says out 'coman-hil 0.'

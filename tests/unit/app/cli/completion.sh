@@ -29,12 +29,18 @@ offers() {
     [ "$(tr ' ' '\n' <<<"$expected" | sort)" = "$(sort "$work/out")" ]
     result $? "$name"
 }
+# options PROGRAM COMMAND: a line for each option that --help lists, "-o, --output DIR" as two
+options() {
+    "$1" "$2" --help |
+        sed -nE 's/^  (-[a-z]), (--[a-z-]+)( [^ ]+)?( .*)?$/\1\3\n\2\3/p; t
+                 s/^  (-[a-z-]+)( [^ ]+)?( .*)?$/\1\2/p'
+}
 # what a command's --help says for zsh: options with their arguments, places with operands
 zsh_expected() {
     local operand number=0
-    "$program" "$1" --help >"$work/help"
-    sed -nE 's/^  (-[a-z-]+)( ([^ ]+))?( .*)?$/\1 \3/p' "$work/help" | grep -v '^--help '
-    for operand in $(sed -nE '1s/^usage: [a-z-]+ [a-z]+ ?(\[OPTIONS\])?//p' "$work/help"); do
+    options "$program" "$1" | sed 's/^[^ ]*$/& /' | grep -v '^--help '
+    for operand in $("$program" "$1" --help |
+        sed -nE '1s/^usage: [a-z-]+ [a-z]+ ?(\[OPTIONS\])?//p'); do
         number=$((number + 1))
         case $operand in *...) printf '*' ;; *) printf %s $number ;; esac
         operand=${operand%...}
@@ -57,7 +63,7 @@ offers "commands that begin so" "check" "$program" ch
 
 wrong=0
 for command in $commands; do
-    options=$("$program" "$command" --help | sed -n 's/^  \(-[a-z-]*\).*/\1/p')
+    options=$(options "$program" "$command" | cut -d ' ' -f 1)
     offer "$program" "$command" -
     [ "$(sort <<<"$options")" = "$(sort "$work/out")" ] || {
         wrong=1
@@ -68,7 +74,7 @@ result $wrong "every option that --help lists, of every command"
 subjects=$("$bench" --help | sed -n '/^coman-hil-bench COMMAND/q; s/^  \([a-z]\+\) .*/\1/p')
 wrong=0
 for command in $subjects; do
-    options=$("$bench" "$command" --help | sed -n 's/^  \(-[a-z-]*\).*/\1/p')
+    options=$(options "$bench" "$command" | cut -d ' ' -f 1)
     offer "$bench" "$command" -
     [ "$(sort <<<"$options")" = "$(sort "$work/out")" ] || {
         wrong=1

@@ -1,0 +1,78 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "app/cli/ready.h"
+
+#include "base/whole_file.h"
+
+#include <errno.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+/* Removes a regular file; a pipe that somebody reads stays. False with errno when it cannot. */
+static bool remove_file(const char *path)
+{
+    struct stat info;
+
+    if (!path || lstat(path, &info) || !S_ISREG(info.st_mode)) {
+        return true;
+    }
+    return unlink(path) == 0 || errno == ENOENT;
+}
+
+/* Writes NAME='VALUE' with every ' of the value as '\''. */
+static void put_entry(const char *name, const char *value, FILE *out)
+{
+    if (!value || !*value) {
+        return;
+    }
+    fprintf(out, "%s='", name);
+    for (; *value; value++) {
+        if (*value == '\'') {
+            fputs("'\\''", out);
+        } else {
+            putc(*value, out);
+        }
+    }
+    fputs("'\n", out);
+}
+
+enum error_code ready_begin(const char *path, struct error *error)
+{
+    return remove_file(path) ? ERROR_NONE
+                             : error_set_errno(error, errno, "--ready: cannot remove %s", path);
+}
+
+enum error_code ready_write(const char *path, const struct ready *ready, struct error *error)
+{
+    struct whole_file file;
+    enum error_code code;
+    char number[16];
+
+    if (!path) {
+        return ERROR_NONE;
+    }
+    code = whole_file_open(&file, path, error);
+    if (code) {
+        return code;
+    }
+
+    /* The page's address holds its token */
+    if (!file.in_place && fchmod(fileno(file.out), S_IRUSR | S_IWUSR)) {
+        code = error_set_errno(error, errno, "cannot write %s", path);
+    }
+    snprintf(number, sizeof number, "%ld", (long)getpid());
+    put_entry("pid", number, file.out);
+    put_entry("control", ready->control, file.out);
+    if (ready->gateway_host) {
+        snprintf(number, sizeof number, "%u", ready->gateway_port);
+        put_entry("gateway_host", ready->gateway_host, file.out);
+        put_entry("gateway_port", number, file.out);
+    }
+    put_entry("page", ready->page, file.out);
+    put_entry("page_view", ready->page_view, file.out);
+    return whole_file_close(&file, code, error);
+}
+
+void ready_end(const char *path)
+{
+    remove_file(path);
+}

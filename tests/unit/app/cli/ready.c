@@ -1,0 +1,154 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The file of --ready: whole, its owner's, read by a shell to the very bytes, gone at the end. */
+#include "app/cli/ready.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+static char folder[64], path[96];
+
+static int begin(void **state)
+{
+    (void)state;
+    strcpy(folder, "/tmp/hil-ready-XXXXXX");
+    if (!mkdtemp(folder)) {
+        return -1;
+    }
+    snprintf(path, sizeof path, "%s/ready", folder);
+    return 0;
+}
+
+static int end(void **state)
+{
+    (void)state;
+    unlink(path);
+    return rmdir(folder); /* fails when something else was left there */
+}
+
+/* What sh makes of the file when it prints the value of a name. */
+static void assert_shell_reads(const char *name, const char *expected)
+{
+    char command[256], text[256];
+    FILE *shell;
+    size_t count;
+
+    snprintf(command, sizeof command, "set -eu; . '%s'; printf %%s \"${%s-none}\"", path, name);
+    shell = popen(command, "re");
+    assert_non_null(shell);
+    count = fread(text, 1, sizeof text - 1, shell);
+    text[count] = '\0';
+    assert_int_equal(pclose(shell), 0);
+    assert_string_equal(text, expected);
+}
+
+static void a_shell_reads_what_was_written(void **state)
+{
+    static const char strange[] = "/tmp/it's $HOME `id` \"a\\b\"\n;#&/control";
+    const struct ready ready = {.control = strange,
+                                .gateway_host = "::1",
+                                .gateway_port = 65535,
+                                .page = "http://127.0.0.1:1/#token=5&x=1",
+                                .page_view = ""};
+    struct error error;
+    struct stat info;
+    char pid[16];
+
+    (void)state;
+    assert_int_equal(ready_write(path, &ready, &error), ERROR_NONE);
+    assert_int_equal(stat(path, &info), 0);
+    assert_int_equal(info.st_mode & 07777, 0600);
+    snprintf(pid, sizeof pid, "%ld", (long)getpid());
+    assert_shell_reads("pid", pid);
+    assert_shell_reads("control", strange);
+    assert_shell_reads("gateway_host", "::1");
+    assert_shell_reads("gateway_port", "65535");
+    assert_shell_reads("page", "http://127.0.0.1:1/#token=5&x=1");
+    assert_shell_reads("page_view", "none");
+}
+
+static void what_a_run_has_not_has_no_line(void **state)
+{
+    struct error error;
+
+    (void)state;
+    assert_int_equal(ready_write(path, &(struct ready){.page_view = "a"}, &error), ERROR_NONE);
+    assert_shell_reads("page_view", "a");
+    assert_shell_reads("control", "none");
+    assert_shell_reads("gateway_host", "none");
+    assert_shell_reads("gateway_port", "none");
+}
+
+static void it_is_gone_before_the_start_and_after_the_end(void **state)
+{
+    struct error error;
+
+    (void)state;
+    assert_int_equal(ready_begin(path, &error), ERROR_NONE); /* none is there */
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(ready_write(path, &(struct ready){.control = "x"}, &error), ERROR_NONE);
+        assert_int_equal(access(path, F_OK), 0);
+        if (i == 0) {
+            assert_int_equal(ready_begin(path, &error), ERROR_NONE);
+        } else {
+            ready_end(path);
+        }
+        assert_int_equal(access(path, F_OK), -1);
+    }
+}
+
+static void what_is_no_file_of_ours_stays(void **state)
+{
+    struct error error;
+
+    (void)state;
+    assert_int_equal(mkfifo(path, 0600), 0);
+    assert_int_equal(ready_begin(path, &error), ERROR_NONE);
+    ready_end(path);
+    assert_int_equal(access(path, F_OK), 0);
+}
+
+static void a_place_that_cannot_be_written_is_an_error(void **state)
+{
+    struct error error;
+    char nowhere[128];
+
+    (void)state;
+    snprintf(nowhere, sizeof nowhere, "%s/none/ready", folder);
+    assert_int_equal(ready_write(nowhere, &(struct ready){.control = "x"}, &error), ERROR_SYSTEM);
+    assert_non_null(strstr(error.text, nowhere));
+}
+
+static void nothing_happens_without_a_path(void **state)
+{
+    struct error error;
+
+    (void)state;
+    assert_int_equal(ready_begin(NULL, &error), ERROR_NONE);
+    assert_int_equal(ready_write(NULL, &(struct ready){.control = "x"}, &error), ERROR_NONE);
+    ready_end(NULL);
+}
+
+#define TEST(function) cmocka_unit_test_setup_teardown(function, begin, end)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(a_shell_reads_what_was_written),
+        TEST(what_a_run_has_not_has_no_line),
+        TEST(it_is_gone_before_the_start_and_after_the_end),
+        TEST(what_is_no_file_of_ours_stays),
+        TEST(a_place_that_cannot_be_written_is_an_error),
+        TEST(nothing_happens_without_a_path),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
