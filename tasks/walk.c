@@ -186,10 +186,10 @@ static bool walk_is_complete(struct walk *walk, const struct walk_config *config
 {
     const struct gait *gait = balance_gait(walk->balance);
     const double *at = balance_estimate(walk->balance)->pelvis_m;
+    double x = at[0] - walk->from_m[0], y = at[1] - walk->from_m[1];
 
-    walk->arrived = walk->arrived ||
-                    (config->distance_m > 0 &&
-                     hypot(at[0] - walk->from_m[0], at[1] - walk->from_m[1]) > config->distance_m);
+    walk->arrived = walk->arrived || (config->distance_m > 0 &&
+                                      x * x + y * y > config->distance_m * config->distance_m);
     return walk->arrived ||
            (config->steps > 0 && gait->steps - walk->from_steps >= (uint64_t)config->steps);
 }
