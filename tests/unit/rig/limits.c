@@ -100,6 +100,7 @@ static const struct limit rig_limits[] = {
     {"tasks.hold.duration_s", 0, 1e6},
     {"tasks.hold.tolerance_rad", 1e-6, 10},
     {"tasks.walk.steps", 0, 1e9},
+    {"tasks.walk.distance_m", 0, 1000000},
     {"tasks.walk.begin_s", 0, 1000},
     {"tasks.walk.forward_m_s", -2, 2},
     {"tasks.walk.left_m_s", -2, 2},
