@@ -49,15 +49,45 @@ static enum error_code rig_replace_springs(struct rig_builder *b)
     return robot_finish(robot, b->error);
 }
 
-/* Whether the frame of a force-torque sensor lies on the body. */
-static bool rig_body_has_ft(const struct robot *robot, int body)
+/* A point mass at p, in the frame of the inertia, which is about its center of mass. */
+static void rig_add_point(struct robot_inertia *inertia, double mass, const double p[3])
 {
-    for (size_t f = 0; f < robot->nft; f++) {
-        if (robot->frame[robot->ft[f].frame].body == body) {
-            return true;
+    double total = inertia->mass + mass, reduced = inertia->mass * mass / total, d[3];
+
+    vec3_sub(p, inertia->com, d);
+    for (int i = 0; i < 3; i++) {
+        for (int j = i; j < 3; j++) {
+            inertia->I[sym3_index[i][j]] +=
+                reduced * ((i == j ? vec3_dot(d, d) : 0.0) - d[i] * d[j]);
         }
     }
-    return false;
+    vec3_add_scaled(inertia->com, mass / total, d, inertia->com);
+    inertia->mass = total;
+}
+
+/* Force-torque sensors of the body carry what is added to it: they weigh it as well. */
+static enum error_code rig_hang_mass(struct rig_builder *b, struct robot *robot, int body,
+                                     const struct yaml_real_entry *added)
+{
+    for (size_t f = 0; f < robot->nft; f++) {
+        struct robot_ft_sensor *ft = &robot->ft[f];
+        const struct robot_frame *frame = &robot->frame[ft->frame];
+        double arm[3], p[3];
+
+        if (frame->body != body) {
+            continue;
+        }
+        if (!(ft->distal.mass + added->value > 0.0)) {
+            return yaml_error(b->error, &added->mark,
+                              "found %g kg on body \"%s\", expected more than %g kg, all that its "
+                              "sensor \"%s\" carries",
+                              added->value, added->name, 0.0 - ft->distal.mass, ft->name);
+        }
+        vec3_sub(robot->body[body].inertia.com, frame->position, arm);
+        mat3_apply_transposed(frame->rotation, arm, p);
+        rig_add_point(&ft->distal, added->value, p);
+    }
+    return ERROR_NONE;
 }
 
 /* Point masses at the centers of mass of bodies. */
@@ -81,14 +111,6 @@ static enum error_code rig_add_masses(struct rig_builder *b)
         if (code) {
             break;
         }
-
-        /* A sensor weighs what hangs below it inside the body, which is known of the body alone */
-        if (rig_body_has_ft(robot, index)) {
-            return yaml_error(b->error, &added->mark,
-                              "found a mass on body \"%s\", expected a body without a force-torque "
-                              "sensor",
-                              added->name);
-        }
         inertia = &robot->body[index].inertia;
         if (!(inertia->mass + added->value > 0.0)) {
             return yaml_error(b->error, &added->mark,
@@ -97,12 +119,17 @@ static enum error_code rig_add_masses(struct rig_builder *b)
                               added->value, added->name, -inertia->mass);
         }
         inertia->mass += added->value;
+        code = rig_hang_mass(b, robot, index, added);
     }
     if (code) {
         return code;
     }
     b->robot = robot;
-    return robot_finish(robot, b->error);
+    return robot_finish(robot, b->error)
+               ? error_prefix(b->error, "%s:%d:%d: with the masses that are added",
+                              raw->mass[0].mark.file, raw->mass[0].mark.line,
+                              raw->mass[0].mark.column)
+               : ERROR_NONE;
 }
 
 /* The robot's file: a path from the rig's folder, or a name alone. */

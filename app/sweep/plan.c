@@ -131,27 +131,32 @@ static enum error_code plan_put_line(struct planner *planner, const struct scena
     return code;
 }
 
-/* Marks the samples with the least and the greatest value of a parameter: with those in range, all
- * are. */
-static void plan_mark_extremes(const struct sweep *sweep, const struct sweep_parameter *parameter,
-                               bool *extreme)
+/* What the values of a case are, before an error that they lead to; `mark` is where a sweep has the
+ * one that is looked at. */
+static enum error_code plan_blame(const struct planner *planner, const struct yaml_mark *mark,
+                                  const struct scenario_value *value)
 {
-    size_t least = 0, greatest = 0;
+    char text[200] = "";
+    size_t used = 0;
 
-    for (size_t i = 0; parameter->drawn && i < (size_t)sweep->samples; i++) {
-        double value = strtod(parameter->drawn[i], NULL);
-
-        least = value < strtod(parameter->drawn[least], NULL) ? i : least;
-        greatest = value > strtod(parameter->drawn[greatest], NULL) ? i : greatest;
+    if (!planner->sweep->nparameter) {
+        return ERROR_INPUT;
     }
-    extreme[least] = extreme[greatest] = true;
+    for (size_t i = 0; i < planner->sweep->nparameter && used < sizeof text; i++) {
+        used += (size_t)snprintf(text + used, sizeof text - used, "%s%s = %s", i ? ", " : "",
+                                 value[i].name, value[i].text);
+    }
+    return error_prefix(planner->error, "%s:%d:%d: with %s", mark->file, mark->line, mark->column,
+                        text);
 }
 
-/* The cases of a combination and a sample: one, or those of the scenario's other parameters. */
-static enum error_code plan_put_cases(struct planner *planner, const char *path, size_t combination,
-                                      size_t sample, bool check, uint64_t *rig_hash)
+/* The cases of values: one, or those of the scenario's other parameters. `mark` is what they are
+ * checked for; without it the rig is known. Without a hash of the rig nothing is written. */
+static enum error_code plan_cases(struct planner *planner, const char *path,
+                                  const struct scenario_value *value, const struct yaml_mark *mark,
+                                  uint64_t *rig_hash)
 {
-    struct scenario_value value[SCENARIO_PARAMETERS_MAX];
+    uint64_t hash;
     struct scenario *cases;
     struct arena arena;
     size_t count;
@@ -160,25 +165,74 @@ static enum error_code plan_put_cases(struct planner *planner, const char *path,
     if (code) {
         return code;
     }
-    code = sweep_values(planner->sweep, combination, sample, &arena, value, planner->error);
-    code = code ? code
-                : scenario_read_with(path, value, planner->sweep->nparameter, &arena, &cases,
-                                     &count, planner->error);
+    code = scenario_read_with(path, value, planner->sweep->nparameter, &arena, &cases, &count,
+                              planner->error);
     for (size_t i = 0; !code && i < count; i++) {
         if (cases[i].host == SCENARIO_HOST_PROGRAM && !planner->sweep->program) {
             code = yaml_error(planner->error, &cases[i].mark,
                               "found host: program, expected the key program of the sweep");
-        } else if (check || count > 1) {
-            code = plan_check_rig(&cases[i], rig_hash, planner->error);
+        } else if (mark || count > 1) {
+            code = plan_check_rig(&cases[i], rig_hash ? rig_hash : &hash, planner->error);
         }
-        code = code ? code : plan_put_line(planner, &cases[i], *rig_hash);
+        if (!code && rig_hash) {
+            code = plan_put_line(planner, &cases[i], *rig_hash);
+        }
+    }
+    arena_fini(&arena);
+    return code == ERROR_INPUT ? plan_blame(planner, mark ? mark : &planner->sweep->mark, value)
+                               : code;
+}
+
+/* With both ends of what is drawn the rig must be one: then it is with all that may be drawn. */
+static enum error_code plan_check_ends(struct planner *planner, const char *path,
+                                       struct scenario_value *value)
+{
+    enum error_code code = ERROR_NONE;
+
+    for (size_t i = 0; i < planner->sweep->nparameter; i++) {
+        const struct sweep_parameter *parameter = &planner->sweep->parameter[i];
+        const double *ends = parameter->uniform_given ? parameter->uniform : parameter->limits;
+        const char *drawn = value[i].text;
+
+        for (int end = 0; parameter->drawn && end < 2 && !code; end++) {
+            char text[SCENARIO_VALUE_MAX];
+
+            snprintf(text, sizeof text, "%.9g", ends[end]);
+            value[i].text = text;
+            code = plan_cases(planner, path, value, &parameter->mark, NULL);
+        }
+        value[i].text = drawn;
+    }
+    return code;
+}
+
+/* The cases of a combination: those of its samples. */
+static enum error_code plan_put_combination(struct planner *planner, const char *path,
+                                            size_t combination, uint64_t *rig_hash)
+{
+    const struct sweep *sweep = planner->sweep;
+    struct scenario_value value[SCENARIO_PARAMETERS_MAX];
+    struct arena arena;
+    enum error_code code = arena_init(&arena, MEMORY, planner->error);
+
+    if (code) {
+        return code;
+    }
+    for (size_t i = 0; !code && i < (size_t)sweep->samples; i++) {
+        const struct yaml_mark *mark = sweep->nparameter ? &sweep->parameter[0].mark : &sweep->mark;
+
+        code = sweep_values(sweep, combination, i, &arena, value, planner->error);
+        code = code ? code : plan_cases(planner, path, value, i ? NULL : mark, rig_hash);
+        if (!code && i == 0) {
+            code = plan_check_ends(planner, path, value);
+        }
     }
     arena_fini(&arena);
     return code;
 }
 
 static enum error_code plan_put_scenario(struct planner *planner, const struct yaml_name *scenario,
-                                         const bool *extreme, struct arena *arena)
+                                         struct arena *arena)
 {
     const struct sweep *sweep = planner->sweep;
     const char *path;
@@ -195,27 +249,17 @@ static enum error_code plan_put_scenario(struct planner *planner, const struct y
                     : ERROR_NONE;
     }
     for (size_t c = 0; !code && c < sweep->combinations; c++) {
-        for (size_t i = 0; !code && i < (size_t)sweep->samples; i++) {
-            code = plan_put_cases(planner, path, c, i, i == 0 || (c == 0 && extreme[i]), &rig_hash);
-        }
+        code = plan_put_combination(planner, path, c, &rig_hash);
     }
     return code;
 }
 
 static enum error_code plan_put_all(struct planner *planner, struct arena *arena)
 {
-    size_t samples = (size_t)planner->sweep->samples;
-    bool *extreme = arena_alloc(arena, samples, sizeof *extreme);
     enum error_code code = ERROR_NONE;
 
-    if (!extreme) {
-        return plan_no_memory(planner->error);
-    }
-    for (size_t i = 0; i < planner->sweep->nparameter; i++) {
-        plan_mark_extremes(planner->sweep, &planner->sweep->parameter[i], extreme);
-    }
     for (size_t i = 0; !code && i < planner->sweep->nscenario; i++) {
-        code = plan_put_scenario(planner, &planner->sweep->scenario[i], extreme, arena);
+        code = plan_put_scenario(planner, &planner->sweep->scenario[i], arena);
     }
     return code;
 }

@@ -188,6 +188,7 @@ static void steps_of_voltage_agree_with_dopri5(void **state)
                   error[1], pressure[0] / BAR, pressure[1] / BAR);
     assert_true(error[0] < 1e-3);
     assert_true(error[1] < error[0] / 4.0);
+    assert_true(pressure[0] < 2.0 * BAR && pressure[1] < pressure[0] / 4.0);
 }
 
 /* A cylinder on the other side of its joint pulls where the first pushes: a positive voltage turns

@@ -247,6 +247,7 @@ static void an_empty_supply_agrees_with_dopri5(void **state)
     assert_true(supply[2][499] < 10.0 * BAR);
     assert_true(angle[0] < 5e-3);
     assert_true(angle[1] < 0.5 * angle[0]);
+    assert_true(pressure[0] < 25.0 * BAR && pressure[1] < 0.5 * pressure[0]);
 }
 
 int main(void)

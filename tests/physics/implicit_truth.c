@@ -52,9 +52,6 @@ static void drop_robot(enum plant_integrator integrator, struct drop *drop)
         assert_int_equal(plant_step(scene.plant, scene.steps), ERROR_NONE);
         assert_int_equal(plant_sample(scene.plant), ERROR_NONE);
         drop->peak = fmax(drop->peak, rig_scene_feet(&scene));
-        if (k > 316 && k < 330) {
-            print_message("# %d %.1f\n", k, rig_scene_feet(&scene));
-        }
     }
     assert_int_equal(plant_energy(scene.plant, &energy), ERROR_NONE);
     drop->lost = energy.contact_dissipation;
@@ -270,10 +267,11 @@ static void a_box_bounces_as_it_should(void **state)
 
 /* ---- tumbling ---- */
 
+/* Limp, at 30 rad/s, for ten seconds: what is lost beyond all that dissipates. */
 static void tumbling_keeps_its_energy(void **state)
 {
     struct plant_energy before, after;
-    double position[3] = {0.0, 0.0, 1000.0}, *rates;
+    double position[3] = {0.0, 0.0, 1000.0}, energy, *rates;
     size_t count;
 
     (void)state;
@@ -291,9 +289,9 @@ static void tumbling_keeps_its_energy(void **state)
         assert_int_equal(plant_step(scene.plant, 1), ERROR_NONE);
     }
     assert_int_equal(plant_energy(scene.plant, &after), ERROR_NONE);
-    print_message("# COMAN tumbling: %.1f J, balance %.2e J\n",
-                  before.stored + scene.robot->total_mass * scene.robot->gravity[2] * 1000.0,
-                  after.balance);
+    energy = before.stored + scene.robot->total_mass * scene.robot->gravity[2] * 1000.0;
+    print_message("# COMAN tumbling: %.1f J, balance %.2e J\n", energy, after.balance);
+    assert_near(after.balance / energy, 0.0, 4e-3);
     rig_scene_fini(&scene);
 }
 

@@ -3,11 +3,13 @@
 #include "rig/rig.h"
 
 #include <math.h>
+#include <string.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdint.h>
 #include <cmocka.h>
 
+#include "base/vec3.h"
 #include "model/dynamics.h"
 #include "tests/physics/near.h"
 #include "tests/unit/rig/rig_files.h"
@@ -184,6 +186,56 @@ static void adds_masses_to_bodies(void **state)
     assert_true(rig->robot->hash != hash && rig->dynamics == RIG_DYNAMICS_BUILT_IN);
 }
 
+/* Second moments of a mass about the origin of its frame: xx, yy, zz. */
+static void moments_about_origin(const struct robot_inertia *inertia, double moment[3])
+{
+    const double *c = inertia->com;
+
+    moment[0] = inertia->I[0] + inertia->mass * (c[1] * c[1] + c[2] * c[2]);
+    moment[1] = inertia->I[3] + inertia->mass * (c[0] * c[0] + c[2] * c[2]);
+    moment[2] = inertia->I[5] + inertia->mass * (c[0] * c[0] + c[1] * c[1]);
+}
+
+/* What is added to a body hangs below its sensor: mass, first and second moments add up. */
+static void masses_hang_below_force_torque_sensors(void **state)
+{
+    static const char heavy[] = "{name: foot_ft, frame: sole, distal: {mass_kg: 2, com_m: [0.1, "
+                                "0.2, -0.3], inertia_kg_m2: [0.02, 0.001, 0, 0.03, 0, 0.025]}}";
+    const double p[3] = {0.0, 0.5, 0.2}; /* of the body's center, in the frame of the sensor */
+    char *plain = strstr(toy_robot, "{name: foot_ft"), *after = strchr(plain, '}') + 1;
+    char text[sizeof toy_robot + sizeof heavy];
+    const struct robot_ft_sensor *ft;
+    struct robot_inertia before;
+    double old[3], new[3];
+
+    (void)state;
+    ft = load("extends: toy.yaml\nrobot: {added_mass_kg: {lower: 1.5}}\n")->robot->ft;
+    assert_true(ft[0].distal.mass == 1.5 && ft[1].distal.mass == 0.0);
+    for (int i = 0; i < 3; i++) {
+        assert_near(ft[0].distal.com[i], p[i], 1e-15);
+    }
+
+    snprintf(text, sizeof text, "%.*s%s%s", (int)(plain - toy_robot), toy_robot, heavy, after);
+    assert_int_equal(write_file("config/robots/heavy.yaml", text, strlen(text)), 0);
+    before = load("extends: toy.yaml\nrobot: {file: ../robots/heavy.yaml}\n")->robot->ft->distal;
+    ft = load("extends: toy.yaml\n"
+              "robot: {file: ../robots/heavy.yaml, added_mass_kg: {lower: 1.5}}\n")
+             ->robot->ft;
+    moments_about_origin(&before, old);
+    moments_about_origin(&ft->distal, new);
+    assert_near(ft->distal.mass, before.mass + 1.5, 1e-15);
+    for (int i = 0; i < 3; i++) {
+        assert_near(ft->distal.mass * ft->distal.com[i], before.mass * before.com[i] + 1.5 * p[i],
+                    1e-15);
+        assert_near(new[i], old[i] + 1.5 * (vec3_dot(p, p) - p[i] * p[i]), 1e-15);
+    }
+    refused("extends: toy.yaml\nrobot: {added_mass_kg: {lower: -0.5}}\n",
+            "more.yaml:2:25: found -0.5 kg on body \"lower\", expected more than 0 kg, all "
+            "that its sensor \"foot_ft\" carries");
+    refused("extends: toy.yaml\nrobot: {added_mass_kg: {upper: -1}}\n",
+            "found -1 kg on body \"upper\", expected more than -1 kg, all that it has");
+}
+
 static void refuses_springs_of_joints_that_have_none(void **state)
 {
     (void)state;
@@ -308,6 +360,7 @@ int main(void)
         cmocka_unit_test(follows_a_long_chain_but_no_circle),
         cmocka_unit_test(replaces_springs_by_name),
         cmocka_unit_test(adds_masses_to_bodies),
+        cmocka_unit_test(masses_hang_below_force_torque_sensors),
         cmocka_unit_test(refuses_springs_of_joints_that_have_none),
         cmocka_unit_test(a_held_base_is_one_of_infinite_mass),
         cmocka_unit_test(surfaces_and_frames_of_a_held_base_stay_where_they_were),

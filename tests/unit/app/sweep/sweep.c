@@ -162,6 +162,27 @@ static void limits_of_sweep_files(void **state)
 /* ---- shares ---- */
 
 /* Newcombe (1998), table I: 81 of 263, 15 of 148, 0 of 20, 1 of 29. */
+/* A case is another with another text, rig, seed or program. */
+static void a_case_is_what_its_hash_is_made_of(void **state)
+{
+    const struct scenario scenario = {.text_hash = 1}, other = {.text_hash = 2};
+    char hash[6][PLAN_HASH];
+
+    (void)state;
+    plan_hash_case(&scenario, 1, 1, NULL, hash[0]);
+    plan_hash_case(&other, 1, 1, NULL, hash[1]);
+    plan_hash_case(&scenario, 2, 1, NULL, hash[2]);
+    plan_hash_case(&scenario, 1, 2, NULL, hash[3]);
+    plan_hash_case(&scenario, 1, 1, "./controller", hash[4]);
+    plan_hash_case(&scenario, 1, 1, "./other", hash[5]);
+    for (int i = 0; i < 6; i++) {
+        assert_int_equal(strspn(hash[i], "0123456789abcdef"), PLAN_HASH - 1);
+        for (int j = 0; j < i; j++) {
+            assert_string_not_equal(hash[i], hash[j]);
+        }
+    }
+}
+
 static void wilson_intervals_are_those_of_the_literature(void **state)
 {
     static const struct {
@@ -195,6 +216,7 @@ int main(void)
                                         close_arena),
         cmocka_unit_test_setup_teardown(refuses_what_makes_no_sense, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(limits_of_sweep_files, open_arena, close_arena),
+        cmocka_unit_test(a_case_is_what_its_hash_is_made_of),
         cmocka_unit_test(wilson_intervals_are_those_of_the_literature),
     };
 

@@ -1,0 +1,419 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Holds the suite against small faults (./dev mutate): changes one thing in a C file, builds what
+depends on it, and runs tests until one fails, the mirrored one first. What no test notices is
+printed as a survivor: a test is missing, or the change changes nothing.
+
+All of it happens in a copy of the tree (build/mutate/source). Builds and tests of mutants, which may
+write or remove anything, see a read-only machine without a network, with a /tmp of their own.
+
+An object file that does not change tells that a mutant is equivalent; others that are must be named,
+with the reason, in tests/equivalent_mutants.txt."""
+import argparse
+import collections
+import hashlib
+import json
+import os
+import pathlib
+import random
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+WORK = ROOT / "build" / "mutate"
+SOURCE = WORK / "source"
+BUILD = SOURCE / "build" / "release"
+EQUIVALENT = "tests/equivalent_mutants.txt"
+ROOMS = ("app", "base", "boards", "canbus", "contact", "model", "rig", "rt", "sim", "tasks",
+         "viewer")
+BUILD_LIMIT_S = 900
+MEMORY = 12 << 30
+
+Mutant = collections.namedtuple("Mutant", "line operator old new")
+
+
+# ---- mutants of a text ----
+
+def blank(match):
+    return re.sub(r"[^\n]", " ", match.group())
+
+
+def code_of(text):
+    """The text with comments, strings, characters and preprocessor lines blanked, as long as it."""
+    text = re.sub(r'/\*.*?\*/|//[^\n]*|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])*\'', blank, text,
+                  flags=re.S)
+    return re.sub(r"^[ \t]*#(?:\\\n|[^\n])*", blank, text, flags=re.M)
+
+
+FLIPPED = {"<": ">=", ">=": "<", ">": "<=", "<=": ">", "==": "!=", "!=": "==", "&&": "||",
+           "||": "&&"}
+NEXT = {"<": "<=", "<=": "<", ">": ">=", ">=": ">"}
+SIGN = {"+": "-", "-": "+", "*": "/", "/": "*", "+=": "-=", "-=": "+=", "*=": "/=", "/=": "*=",
+        "++": "--", "--": "++"}
+# operands of which a comparison is likely one of whole numbers: of doubles, < and <= are as good
+WHOLE = r"(?:\b[i-n]|\b\w*(?:count|size|length|number|capacity|max|end|used|ticks?|index|\bn[a-z]?))"
+DECLARED = re.compile(r"\s*(?:static |const |unsigned |struct |enum |volatile |_Atomic )*\w+ "
+                      r"(?:\*|const )*\w+(?:\[[^\]]*\])*(?:[;,]| =)")
+STATEMENT = re.compile(r"\s+(?:[\w.\[\]()*+\->]+ [-+*/|&^]?= [^;{]*|[\w.\->]+\(.*\)|[\w.\->]+(?:\+\+|--));$")
+# what only a sanitizer notices, or nobody should
+KEPT = re.compile(r"\s*(?:return|break|continue|goto|case|default|free|f?close|\(void\)|assert|"
+                  r"static_assert|_Static_assert)\b")
+
+
+def spans(line):
+    """Yields (operator, start, end, replacement) of a line of code."""
+    for match in re.finditer(r"(?<= )(<=|>=|==|!=|<|>|&&|\|\|)(?= |$)", line):
+        yield "comparison", *match.span(), FLIPPED[match[0]]
+        if match[0] in NEXT and (re.search(WHOLE + r" $", line[:match.start()])
+                                 or re.match(r" (?:\d+\b(?!\.)|" + WHOLE + r"\b)",
+                                             line[match.end():])):
+            yield "off by one", *match.span(), NEXT[match[0]]
+    for match in re.finditer(r"(?<=[ (])!(?=[\w(])", line):
+        yield "comparison", *match.span(), ""
+    for match in re.finditer(r"(?<=[\w)\]] )(\+=|-=|\*=|/=|[-+*/])(?= )|(?<=[\w\])])(\+\+|--)", line):
+        yield "sign", *match.span(), SIGN[match[0]]
+    for match in re.finditer(r"(?:(?<=[(=,?:+*] )|(?<=[(\[])|(?<=return ))-(?=[\w(])", line):
+        yield "sign", *match.span(), ""
+    array = DECLARED.match(line) and "=" not in line
+    for match in re.finditer(r"(?<![\w.])(\d+\.\d*(?:e[-+]?\d+)?f?|\d+e[-+]?\d+|\d+)(?![\w.])", line):
+        number = match[0]
+        if re.fullmatch(r"\d+", number):
+            if not array:
+                yield "off by one", *match.span(), str(int(number) + 1)
+        else:
+            yield "constant", *match.span(), "1.0" if float(number.rstrip("f")) == 0 \
+                else f"(1.5 * {number})"
+    for match in re.finditer(r"(?<=\w\()[^()]*(?=\))", line):
+        arguments = match[0].split(", ")
+        for k in range(len(arguments) - 1):
+            if arguments[k].strip() and arguments[k] != arguments[k + 1] \
+                    and not re.match(r"(?:struct|const|void|int|double|char|enum|size_t|u?int\d+_t) ",
+                                     arguments[k]):
+                swapped = [*arguments[:k], arguments[k + 1], arguments[k], *arguments[k + 2:]]
+                yield "swapped argument", *match.span(), ", ".join(swapped)
+
+
+def mutants_of(text):
+    """All mutants of a C text."""
+    found = []
+    code = code_of(text).split("\n")
+    before = "{"
+    for number, (line, full) in enumerate(zip(code, text.split("\n")), 1):
+        if not line.strip():
+            continue
+        inside = line.startswith((" ", "\t"))
+        if inside and not re.match(r"\s*(?:static_|_Static_)?assert\b", line):
+            for operator, start, end, new in spans(line):
+                # an argument that is a string is blank in `line`
+                if operator == "swapped argument" and full[start:end] != line[start:end]:
+                    continue
+                found.append(Mutant(number, operator, full.strip(),
+                                    (full[:start] + new + full[end:]).strip()))
+        if inside and before.rstrip().endswith((";", "{", "}", ":")) and STATEMENT.match(line) \
+                and not DECLARED.match(line) and not KEPT.match(line):
+            found.append(Mutant(number, "dropped statement", full.strip(), ";"))
+        before = line
+    return [mutant for mutant in dict.fromkeys(found) if mutant.old != mutant.new]
+
+
+def mutated(text, mutant):
+    lines = text.split("\n")
+    line = lines[mutant.line - 1]
+    lines[mutant.line - 1] = line[:len(line) - len(line.lstrip())] + mutant.new
+    return "\n".join(lines)
+
+
+# ---- the copy and the sandbox ----
+
+def run(command, **options):
+    return subprocess.run(command, capture_output=True, text=True, **options)
+
+
+def copy_tree():
+    """Brings the copy to the tree's state; what did not change keeps its time."""
+    names = run(["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT,
+                check=True).stdout.split("\n")
+    names = {name for name in names if name and (ROOT / name).is_file()}
+    for name in names:
+        new, old = ROOT / name, SOURCE / name
+        if not old.exists() or new.read_bytes() != old.read_bytes():
+            old.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(new, old)
+    for old in SOURCE.rglob("*"):
+        name = old.relative_to(SOURCE)
+        if name.parts[0] != "build" and old.is_file() and str(name) not in names:
+            old.unlink()
+
+
+INSIDE = """
+set -e
+mount --make-rprivate /
+mount --bind {work} {work}
+mount -o remount,bind,ro /
+mount -t tmpfs -o size=4g tmpfs /tmp
+mount -t tmpfs -o size=1g tmpfs /dev/shm
+ip link set lo up
+ulimit -v {memory}
+cd {build}
+export HOME=/tmp CCACHE_DISABLE=1
+exec {command}
+"""
+
+
+def inside(command, limit):
+    """Runs a command in the sandbox; returns its status, 124 when it took longer than `limit`."""
+    own = [] if os.getuid() == 0 else ["--user", "--map-root-user"]
+    script = INSIDE.format(work=shlex.quote(str(WORK)), build=shlex.quote(str(BUILD)),
+                           memory=MEMORY >> 10, command=shlex.join(command))
+    return subprocess.run(
+        ["timeout", "-k", "5", str(limit), "unshare", *own, "--mount", "--pid", "--net", "--ipc",
+         "--fork", "--kill-child", "--mount-proc", "sh", "-c", script],
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        errors="replace", check=False)
+
+
+# ---- tests of a file ----
+
+Test = collections.namedtuple("Test", "name program rank seconds")
+
+
+def names_of(paths):
+    """What matches the names of the tests that mirror files: a/b/c.c has a_c, a_b_c, b_c or c."""
+    names = set()
+    for path in paths:
+        parts = [part for part in path.parts[:-1] if part not in ("tests", "unit")]
+        names |= {"_".join((*some, path.stem))
+                  for some in ((), parts, parts[:1], parts[1:], parts[-1:])}
+    return re.compile("(?:" + "|".join(map(re.escape, sorted(names, reverse=True))) + ")(?:_|$)")
+
+
+class Suite:
+    """The tests of the copy, and which of them can notice what."""
+
+    def __init__(self):
+        shown = run(["ctest", "--test-dir", str(BUILD), "--show-only=json-v1"], check=True)
+        self.tests = []
+        costs = {}
+        # the seconds that they took in the tree itself, where no mutant made them wait
+        data = ROOT / "build" / "release" / "Testing" / "Temporary" / "CTestCostData.txt"
+        for line in data.read_text().split("\n") if data.exists() else ():
+            words = line.split()
+            if len(words) == 3 and int(words[1]) > 0:
+                costs[words[0]] = float(words[2])
+        for test in json.loads(shown.stdout)["tests"]:
+            program = pathlib.Path(test["command"][0])
+            program = str(program.relative_to(BUILD)) if program.is_relative_to(BUILD) \
+                else "coman-hil"
+            self.tests.append((test["name"], program, costs.get(test["name"], 3.0)))
+        self.inputs = {}
+        self.healthy = {}
+
+    def depends(self, program, path):
+        if program not in self.inputs:
+            listed = run(["ninja", "-C", str(BUILD), "-t", "inputs", program])
+            self.inputs[program] = set(listed.stdout.split("\n"))
+        return str(SOURCE / path) in self.inputs[program]
+
+    def of(self, path, seconds):
+        """Tests that depend on a file and take so long together: those of the file (rank 0), of
+        what includes its header (1), of the folders of both (2), others (3), scripts (4)."""
+        header = f'"{path.with_suffix(".h")}"'
+        users = [user.relative_to(SOURCE) for folder in (*ROOMS, "tests")
+                 for user in (SOURCE / folder).rglob("*.c") if header in user.read_text()]
+        own, used = names_of([path]), names_of(users)
+        near = tuple(f"{user.parts[-2]}_" for user in [path, *users]) + (f"{path.parts[0]}_",)
+        found = []
+        for name, program, cost in self.tests:
+            if not self.depends(program, path):
+                continue
+            if own.match(name):
+                rank = 0
+            elif used.match(name):
+                rank = 1
+            elif program == "coman-hil":
+                rank = 4
+            else:
+                rank = 2 if name.startswith(near) else 3
+            found.append(Test(name, program, rank, cost))
+        found.sort(key=lambda test: (test.rank, test.seconds))
+        total, chosen = 0.0, []
+        for test in found:
+            if test.rank == 0 or total + test.seconds <= seconds:
+                total += test.seconds
+                chosen.append(test)
+        return [test for test in chosen if self.passes(test)]
+
+    def passes(self, test):
+        """Whether a test passes here on what is not mutated."""
+        if test.name not in self.healthy:
+            self.healthy[test.name] = inside(ctest([test]), limit_of([test])).returncode == 0
+            if not self.healthy[test.name]:
+                print(f"    without {test.name}, which fails in the copy", flush=True)
+        return self.healthy[test.name]
+
+
+def ctest(tests):
+    names = "|".join(re.escape(test.name) for test in tests)
+    return ["ctest", "-j2", "--stop-on-failure", "-R", f"^({names})$"]
+
+
+def limit_of(tests):
+    return 20 + 6 * sum(test.seconds for test in tests)
+
+
+# ---- verdicts ----
+
+def object_of(path, entry, out):
+    """Compiles a file to `out`; returns its hash, or nothing when it does not compile."""
+    words = shlex.split(entry["command"])
+    words[words.index("-o") + 1] = str(out)
+    words = [word for word in words if word not in ("-g", "-MD")] + ["-g0", "-w", "-Wno-error"]
+    if any(pathlib.Path(words[0]).name == name for name in ("ccache",)):
+        words = words[1:]
+    done = subprocess.run(words, cwd=entry["directory"], capture_output=True, check=False)
+    return hashlib.sha256(out.read_bytes()).hexdigest() if done.returncode == 0 else None
+
+
+def verdict_of(tests):
+    """Builds and runs tests, rank by rank, until one fails."""
+    for rank in range(5):
+        some = [test for test in tests if test.rank == rank]
+        if not some:
+            continue
+        built = inside(["ninja", "-k1", *sorted({test.program for test in some})], BUILD_LIMIT_S)
+        if built.returncode != 0:
+            return "killed", "the build"
+        done = inside(ctest(some), limit_of(some))
+        if done.returncode != 0:
+            failed = re.findall(r"\d+ - (\w+) \(", done.stdout.split("FAILED:")[-1])
+            return "killed", failed[0] if failed else "time"
+    return "survived", ""
+
+
+def try_file(name, suite, options, equivalent):
+    """Returns the counts and survivors of a file."""
+    path = pathlib.Path(name)
+    text = (SOURCE / path).read_text()
+    entries = [entry for entry in json.loads((BUILD / "compile_commands.json").read_text())
+               if entry["file"] == str(SOURCE / path)]
+    if not entries:
+        raise SystemExit(f"{name}: found no command that compiles it")
+    mutants = mutants_of(text)
+    total = len(mutants)
+    if options.mutants and total > options.mutants:
+        mutants = sorted(random.Random(f"{options.seed}:{name}").sample(mutants, options.mutants))
+    tests = suite.of(path, options.seconds)
+    print(f"{name}: {len(mutants)} of {total} mutants, {len(tests)} tests "
+          f"({', '.join(test.name for test in tests[:4])}{', ...' if len(tests) > 4 else ''})",
+          flush=True)
+    counts = collections.Counter(total=total)
+    survivors = []
+    out = WORK / "mutant.o"
+    original = object_of(path, entries[0], out)
+    for mutant in mutants:
+        start = time.monotonic()
+        (SOURCE / path).write_text(mutated(text, mutant))
+        try:
+            changed = object_of(path, entries[0], out)
+            if changed is None:
+                verdict, by = "not compiled", ""
+            elif changed == original:
+                verdict, by = "equivalent", ""
+            elif (name, mutant.old, mutant.new) in equivalent:
+                verdict, by = "equivalent", "listed"
+            else:
+                verdict, by = verdict_of(tests)
+        finally:
+            (SOURCE / path).write_text(text)
+        counts[verdict] += 1
+        if verdict == "survived":
+            survivors.append(mutant._asdict())
+            print(f"    {name}:{mutant.line}: {mutant.operator} survived\n"
+                  f"        - {mutant.old}\n        + {mutant.new}", flush=True)
+        elif options.verbose:
+            print(f"    {name}:{mutant.line}: {mutant.operator} {verdict} {by} "
+                  f"{time.monotonic() - start:.1f} s", flush=True)
+    return {"text": hashlib.sha256(text.encode()).hexdigest(), "counts": counts,
+            "survivors": survivors}
+
+
+def read_equivalent(text):
+    """Entries of the list: a file, the line before (-), after (+), and the reason (indented #)."""
+    listed = set()
+    for match in re.finditer(r"^(\S+\.c)\n {4}- (.*)\n {4}\+ (.*)\n {4}# \S", text, re.M):
+        listed.add(match.groups())
+    return listed
+
+
+def table_of(results):
+    """Counts by folder, as Markdown."""
+    folders = collections.defaultdict(collections.Counter)
+    for name, result in results.items():
+        for key in (str(pathlib.Path(name).parent), "all"):
+            folders[key].update(result["counts"], files=1)
+    lines = ["| folder | files | mutants tried | equivalent | killed | survived | killed % |",
+             "|---|---|---|---|---|---|---|"]
+    for folder in sorted(folders, key=lambda key: (key == "all", key)):
+        counts = folders[folder]
+        killed, survived = counts["killed"], counts["survived"]
+        share = f"{100 * killed / (killed + survived):.0f}" if killed + survived else "-"
+        lines.append(f"| {folder} | {counts['files']} | {killed + survived + counts['equivalent']} "
+                     f"| {counts['equivalent']} | {killed} | {survived} | {share} |")
+    return "\n".join(lines)
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="./dev mutate", description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("file", nargs="*", help="C files of the product")
+    parser.add_argument("--draw", type=int, default=0, metavar="N", help="and N files at random")
+    parser.add_argument("--mutants", type=int, default=20, metavar="N",
+                        help="of a file, drawn at random (20); 0: all")
+    parser.add_argument("--seconds", type=float, default=20, metavar="S",
+                        help="of tests for a mutant that survives (20)")
+    parser.add_argument("--seed", default="1", help="of all drawings (1)")
+    parser.add_argument("--list", action="store_true", help="print the mutants and try none")
+    parser.add_argument("--verbose", action="store_true", help="print also what was killed, and by what")
+    options = parser.parse_args()
+    product = sorted(name for name in run(["git", "ls-files", "*.c"], cwd=ROOT,
+                                          check=True).stdout.split() if name.startswith(ROOMS))
+    names = [str(pathlib.Path(name).resolve().relative_to(ROOT)) for name in options.file]
+    for name in names:
+        if name not in product:
+            parser.error(f"found {name}, expected a C file in {', '.join(ROOMS)}")
+    if options.draw:
+        rest = [name for name in product if name not in names]
+        names += random.Random(options.seed).sample(rest, min(options.draw, len(rest)))
+    if not names:
+        parser.error("expected a file, or --draw N")
+    if options.list:
+        for name in names:
+            for mutant in mutants_of((ROOT / name).read_text()):
+                print(f"{name}:{mutant.line}: {mutant.operator}\n    - {mutant.old}\n"
+                      f"    + {mutant.new}")
+        return 0
+
+    copy_tree()
+    for command in (["cmake", "--preset", "release", "-DBUILD_TESTING=ON", "-DHIL_WERROR=OFF"],
+                    ["cmake", "--build", "--preset", "release", "--", "--quiet"]):
+        built = subprocess.run(command, cwd=SOURCE, stdout=subprocess.DEVNULL, check=False)
+        if built.returncode != 0:
+            return 1
+    suite = Suite()
+    listed = SOURCE / EQUIVALENT
+    equivalent = read_equivalent(listed.read_text()) if listed.exists() else set()
+    results = {}
+    for name in names:
+        results[name] = try_file(name, suite, options, equivalent)
+        inside(["ninja"], BUILD_LIMIT_S)
+    (WORK / "results.json").write_text(json.dumps(results, indent=1) + "\n")
+    print("\n" + table_of(results))
+    return 0 if not any(result["survivors"] for result in results.values()) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
