@@ -4,11 +4,11 @@
 depends on it, and runs tests until one fails, the mirrored one first. What no test notices is
 printed as a survivor: a test is missing, or the change changes nothing.
 
-All of it happens in a copy of the tree (build/mutate/source). Builds and tests of mutants, which may
-write or remove anything, see a read-only machine without a network, with a /tmp of their own.
+All of it happens in a copy of the tree (build/mutate/source). Builds and tests of mutants, which
+may write or remove anything, see a read-only machine without a network, with a /tmp of their own.
 
-An object file that does not change tells that a mutant is equivalent; others that are must be named,
-with the reason, in tests/equivalent_mutants.txt."""
+An object file that does not change tells that a mutant is equivalent; others that are must be
+named, with the reason, in tests/equivalent_mutants.txt."""
 import argparse
 import collections
 import hashlib
@@ -55,10 +55,15 @@ NEXT = {"<": "<=", "<=": "<", ">": ">=", ">=": ">"}
 SIGN = {"+": "-", "-": "+", "*": "/", "/": "*", "+=": "-=", "-=": "+=", "*=": "/=", "/=": "*=",
         "++": "--", "--": "++"}
 # operands of which a comparison is likely one of whole numbers: of doubles, < and <= are as good
-WHOLE = r"(?:\b[i-n]|\b\w*(?:count|size|length|number|capacity|max|end|used|ticks?|index|\bn[a-z]?))"
+WHOLE = (r"(?:\b[i-n]|\b\w*(?:count|size|length|number|capacity|max|end|used|ticks?|index"
+         r"|\bn[a-z]?))")
 DECLARED = re.compile(r"\s*(?:static |const |unsigned |struct |enum |volatile |_Atomic )*\w+ "
                       r"(?:\*|const )*\w+(?:\[[^\]]*\])*(?:[;,]| =)")
-STATEMENT = re.compile(r"\s+(?:[\w.\[\]()*+\->]+ [-+*/|&^]?= [^;{]*|[\w.\->]+\(.*\)|[\w.\->]+(?:\+\+|--));$")
+STATEMENT = re.compile(r"\s+(?:[\w.\[\]()*+\->]+ [-+*/|&^]?= [^;{]*|[\w.\->]+\(.*\)"
+                       r"|[\w.\->]+(?:\+\+|--));$")
+SIGNED = re.compile(r"(?<=[\w)\]] )(\+=|-=|\*=|/=|[-+*/])(?= )|(?<=[\w\])])(\+\+|--)")
+NUMBER = re.compile(r"(?<![\w.])(\d+\.\d*(?:e[-+]?\d+)?f?|\d+e[-+]?\d+|\d+)(?![\w.])")
+TYPED = re.compile(r"(?:struct|const|void|int|double|char|enum|size_t|u?int\d+_t) ")
 # what only a sanitizer notices, or nobody should
 KEPT = re.compile(r"\s*(?:return|break|continue|goto|case|default|free|f?close|\(void\)|assert|"
                   r"static_assert|_Static_assert)\b")
@@ -74,12 +79,12 @@ def spans(line):
             yield "off by one", *match.span(), NEXT[match[0]]
     for match in re.finditer(r"(?<=[ (])!(?=[\w(])", line):
         yield "comparison", *match.span(), ""
-    for match in re.finditer(r"(?<=[\w)\]] )(\+=|-=|\*=|/=|[-+*/])(?= )|(?<=[\w\])])(\+\+|--)", line):
+    for match in SIGNED.finditer(line):
         yield "sign", *match.span(), SIGN[match[0]]
     for match in re.finditer(r"(?:(?<=[(=,?:+*] )|(?<=[(\[])|(?<=return ))-(?=[\w(])", line):
         yield "sign", *match.span(), ""
     array = DECLARED.match(line) and "=" not in line
-    for match in re.finditer(r"(?<![\w.])(\d+\.\d*(?:e[-+]?\d+)?f?|\d+e[-+]?\d+|\d+)(?![\w.])", line):
+    for match in NUMBER.finditer(line):
         number = match[0]
         if re.fullmatch(r"\d+", number):
             if not array:
@@ -91,8 +96,7 @@ def spans(line):
         arguments = match[0].split(", ")
         for k in range(len(arguments) - 1):
             if arguments[k].strip() and arguments[k] != arguments[k + 1] \
-                    and not re.match(r"(?:struct|const|void|int|double|char|enum|size_t|u?int\d+_t) ",
-                                     arguments[k]):
+                    and not TYPED.match(arguments[k]):
                 swapped = [*arguments[:k], arguments[k + 1], arguments[k], *arguments[k + 2:]]
                 yield "swapped argument", *match.span(), ", ".join(swapped)
 
@@ -377,7 +381,8 @@ def main():
                         help="of tests for a mutant that survives (20)")
     parser.add_argument("--seed", default="1", help="of all drawings (1)")
     parser.add_argument("--list", action="store_true", help="print the mutants and try none")
-    parser.add_argument("--verbose", action="store_true", help="print also what was killed, and by what")
+    parser.add_argument("--verbose", action="store_true",
+                        help="print also what was killed, and by what")
     options = parser.parse_args()
     product = sorted(name for name in run(["git", "ls-files", "*.c"], cwd=ROOT,
                                           check=True).stdout.split() if name.startswith(ROOMS))
