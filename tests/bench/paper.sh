@@ -19,10 +19,11 @@ echo $? >"$work/status"
 "$program" paper --quick --out /dev/null/report >"$work/refused" 2>&1 </dev/null
 echo $? >>"$work/refused"
 
-PYTHONPATH=$HIL_SOURCE_DIR/tests/service PYTHONDONTWRITEBYTECODE=1 \
+PYTHONPATH=$HIL_SOURCE_DIR/tests/service:$HIL_SOURCE_DIR/tools PYTHONDONTWRITEBYTECODE=1 \
     python3 - "$work" "$source" <<'END'
 import csv, html.parser, math, os, re, sys, xml.etree.ElementTree as xml
 
+from figures import hold
 from tap import check
 
 work, source = sys.argv[1:]
@@ -68,7 +69,7 @@ class Page(html.parser.HTMLParser):
             self.faults.append((tag, self.getpos()))
 
 
-print("1..15")
+print("1..16")
 status = open(work + "/status").read().strip()
 said = open(work + "/err").read().strip()[-300:].replace("\n", " ")
 check(status == "0" and open(work + "/out").read().endswith("/index.html\n"), "the report is made",
@@ -187,6 +188,16 @@ check(abs(depth[0] - 300) < 10 and 40 < knee[0] < 60 and 110 < knee[1] < 140 and
 
 refused = open(work + "/refused").read()
 stiff, soft = here("grasping force at the end")[0], here("the same, elbows")[0]
+measured = {
+    "period": here("period from")[0], "period_error": here("largest error of the period")[0],
+    "grasp_before_n": here("vertical force on the box before")[0], "touch_s": touch,
+    "stiff_elbow_n": stiff, "soft_elbow_n": soft, "walkman_knee_nm": knee[1],
+    "walkman_feet_n": feet, "walkman_feet_off_n": off}
+for number, dt in (("1", "0.01"), ("1", "0.0001"), ("2", "0.01"), ("2", "0.0001")):
+    measured[f"pendulum_{number}_{dt[2:]}"] = next(
+        float(r["energy error"]) for r in ours if r["bodies"] == number and r["dt"] == dt)
+stale = [name for name, value in measured.items() if not hold(name, value)]
+check(not stale, "docs/figures.csv has the figures of the report", stale)
 check(stiff > 5 * soft > 0 and "/dev/null/report" in refused and refused.split()[-1] == "3",
       "soft elbows press less; a folder that cannot be made is an error",
       f"{stiff} N, {soft} N; {refused.strip()}")

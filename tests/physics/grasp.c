@@ -16,6 +16,7 @@
 #include <cmocka.h>
 
 #include "model/spatial.h"
+#include "tests/figure.h"
 #include "tests/physics/near.h"
 
 enum { RIGHT, LEFT, SIDES, PATCHES = 16, SAMPLES = 3600, JOINTS = 32 };
@@ -415,6 +416,8 @@ static void implicit_converges_to_where_dopri5_is(void **state)
         print_message("# %.3f ms: joints %.2e rad RMS (worst %.2e), press %.2f %%, feet %.2f %%\n",
                       1.0 / (1 << n), angle[n], worst[n], 100.0 * press[n], 100.0 * feet[n]);
     }
+    figure_hold("grasp_rad", angle[0]);
+    figure_hold("grasp_percent", 100.0 * press[0]);
     assert_true(worst[0] < 2e-4 && feet[0] < 2e-3 && press[0] < 5e-3);
     /* Bristles yield at a bend of the law, which no step meets exactly: not quite of order two */
     assert_true(worst[STEPS - 1] < 1e-5 && angle[0] / angle[STEPS - 1] > 8.0);

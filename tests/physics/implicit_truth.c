@@ -13,6 +13,7 @@
 
 #include <cmocka.h>
 
+#include "tests/figure.h"
 #include "tests/physics/free_rig.h"
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
@@ -74,6 +75,10 @@ static void a_drop_peaks_as_it_should(void **state)
     drop_robot(PLANT_IMPLICIT, &found);
     assert_near(found.peak / oracle.peak, 1.0, 0.05);
     assert_near(found.balance / oracle.lost, 0.0, 0.01);
+    figure_hold("drop_exact_n", oracle.peak);
+    figure_hold("drop_peak_n", found.peak);
+    figure_hold("drop_lost_j", oracle.lost);
+    figure_hold("drop_balance_percent", 100.0 * fabs(found.balance) / oracle.lost);
 }
 
 /* ---- one drive, one joint ---- */
@@ -190,6 +195,7 @@ static void a_joint_under_voltage_is_where_dopri5_is(void **state)
 {
     const double stiffness[] = {395.46, 8400.0};
     static struct voltage_run oracle, found;
+    double way = 0.0, worst = 0.0;
 
     (void)state;
     for (int n = 0; n < 2; n++) {
@@ -215,7 +221,11 @@ static void a_joint_under_voltage_is_where_dopri5_is(void **state)
         assert_true(off < 5e-3 * (high - low));
         assert_true(current < 0.01 * peak);
         assert_near(found.energy.balance, 0.0, 1e-3 * turnover);
+        way = fmax(way, 100.0 * off / (high - low));
+        worst = fmax(worst, 100.0 * current / peak);
     }
+    figure_hold("voltage_way_percent", way);
+    figure_hold("voltage_current_percent", worst);
 }
 
 /* ---- bounce ---- */
@@ -253,6 +263,7 @@ static double bounce_box(enum plant_integrator integrator, double k)
 static void a_box_bounces_as_it_should(void **state)
 {
     const double stiffness[] = {1e4, 1e5, 1e6, 1e7, 1e8};
+    double slowest = 1.0, fastest = 0.0;
 
     (void)state;
     for (int n = 0; n < 5; n++) {
@@ -262,7 +273,12 @@ static void a_box_bounces_as_it_should(void **state)
         print_message("# k = %g N/m: leaves at %.4f m/s, exact %.4f\n", stiffness[n], found, exact);
         assert_near(found / exact, 1.0, stiffness[n] < 5e6 ? 0.01 : 0.1);
         assert_true(found <= 1.0);
+        slowest = fmin(slowest, found);
+        fastest = fmax(fastest, found);
     }
+    figure_hold("bounce_exact_m_s", bounce_box(PLANT_DOPRI5, stiffness[0]));
+    figure_hold("bounce_slowest_m_s", slowest);
+    figure_hold("bounce_fastest_m_s", fastest);
 }
 
 /* ---- tumbling ---- */
@@ -292,6 +308,7 @@ static void tumbling_keeps_its_energy(void **state)
     energy = before.stored + scene.robot->total_mass * scene.robot->gravity[2] * 1000.0;
     print_message("# COMAN tumbling: %.1f J, balance %.2e J\n", energy, after.balance);
     assert_near(after.balance / energy, 0.0, 4e-3);
+    figure_hold("tumbling_balance_percent", 100.0 * fabs(after.balance / energy));
     rig_scene_fini(&scene);
 }
 

@@ -11,6 +11,7 @@
 
 #include <cmocka.h>
 
+#include "tests/figure.h"
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
 
@@ -98,6 +99,7 @@ static void coman_that_came_down_on_a_slope_stays_for_a_minute(void **state)
     crept = creep_in_a_minute(&scene);
     print_message("# the feet crept by %.2e m in 60 s\n", crept);
     assert_true(crept < 1e-4);
+    figure_hold("slope_creep_m", crept);
     rig_scene_fini(&scene);
 }
 
