@@ -3,8 +3,8 @@
  * The boards of a rig: motor drivers and force-torque boards that speak on the buses. They receive
  * frames, turn them into bridge voltages, and send telemetry made from the plant's sensors. Each
  * bus speaks one of four protocols: boards/icub/protocol.h, boards/foc/protocol.h,
- * boards/compact/protocol.h or boards/cia402/protocol.h; every message with its lengths and fields,
- * or object of a dictionary, is a row of the table.h beside it, and boards/messages.h lists all
+ * boards/compact/protocol.h or boards/cia402/protocol.h. Every message with its lengths and fields,
+ * or object of a dictionary, is a row of a table in the same folder; boards/messages.h lists all
  * messages. Or it speaks one that a file describes (boards/described/protocol.h).
  *
  * Once a tick the loop calls, in this order: boards_receive for every frame that arrived,
@@ -86,7 +86,8 @@ struct board_axis_config {
     double joint_ticks_per_rad;  /* POSITION frames, link encoder */
     double motor_ticks_per_rad;  /* MOTOR_POSITION frames, rotor encoder, per link-side rad */
     double lower_rad, upper_rad; /* limits until the host sets its own */
-    double current_limit_a; /* over-current (I2t, see motor_board.c) until the host sets its own */
+    /* Over-current, by an I2t law (boards/icub/motor_board.c), until the host sets its own */
+    double current_limit_a;
     double temperature_limit_c; /* of the winding, until the host sets its own; 0 = none */
     /* TorqueMax: 0x8000 counts of the torque source, which is the axis's own sensor until the host
      * names a STRAIN board; 0 = no such sensor */
@@ -108,7 +109,7 @@ struct board_config {
     int bus; /* index of the bus */
     /* icub 1-14; foc motors 1-4, others 1-14; compact, cia402, described 1-31 */
     uint8_t address;
-    bool strict;                /* icub: exactly as the firmware, see motor_board.c */
+    bool strict;                /* icub: exactly as the firmware, see boards/icub/motor_board.c */
     bool require_calibration;   /* strict: an axis that was not calibrated cannot be switched on */
     int64_t command_timeout_ns; /* a voltage, current or torque reference without a fresh command
                                  * for so long becomes 0; 0 = off; foc boards have the firmware's

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The simulator's side of lockstep: the host's STEP frames drive virtual time, DONE frames say that
- * it has got there (PROTOCOL.md, "Lockstep frames"). A state machine without clock or port.
+ * it has got there (docs/controller.md). A state machine without clock or port.
  *
  *   STEP  u32 LE expected tick, u16 LE number of ticks (0 = 1)
  *   DONE  u32 LE tick, u16 LE flags (enum lockstep_flag)

@@ -9,7 +9,7 @@
  * switches on, the identifiers between two DONE frames must be the same ones in the same order
  * every four STEPs, as the boards have four slots; STATUS has a slower period of its own and is
  * counted only. Prints the frames of each bus and the ticks a second; ends with a message and 1
- * when anything is otherwise. Frames as in PROTOCOL.md.
+ * when anything is otherwise. Frames as in docs/controller.md.
  */
 #include "canbus/port.h"
 

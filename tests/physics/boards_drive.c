@@ -275,7 +275,7 @@ static void the_compact_current_loop_arrives_within_milliseconds(void **state)
     stop(&bench);
 }
 
-/* With the gains that foc_control.h gives, a step of a held motor halves its error, too. */
+/* With the gains that boards/foc/control.h gives, a step of a held motor halves its error, too. */
 static void the_foc_current_loop_is_as_stable_as_its_gains_say(void **state)
 {
     struct bench bench;
