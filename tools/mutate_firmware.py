@@ -27,6 +27,7 @@ FILES = ("boards.c", "can.c", "control.c", "leg.c", "machine.c", "main.c")
 EQUIVALENT = EXAMPLE / "equivalent_mutants.txt"
 FIRST = ("moves_the_leg", "waits_for_every_board")  # they notice most
 BUILD_LIMIT_S = 600
+LIMIT = "a limit of time"  # who noticed a firmware that does not go on
 
 Failure = collections.namedtuple("Failure", "scenario why")
 Verdict = collections.namedtuple("Verdict", "word by why", defaults=("", ""))
@@ -65,7 +66,7 @@ def first_failure(folder, scenarios, options):
         for line in process.stdout:
             match = re.match(r"(FAIL|ERROR) +firmware_(\w+)", line)
             if match:
-                failed = match[2]
+                failed = match[2] if match[1] == "FAIL" else LIMIT
                 why = next(process.stdout, "")
                 os.killpg(process.pid, signal.SIGTERM)
                 break
@@ -74,7 +75,7 @@ def first_failure(folder, scenarios, options):
         status = process.wait()
         timer.cancel()
     if not failed and status != 0:
-        failed = "time"
+        failed = LIMIT
     return failed and Failure(failed, why.strip())
 
 
@@ -144,8 +145,9 @@ def read_options():
                         help="mutants at a time (one a processor)")
     parser.add_argument("--runs", type=int, default=1, metavar="N",
                         help="scenarios at a time for each of them (1)")
-    parser.add_argument("--limit", type=float, default=300, metavar="S",
-                        help="of a scenario, by the wall clock (300)")
+    parser.add_argument("--limit", type=float, default=120, metavar="S",
+                        help="of a scenario, by the wall clock (120); on a busy machine more, as "
+                        "one that ends by it counts as killed")
     parser.add_argument("--program", default=str(mutate.ROOT / "build/release/coman-hil"),
                         help="coman-hil (that of build/release)")
     parser.add_argument("--list", action="store_true", help="print the mutants and try none")
