@@ -51,17 +51,18 @@ run()
         --output "$out/$name" $files >"$out/$name.log" 2>&1 </dev/null || true
 }
 
-# judge NAME EXPECTED SCENARIO: prints the verdict, and the log when it is another than expected
+# judge NAME EXPECTED SCENARIO: prints the verdict, and once the log when it is not as expected
 status=0
+shown=""
 judge()
 {
     word=$(sed -n "s/^\([A-Za-z]*\) *firmware_$3\( .*\)*$/\1/p" "$out/$1.log")
     if [ "$word" = "$2" ]; then
         printf '%-14s %-30s %s\n' "$1" "$3" "$word"
     else
-        status=1
         printf '%-14s %-30s %s, expected %s\n' "$1" "$3" "${word:-nothing}" "$2"
-        sed 's/^/    /' "$out/$1.log"
+        [ "$shown" = "$1" ] || sed 's/^/    /' "$out/$1.log"
+        shown=$1 status=1
     fi
 }
 
