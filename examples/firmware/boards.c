@@ -22,8 +22,13 @@ enum { CURRENT_KP = 146, CURRENT_KI = 227, CURRENT_SHIFT = 15 };
 
 struct board boards[BOARDS] = {
     {.joint = "LHipSag", .controller = 0, .address = 1},
+#ifdef BUG_SWAPPED
+    {.joint = "LHipLat", .controller = 0, .address = 3},
+    {.joint = "LHipYaw", .controller = 0, .address = 2},
+#else
     {.joint = "LHipLat", .controller = 0, .address = 2},
     {.joint = "LHipYaw", .controller = 0, .address = 3},
+#endif
     {.joint = "LKneeSag", .controller = 1, .address = 1},
     {.joint = "LAnkLat", .controller = 1, .address = 2},
     {.joint = "LAnkSag", .controller = 1, .address = 3},
@@ -65,7 +70,11 @@ static void board_take_status(struct board *board, const uint8_t *data)
 static void board_take_feedback(struct board *board, const uint8_t *data)
 {
     board->current_ma = (int16_t)get_u16(data);
+#ifdef BUG_POSITION
+    board->position_icubdeg = (int32_t)__builtin_bswap32(get_u32(data + 4));
+#else
     board->position_icubdeg = (int32_t)get_u32(data + 4);
+#endif
 }
 
 bool boards_take(unsigned controller, const struct can_frame *frame)
@@ -78,7 +87,9 @@ bool boards_take(unsigned controller, const struct can_frame *frame)
         if (board) {
             board->answered = frame->data[1] == TYPE_2FOC && frame->data[7] == 1;
         } else {
+#ifndef BUG_STRANGER
             stranger = true;
+#endif
         }
         return true;
     }

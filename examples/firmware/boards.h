@@ -16,7 +16,11 @@ enum board_mode {
 };
 
 enum { ENCODER_NOT_CALIBRATED = 1 << 4 };
-enum { FAULT_SET_POINT_EXPIRED = 1 << 14 };
+
+/* Faults that pass by themselves: low supply (bit 6), what the CAN controller has met (10-13, 15,
+ * 27-31), set-point expired (14). Any other one is for a person to look at. */
+#define FAULTS_PASSING UINT32_C(0xf800fc40)
+
 enum { ICUBDEG_PER_TURN = 65536, TARGET_FULL = 32000 /* the supply */ };
 
 struct board {

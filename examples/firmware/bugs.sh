@@ -1,71 +1,86 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# Builds the firmware, correct and with each of its seeded bugs, and runs every scenario with every
-# one of them:
+# Builds the firmware, correct and with each of its seeded bugs; runs every scenario with the
+# correct one, and with each bug the scenario that must catch it:
 #
-#   bugs.sh [-o DIR] [COMAN-HIL]      DIR for what is built and for recordings; firmware-test
+#   bugs.sh [-o DIR] [-j JOBS] [COMAN-HIL]
+#                             DIR for what is built and for recordings, firmware-test by default;
+#                             JOBS runs at a time, one a processor by default
 #
-# A line for each firmware, a column for each scenario. Exit status 0 when the correct one passes
-# all and each bug is caught by its own scenario alone.
+# A line for each run. Exit status 0 when the correct firmware passes all and each bug is caught.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 out=firmware-test
-if [ "${1:-}" = -o ]; then
-    out=$2
-    shift 2
-fi
+jobs=$(nproc)
+while getopts o:j: option; do
+    case $option in
+    o) out=$OPTARG ;;
+    j) jobs=$OPTARG ;;
+    *)
+        sed -n 's/^#   //p' "$0" >&2
+        exit 2
+        ;;
+    esac
+done
+shift $((OPTIND - 1))
 program=${1:-coman-hil}
-bugs="byte_order timeout race fifo bus_off"
 
-# what each bug must be caught by, in the order of the bugs; then what only the correct one runs
-catchers="limits_the_current notices_a_silent_board reports_when_asked hears_on_a_crowded_bus
-    recovers_from_bus_off"
-scenarios="moves_the_leg $catchers"
-slow=starts_again
+# each bug and the scenario that must catch it
+bugs="byte_order:limits_the_current timeout:notices_a_silent_board race:reports_when_asked
+    fifo:hears_on_a_crowded_bus bus_off:recovers_from_bus_off swapped:moves_the_leg
+    position:moves_the_leg range:keeps_to_its_range integral:limits_the_current
+    stranger:waits_for_every_board slow:notices_a_silent_board not_idle:notices_a_silent_board
+    never_enabled:notices_a_silent_board stop:stays_stopped fault_bits:stays_safe_after_a_fault"
 
 mkdir -p "$out"
 sh "$here/build.sh" "$out"
-# shellcheck disable=SC2086
-sh "$here/build.sh" "$out" $bugs
+for bug in $bugs; do
+    sh "$here/build.sh" "$out" "${bug%:*}"
+done
 
-# judge NAME FIRMWARE CAUGHT-BY SCENARIO...: runs them and prints the firmware's line
-status=0
-judge()
+# run NAME FIRMWARE SCENARIO...: runs scenarios and keeps what is printed
+run()
 {
-    name=$1 firmware=$2 expected=$3 files="" line="" verdict=""
-    shift 3
+    name=$1 firmware=$2 files=""
+    shift 2
     for scenario in "$@"; do
         files="$files $here/scenarios/firmware_$scenario.yaml"
     done
     # shellcheck disable=SC2086
-    "$program" test --program "sh '$here/run.sh' '$firmware'" --output "$out/$name" $files \
-        >"$out/$name.log" 2>&1 || true
-    for scenario in "$@"; do
-        word=$(sed -n "s/^\([A-Za-z]*\) *firmware_$scenario\( .*\)*$/\1/p" "$out/$name.log")
-        line="$line $(printf '%-9s' "${word:-none}")"
-        case $word-$scenario in
-        ok-"$expected" | ERROR-* | -*) verdict=bad ;;
-        FAIL-"$expected" | ok-*) ;;
-        *) verdict=bad ;;
-        esac
-    done
-    printf '%-11s%s%s\n' "$name" "$line" "$verdict"
-    if [ -n "$verdict" ]; then
-        status=1
-        grep -v '^ok ' "$out/$name.log" | sed 's/^/    /'
+    "$program" test --jobs "$jobs" --program "sh '$here/run.sh' '$firmware'" \
+        --output "$out/$name" $files >"$out/$name.log" 2>&1 </dev/null || true
+}
+
+# judge NAME EXPECTED SCENARIO: prints the verdict, and once the log when it is not as expected
+status=0
+shown=""
+judge()
+{
+    word=$(sed -n "s/^\([A-Za-z]*\) *firmware_$3\( .*\)*$/\1/p" "$out/$1.log")
+    if [ "$word" = "$2" ]; then
+        printf '%-14s %-30s %s\n' "$1" "$3" "$word"
+    else
+        printf '%-14s %-30s %s, expected %s\n' "$1" "$3" "${word:-nothing}" "$2"
+        [ "$shown" = "$1" ] || sed 's/^/    /' "$out/$1.log"
+        shown=$1 status=1
     fi
 }
 
-printf '%-12s%-10s%-10s%-10s%-10s%-10s%-10s%s\n' '' 'moves' 'limits' 'notices' 'reports' \
-    'hears on' 'recovers' 'starts' firmware 'the leg' 'current' 'silence' 'when told' 'crowd' \
-    'bus-off' 'again'
+scenarios=$(cd "$here/scenarios" && echo firmware_*.yaml | sed 's/firmware_//g; s/\.yaml//g')
 # shellcheck disable=SC2086
-judge correct "$out/firmware.elf" none $scenarios $slow
-# shellcheck disable=SC2086
+run correct "$out/firmware.elf" $scenarios
+for scenario in $scenarios; do
+    judge correct ok "$scenario"
+done
+
+running=0
 for bug in $bugs; do
-    set -- $catchers
-    catchers="$* $1"
-    catchers=${catchers#* }
-    judge "$bug" "$out/firmware-$bug.elf" "$1" $scenarios
+    run "${bug%:*}" "$out/firmware-${bug%:*}.elf" "${bug#*:}" &
+    running=$((running + 1))
+    [ $((running % jobs)) -ne 0 ] || wait
+done
+wait
+for bug in $bugs; do
+    judge "${bug%:*}" FAIL "${bug#*:}"
 done
 exit $status

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # Builds the firmware and what connects QEMU with a run:
 #
-#   build.sh DIR [BUG...]     DIR/firmware.elf or, with bugs (byte_order, timeout, race, fifo,
-#                             bus_off), DIR/firmware-BUG.elf for each; DIR/socketcan.so
+#   build.sh DIR [BUG...]     DIR/firmware.elf or, with bugs (README.md has their names),
+#                             DIR/firmware-BUG.elf for each; DIR/socketcan.so
 set -eu
 [ $# -gt 0 ] || {
     sed -n 's/^#   //p' "$0" >&2
@@ -15,6 +15,12 @@ shift
 mkdir -p "$out"
 cc=${CROSS_COMPILE:-aarch64-linux-gnu-}gcc
 
+# current OUTPUT SOURCE: an output is newer than its source and every header
+current()
+{
+    [ "$1" -nt "$2" ] && [ -z "$(find "$here" -name '*.h' -newer "$1")" ]
+}
+
 # firmware OUTPUT [FLAG...]: interrupts must not touch floating-point registers, which their entry
 # does not save; without an MMU no access may be unaligned
 firmware()
@@ -25,18 +31,20 @@ firmware()
         -mstrict-align -fno-tree-loop-distribute-patterns -ffp-contract=off"
     # shellcheck disable=SC2086
     for file in main leg boards can machine; do
-        "$cc" $common -mgeneral-regs-only "$@" -c "$here/$file.c" -o "$output.$file.o"
+        current "$output.$file.o" "$here/$file.c" ||
+            "$cc" $common -mgeneral-regs-only "$@" -c "$here/$file.c" -o "$output.$file.o"
     done
     # shellcheck disable=SC2086
-    "$cc" $common "$@" -c "$here/control.c" -o "$output.control.o"
+    current "$output.control.o" "$here/control.c" ||
+        "$cc" $common "$@" -c "$here/control.c" -o "$output.control.o"
     "$cc" -c "$here/start.S" -o "$output.start.o"
     "$cc" -nostdlib -static -no-pie -Wl,-T,"$here/memory.ld" -Wl,--build-id=none \
         -Wl,--no-warn-rwx-segments "$output".*.o -o "$output"
-    rm -f "$output".*.o
 }
 
-"${CC:-cc}" -O2 -g -Wall -Wextra -Werror -shared -fPIC -o "$out/socketcan.so" \
-    "$here/socketcan.c" -lpthread
+current "$out/socketcan.so" "$here/socketcan.c" ||
+    "${CC:-cc}" -O2 -g -Wall -Wextra -Werror -shared -fPIC -o "$out/socketcan.so" \
+        "$here/socketcan.c" -lpthread
 [ $# -gt 0 ] || firmware "$out/firmware.elf"
 for bug in "$@"; do
     firmware "$out/firmware-$bug.elf" -DBUG_"$(echo "$bug" | tr '[:lower:]' '[:upper:]')"

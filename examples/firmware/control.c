@@ -71,7 +71,11 @@ int16_t control_step(struct control *control, int32_t position_icubdeg)
 
     control_follow_trajectory(control);
     error = control->reference - angle_of(position_icubdeg);
+#ifdef BUG_INTEGRAL
+    control->integral += KI_V_PER_RAD_S * TICK_S * error;
+#else
     control->integral = clamp(control->integral + KI_V_PER_RAD_S * TICK_S * error, LIMIT_V / 2.0f);
+#endif
     volts = KP_V_PER_RAD * error + control->integral + BACK_EMF_V_S_PER_RAD * control->speed;
     return (int16_t)(clamp(volts, LIMIT_V) * (TARGET_FULL / SUPPLY_V));
 }

@@ -9,7 +9,11 @@ enum {
     CONFIGURE_TICKS = 50,
     OFFSET_TICKS = 32,
     ENABLE_TICKS = 20,
+#ifdef BUG_SLOW
+    SILENCE_TICKS = 100,
+#else
     SILENCE_TICKS = 10, /* without STATUS: a board is lost */
+#endif
     SAFE_TICKS = 50,
     HOME_TICKS = 300,
     CREEP_URAD = 300, /* 0.3 rad/s */
@@ -77,6 +81,10 @@ static void leg_make_safe(enum leg_cause cause, unsigned where)
 {
     leg.cause = cause;
     leg.where = where;
+    leg.faults = 0;
+    for (unsigned i = 0; i < BOARDS; i++) {
+        leg.faults |= boards[i].faults;
+    }
     leg_enter(LEG_SAFE);
 }
 
@@ -253,13 +261,20 @@ static void leg_stay_safe(void)
 {
     for (unsigned i = 0; i < BOARDS; i++) {
         boards[i].target = 0;
+#ifndef BUG_NOT_IDLE
         if (leg.since < SILENCE_TICKS) {
             board_set_mode(&boards[i], MODE_FORCE_IDLE);
         }
+#endif
     }
     if (leg.since < SAFE_TICKS) {
         return;
     }
+#ifndef BUG_FAULT_BITS
+    if (leg.faults & ~FAULTS_PASSING) {
+        return; /* a person has to look */
+    }
+#endif
     switch (leg.cause) {
     case LEG_BUS_SILENT:
     case LEG_BUS_OFF:
@@ -270,10 +285,12 @@ static void leg_stay_safe(void)
         break;
     case LEG_BOARD_SILENT:
     case LEG_BOARD_FAULT:
+#ifndef BUG_NEVER_ENABLED
         leg_enter(LEG_DISCOVER);
+#endif
         break;
     default:
-        break; /* a person has to look */
+        break; /* stopped, no index: a person again */
     }
 }
 
@@ -297,6 +314,9 @@ void leg_step(uint32_t tick)
 
     now = tick;
     boards_count_silence();
+#ifdef BUG_STOP
+    stop_waits = stop_waits && leg.state != LEG_SAFE;
+#endif
     if (stop_waits) {
         stop_waits = false;
         leg_make_safe(LEG_STOPPED, 0);
@@ -321,10 +341,14 @@ void leg_step(uint32_t tick)
 
 bool leg_move(unsigned joint, int16_t to_mrad, uint16_t ms)
 {
-    if (joint >= BOARDS || ms == 0 || to_mrad < joints[joint].lower_mrad ||
-        to_mrad > joints[joint].upper_mrad) {
+    if (joint >= BOARDS || ms == 0) {
         return false;
     }
+#ifndef BUG_RANGE
+    if (to_mrad < joints[joint].lower_mrad || to_mrad > joints[joint].upper_mrad) {
+        return false;
+    }
+#endif
     moves[joint].waits = true;
     moves[joint].to_mrad = to_mrad;
     moves[joint].ticks = ms;

@@ -32,6 +32,7 @@ struct leg {
     enum leg_state state;
     enum leg_cause cause; /* of the last LEG_SAFE */
     unsigned where;       /* board or controller */
+    uint32_t faults;      /* of all boards when it began: being switched off clears them there */
     uint32_t since;       /* ticks in this state */
     int16_t offset_ma[BOARDS];
     uint8_t indexed; /* a bit for each board */
