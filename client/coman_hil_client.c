@@ -165,7 +165,7 @@ static const struct {
     [OTHER] = {"", {NULL}, {NULL}},
 };
 
-/* Messages of boards and their signals, without sender and joint; the first that is there counts. */
+/* Messages of boards and their signals, without sender and joint; the first counts. */
 static const char *const sources[SOURCES] = {
     [POSITION] = " POSITION:position TELEMETRY_FD:link_position ",
     [DEFLECTION] = " TELEMETRY:deflection ",
@@ -778,7 +778,7 @@ static enum hil_client_code tables_open(struct hil_client *client, const char *f
 
 /* Takes a DONE: that of the present STEP has the tick where it ends, or refuses it at another one
  * than it began at. There may be others, of STEPs and clients before. */
-static void client_take_done(struct hil_client *client, struct bus *bus, const uint8_t *data)
+static void bus_take_done(struct hil_client *client, struct bus *bus, const uint8_t *data)
 {
     struct hil_client_core *core = client->core;
     const uint32_t tick =
@@ -794,14 +794,14 @@ static void client_take_done(struct hil_client *client, struct bus *bus, const u
     }
 }
 
-static void client_take_frame(struct hil_client *client, struct bus *bus, uint32_t id,
-                              const uint8_t *data, size_t length, int64_t time_ns)
+static void bus_take_frame(struct hil_client *client, struct bus *bus, uint32_t id,
+                           const uint8_t *data, size_t length, int64_t time_ns)
 {
     struct message *message = message_find_id(client->core, bus, id);
 
     client->core->frames++;
     if (message && !strcmp(message->name, "DONE") && length == 6) {
-        client_take_done(client, bus, data);
+        bus_take_done(client, bus, data);
     } else if (message) {
         memcpy(message->data, data, length);
         message->heard = (unsigned)length;
@@ -810,7 +810,7 @@ static void client_take_frame(struct hil_client *client, struct bus *bus, uint32
 }
 
 /* Takes "frame ID SECONDS.MICROSECONDS BYTES BUS", or fdframe, with FLAGS behind the ID. */
-static void gateway_take_frame(struct hil_client *client, char *text)
+static void stream_take_frame(struct hil_client *client, char *text)
 {
     char *word[8] = {NULL}, *end;
     uint8_t data[64];
@@ -838,12 +838,12 @@ static void gateway_take_frame(struct hil_client *client, char *text)
         data[i] = (uint8_t)strtoul(byte, NULL, 16);
     }
     if (bus && length <= sizeof data && time_ns >= 0) {
-        client_take_frame(client, bus, id, data, length, time_ns);
+        bus_take_frame(client, bus, id, data, length, time_ns);
     }
 }
 
 /* Takes the commands that have come whole; what is incomplete waits for its end. */
-static enum hil_client_code gateway_take(struct hil_client *client)
+static enum hil_client_code stream_take(struct hil_client *client)
 {
     struct hil_client_core *core = client->core;
     char *at = core->in, *end, *begin;
@@ -857,7 +857,7 @@ static enum hil_client_code gateway_take(struct hil_client *client)
                                begin + 8);
         }
         core->heard += !strcmp(begin, "< hi ") || !strcmp(begin, "< ok ");
-        gateway_take_frame(client, begin + 1);
+        stream_take_frame(client, begin + 1);
     }
     core->nin = begin ? core->nin - (size_t)(begin - core->in) : 0;
     memmove(core->in, begin ? begin : core->in, core->nin);
@@ -866,7 +866,7 @@ static enum hil_client_code gateway_take(struct hil_client *client)
                                                      "the gateway sends a command without an end");
 }
 
-static enum hil_client_code gateway_receive(struct hil_client *client)
+static enum hil_client_code stream_receive(struct hil_client *client)
 {
     struct hil_client_core *core = client->core;
     const ssize_t size =
@@ -879,11 +879,11 @@ static enum hil_client_code gateway_receive(struct hil_client *client)
         return client_fail(client, HIL_CLIENT_CONNECTION, "the gateway has closed the connection");
     }
     core->nin += (size_t)size;
-    return gateway_take(client);
+    return stream_take(client);
 }
 
 /* Sends all that waits for it. */
-static enum hil_client_code gateway_flush(struct hil_client *client)
+static enum hil_client_code stream_flush(struct hil_client *client)
 {
     struct hil_client_core *core = client->core;
     struct pollfd socket = {.fd = core->gateway, .events = POLLOUT};
@@ -910,7 +910,7 @@ static enum hil_client_code gateway_flush(struct hil_client *client)
 }
 
 /* Takes the frames that an interface has. */
-static enum hil_client_code socketcan_receive(struct hil_client *client, struct bus *bus)
+static enum hil_client_code interface_receive(struct hil_client *client, struct bus *bus)
 {
     for (int i = 0; i < READS_MAX; i++) {
         struct canfd_frame frame;
@@ -923,14 +923,14 @@ static enum hil_client_code socketcan_receive(struct hil_client *client, struct 
             return client_fail_system(client, bus->interface);
         }
         if (!(frame.can_id & (CAN_RTR_FLAG | CAN_ERR_FLAG)) && frame.len <= sizeof frame.data) {
-            client_take_frame(client, bus, frame.can_id, frame.data, frame.len, client_now_ns());
+            bus_take_frame(client, bus, frame.can_id, frame.data, frame.len, client_now_ns());
         }
     }
     return HIL_CLIENT_OK;
 }
 
 /* Sends a frame; a full queue is waited for. */
-static enum hil_client_code socketcan_send(struct hil_client *client, const struct bus *bus,
+static enum hil_client_code interface_send(struct hil_client *client, const struct bus *bus,
                                            const struct canfd_frame *frame, size_t size)
 {
     const struct timespec pause = {.tv_nsec = 200000};
@@ -960,9 +960,9 @@ static enum hil_client_code client_send_frame(struct hil_client *client,
 
     if (core->gateway < 0) {
         memcpy(frame.data, data, length);
-        return socketcan_send(client, message->bus, &frame, message->fd ? CANFD_MTU : CAN_MTU);
+        return interface_send(client, message->bus, &frame, message->fd ? CANFD_MTU : CAN_MTU);
     }
-    code = core->nout + room > sizeof core->out ? gateway_flush(client) : HIL_CLIENT_OK;
+    code = core->nout + room > sizeof core->out ? stream_flush(client) : HIL_CLIENT_OK;
     if (code) {
         return code;
     }
@@ -985,10 +985,10 @@ static enum hil_client_code client_take(struct hil_client *client)
     enum hil_client_code code = HIL_CLIENT_OK;
 
     if (core->gateway >= 0) {
-        return gateway_receive(client);
+        return stream_receive(client);
     }
     for (size_t i = 0; i < core->nbus && !code; i++) {
-        code = socketcan_receive(client, &core->bus[i]);
+        code = interface_receive(client, &core->bus[i]);
     }
     return code;
 }
@@ -1035,8 +1035,8 @@ static enum hil_client_code client_read_ready(struct hil_client *client, const c
                                "%.200s names no gateway: run with --gateway 0", path);
 }
 
-static enum hil_client_code gateway_connect(struct hil_client *client, const char *host,
-                                            uint16_t port)
+static enum hil_client_code stream_connect(struct hil_client *client, const char *host,
+                                           uint16_t port)
 {
     struct hil_client_core *core = client->core;
     const struct addrinfo hints = {.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV,
@@ -1070,15 +1070,15 @@ static enum hil_client_code gateway_connect(struct hil_client *client, const cha
 }
 
 /* Joins all buses of the gateway. */
-static enum hil_client_code gateway_open(struct hil_client *client, const char *host, uint16_t port)
+static enum hil_client_code stream_open(struct hil_client *client, const char *host, uint16_t port)
 {
     static const char *const commands[] = {"", "< open all >", "< rawmode >"};
     struct hil_client_core *core = client->core;
-    enum hil_client_code code = gateway_connect(client, host, port);
+    enum hil_client_code code = stream_connect(client, host, port);
 
     for (unsigned i = 0; i < 3 && !code; i++) {
         core->nout = (size_t)sprintf(core->out, "%s", commands[i]);
-        code = gateway_flush(client);
+        code = stream_flush(client);
         while (!code && core->heard <= i) {
             code = client_wait(client);
         }
@@ -1087,7 +1087,7 @@ static enum hil_client_code gateway_open(struct hil_client *client, const char *
 }
 
 /* Opens the interface of a bus, that of its "BUS=INTERFACE" if there is one. */
-static enum hil_client_code socketcan_open(struct hil_client *client, struct bus *bus,
+static enum hil_client_code interface_open(struct hil_client *client, struct bus *bus,
                                            const char *const *interfaces)
 {
     struct sockaddr_can address = {.can_family = AF_CAN};
@@ -1123,10 +1123,10 @@ static enum hil_client_code client_connect(struct hil_client *client,
         snprintf(host, sizeof host, "%s", options->host);
     }
     if (code || port) {
-        return code ? code : gateway_open(client, host, port);
+        return code ? code : stream_open(client, host, port);
     }
     for (size_t i = 0; i < client->core->nbus && !code; i++) {
-        code = socketcan_open(client, &client->core->bus[i], options->interfaces);
+        code = interface_open(client, &client->core->bus[i], options->interfaces);
     }
     return code;
 }
@@ -1486,7 +1486,7 @@ static enum hil_client_code client_step_once(struct hil_client *client, int tick
     for (size_t i = 0; i < core->nbus; i++) {
         core->bus[i].done = false;
     }
-    code = code || core->gateway < 0 ? code : gateway_flush(client);
+    code = code || core->gateway < 0 ? code : stream_flush(client);
     while (!code && !client_is_done(core)) {
         code = client_wait(client);
     }
@@ -1541,7 +1541,7 @@ enum hil_client_code hil_client_write(struct hil_client *client)
     }
     client_limit_time(core, core->timeout_ms);
     code = client_send_set_points(client);
-    return code || core->gateway < 0 ? code : gateway_flush(client);
+    return code || core->gateway < 0 ? code : stream_flush(client);
 }
 
 enum hil_client_code hil_client_receive(struct hil_client *client, int timeout_ms)

@@ -179,8 +179,8 @@ enum hil_client_code hil_client_send(struct hil_client *client, const char *bus,
                                      const char *message, const struct hil_client_value *values,
                                      size_t nvalue);
 
-/* The value of a signal in the last frame of its message; NAN = there is no such signal, or no frame
- * with it has come. */
+/* The value of a signal in the last frame of its message; NAN = there is no such signal, or none
+ * has come. */
 double hil_client_signal(const struct hil_client *client, const char *bus, const char *message,
                          const char *signal);
 
