@@ -6,6 +6,7 @@ the same state as the Python package makes with the same controller. Prints TAP.
 
 client.py CMAKE PROGRAM"""
 import json
+import logging
 import os
 import pathlib
 import re
@@ -184,6 +185,7 @@ def main():
     sys.exit(tap.failed > 0)
 
 
+logging.getLogger("canmatrix").setLevel(logging.CRITICAL)    # formats that it cannot read
 try:
     import can          # of the Python package
     import canmatrix    # likewise
