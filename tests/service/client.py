@@ -19,12 +19,12 @@ from ready import wait_until_ready
 from tap import result
 import tap
 
-CMAKE, PROGRAM = sys.argv[1:3]
+CMAKE, PROGRAM = sys.argv[1], os.path.abspath(sys.argv[2])
 SOURCE = pathlib.Path(os.environ["HIL_SOURCE_DIR"])
 BUILD = os.environ["HIL_BINARY_DIR"]
 WORK = pathlib.Path(tempfile.mkdtemp(prefix="coman-hil-client-"))
 PREFIX = WORK / "prefix"
-PATIENCE_S = 60
+PATIENCE_S = 120
 RIGS = ("coman", "coman-foc", "coman-compact", "coman-fd")
 # the robot on a stand that holds its pelvis, nothing held, nothing near
 BENCH = {"robot": {"fixed_base": True}, "scene": {"engine": "none"}, "initial": {"hold": "none"}}
@@ -124,6 +124,7 @@ def state_of(simulator):
 def drive(program, rig):
     """What a program says of a run that it controls, its state and its frames."""
     with Simulator(rig, "--record", "record") as simulator:
+        simulator.wait()
         text = run(program, simulator.tables, simulator.ready, *JOINTS)
         state = state_of(simulator)
         simulator.end()
@@ -167,6 +168,7 @@ def test_refusals(program):
         text = refused(program, simulator.tables, ready)
         result("Connection refused" in text, "so is a run that is over", text)
     with Simulator("coman-compact", "--duration", "0.5") as simulator:
+        simulator.wait()
         text = refused(program, simulator.tables, simulator.ready)
         result("the run is over" in text or "closed" in text, "so is one that ends", text)
 
