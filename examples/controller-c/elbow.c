@@ -8,11 +8,12 @@
  *
  * TABLES: the folder that `coman-hil dbc RIG -o TABLES` wrote into. READY: the file that
  * `coman-hil run RIG --transport local --clock lockstep --gateway 0 --ready READY` writes. JOINT:
- * LElbj unless others are named.
+ * LElbj unless others are named. With "-" for READY the buses are the rig's SocketCAN interfaces.
  */
 #include <coman_hil_client.h>
 
 #include <stdio.h>
+#include <string.h>
 
 enum { JOINTS_MAX = 16, TICKS = 1500, RAMP_TICKS = 1000, PERIOD = 4 };
 
@@ -94,7 +95,7 @@ int main(int argc, char **argv)
     }
 
     const struct hil_client_options options = {
-        .tables = argv[1], .ready = argv[2], .lockstep = true};
+        .tables = argv[1], .ready = strcmp(argv[2], "-") ? argv[2] : NULL, .lockstep = true};
 
     code = hil_client_open(&client, &options);
     code = code ? code : begin(&client, tasks, count);
