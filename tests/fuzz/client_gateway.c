@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A gateway that says anything at all to a client: what comes is taken in pieces of any size, frames
- * go where the tables say and end within their messages, and a step that waits for its DONE ends.
+ * A gateway that says anything at all to a client: it is taken in pieces of any size, frames go
+ * where the tables say and end within their messages, and a step that waits for its DONE ends.
  */
 #include "client/coman_hil_client.c"
 

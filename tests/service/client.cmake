@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# The client for controllers: its examples, built as users build them, against simulators; over vcan.
+# The client for controllers: its examples, built as users build them, against simulators.
 add_executable(client_elbow ${CMAKE_SOURCE_DIR}/examples/controller-c/elbow.c)
 target_link_libraries(client_elbow PRIVATE hil_flags coman_hil_client)
 if(NOT HIL_SANITIZE)

@@ -159,7 +159,8 @@ def test_refusals(program):
         for name, say, arguments in (
                 ("a folder without tables", "found no file of", (WORK, simulator.ready)),
                 ("no folder", "No such file", (WORK / "none", simulator.ready)),
-                ("an unknown joint", 'no joint "LElb"', (simulator.tables, simulator.ready, "LElb"))):
+                ("an unknown joint", 'no joint "LElb"',
+                 (simulator.tables, simulator.ready, "LElb"))):
             text = refused(program, *arguments)
             result(say in text, f"{name} is an error that says so", text)
         ready = simulator.folder / "copy"

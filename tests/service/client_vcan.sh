@@ -11,7 +11,7 @@ trap 'rm -rf "$work"' EXIT
 tap_show="$work/out"
 rig=$HIL_SOURCE_DIR/config/rigs/coman.yaml
 mkdir "$work/tables"
-echo 1..3
+echo 1..2
 
 # control NAME READY OPTION...: the controller's text in NAME
 control() {
@@ -24,7 +24,7 @@ control() {
         [ -e "$work/ready" ] && break
         sleep 0.1
     done
-    timeout -k 5 60 "$elbow" "$work/tables" "$ready" LElbj RKneeSag >"$work/$name" 2>"$work/out"
+    timeout -k 5 150 "$elbow" "$work/tables" "$ready" LElbj RElbj >"$work/$name" 2>"$work/out"
     status=$?
     cat "$work/log" >>"$work/out"
     kill "$pid"
@@ -34,9 +34,7 @@ control() {
 
 "$program" dbc "$rig" -o "$work/tables" >"$work/out" 2>&1 && control vcan - --transport socketcan
 result $? "a controller moves joints on two buses over vcan"
-control again - --transport socketcan && cmp "$work/vcan" "$work/again" >>"$work/out" 2>&1
-result $? "it does the same again"
 control gateway "$work/ready" --transport local --gateway 0 &&
     diff "$work/vcan" "$work/gateway" >>"$work/out" 2>&1
-result $? "and the same as through the gateway"
+result $? "it does the same as through the gateway"
 exit $failed
