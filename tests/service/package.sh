@@ -144,6 +144,6 @@ result $? "uninstall removes every file that was installed, and no other"
 rm "$work/root/opt/hil/share/coman-hil/rigs/mine.yaml"
 DESTDIR=$work/root sh "$HIL_SOURCE_DIR/systemd/uninstall.sh" \
     "$HIL_BINARY_DIR/install_manifest.txt" >"$work/out" 2>&1 &&
-    nothing "$(everything -type d -name 'coman-hil*')"
+    nothing "$(everything -type d -name '*coman-hil*')"
 result $? "and the folders, when they are empty"
 exit $failed
