@@ -9,7 +9,7 @@ install(DIRECTORY python/coman_hil DESTINATION ${HIL_PYTHON_DIR} COMPONENT pytho
 
 # A Debian package a component: what has no other belongs to the program
 set(CPACK_DEB_COMPONENT_INSTALL ON)
-set(CPACK_COMPONENTS_ALL Unspecified python)
+set(CPACK_COMPONENTS_ALL Unspecified python client)
 set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_NAME coman-hil)
 
 set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-coman-hil)

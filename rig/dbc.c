@@ -232,11 +232,11 @@ static void dbc_describe_bus(struct dbc_exporter *e)
     e->dbc->fd = bus->fd;
     e->dbc->bitrate = bus->bitrate;
     e->dbc->data_bitrate = bus->fd ? bus->data_bitrate : 0;
-    snprintf(text, sizeof text,
-             "Rig %.40s, bus %.40s on %.15s: protocol %s%s. A number without a unit is bare or "
-             "depends on a "
-             "setting of the board. A command's frame has its FrameLength, not more.",
-             e->rig->name, bus->name, bus->interface, speaks[e->personality], name);
+    snprintf(
+        text, sizeof text,
+        "Rig %.40s, bus %.40s on %.15s: protocol %s%s, supply %.6g V. A number without a unit is "
+        "bare or depends on a setting of the board. A command's frame has its FrameLength.",
+        e->rig->name, bus->name, bus->interface, speaks[e->personality], name, e->rig->supply_v);
     e->code = dbc_set_comment(e->dbc, &e->dbc->comment, text, e->error);
 }
 

@@ -7,7 +7,7 @@ set -eu
 while read -r file || [ -n "$file" ]; do
     rm -f -- "${DESTDIR:-}$file"
 done <"$1"
-sed -n 's|^\(.*/coman-hil\)/.*|\1|p' "$1" | sort -u | while read -r folder; do
+sed -n 's|^\(.*/\(lib\)\{0,1\}coman-hil[^/]*\)/.*|\1|p' "$1" | sort -u | while read -r folder; do
     if [ -d "${DESTDIR:-}$folder" ]; then
         find "${DESTDIR:-}$folder" -depth -type d -empty -delete
     fi

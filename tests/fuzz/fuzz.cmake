@@ -82,6 +82,8 @@ hil_fuzz(host SOURCE host.c LIBS sim MUTATIONS 500)
 hil_fuzz(import SOURCE import.c LIBS import MUTATIONS 6000)
 hil_fuzz(import_mesh SOURCE import_mesh.c LIBS import MUTATIONS 40000)
 hil_fuzz(trajectory SOURCE trajectory.c LIBS tasks MUTATIONS 20000)
+hil_fuzz(client_tables SOURCE client_tables.c MUTATIONS 2000)
+hil_fuzz(client_gateway SOURCE client_gateway.c MUTATIONS 2000)
 hil_fuzz(gateway SOURCE gateway.c LIBS canbus Threads::Threads MUTATIONS 60)
 
 if(HIL_FUZZ)

@@ -8,7 +8,7 @@ manual.py SOURCE guest      on one where the package is installed and everything
 On the first the project is installed into a scratch folder, and every fenced block of the guides in
 docs/ and of the manual pages is tried there, in order, one folder a document:
 
-    ```yaml, ```python    written to the file that their first line, a comment, names
+    ```yaml, ```python, ```c    written to the file that their first line, a comment, names
     ```sh                 run by bash -eu, expected to end with 0
     ```sh guest           needs root, systemd or kernel CAN: left to the second, which runs no other
     ```xml FILE           that file of examples/icub
@@ -105,7 +105,7 @@ def blocks_of(path):
 
 
 def write_file(folder, text):
-    name = re.match(r"# (\S+)\n", text)
+    name = re.match(r"(?:#|//) (\S+)\n", text)
     assert name, "the first line is no comment with the name of the file"
     path = folder / name[1]
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -116,6 +116,7 @@ def run(folder, text, name):
     """What to tell of a block: whether it ended with 0, its name, and why not."""
     environment = dict(os.environ, PATH=f"{PREFIX}/bin:{os.environ['PATH']}",
                        PYTHONDONTWRITEBYTECODE="1",
+                       PKG_CONFIG_PATH=":".join(map(str, PREFIX.rglob("pkgconfig"))),
                        PYTHONPATH=str(PREFIX / "lib" / "python3" / "dist-packages"),
                        XDG_RUNTIME_DIR=str(folder))
     process = subprocess.Popen(["bash", "-eu", "-o", "pipefail", "-c", text], cwd=folder,
@@ -137,7 +138,7 @@ def try_guide(path):
     shutil.copytree(SOURCE / "examples", folder / "examples")
     for info, text, line in blocks_of(path):
         name = f"{path.name}:{line}: {text.splitlines()[0]}"
-        if info in ("yaml", "python"):
+        if info in ("yaml", "python", "c"):
             write_file(folder, text)
         elif info == ("sh guest" if GUEST else "sh"):
             result(*run(folder, text, name))

@@ -23,7 +23,7 @@ for program in dpkg-deb dpkg-shlibdeps file; do
         exit 0
     fi
 done
-echo 1..17
+echo 1..20
 
 # ---- the package ----
 
@@ -100,6 +100,35 @@ result $? "links of the installed guides lead to what is installed"
 nothing "$(python3 "$links" "$HIL_SOURCE_DIR" build node_modules .git 2>&1)"
 result $? "links of the source's guides lead to what is there"
 
+# ---- the package of the client ----
+
+client=$(echo "$work"/libcoman-hil-client-dev_*.deb)
+[ "$(dpkg-deb -f "$client" Package)" = libcoman-hil-client-dev ] &&
+    [ "$(dpkg-deb -f "$client" Section)" = libdevel ] &&
+    [ "$(dpkg-deb -f "$client" Depends)" = libc6-dev ] &&
+    [ "$(dpkg-deb -f "$client" Version)" = "$(field Version)" ] &&
+    dpkg-deb -e "$client" "$work/client-control" && [ ! -e "$work/client-control/postinst" ]
+result $? "the client's package needs the C library alone, and runs no scripts"
+dpkg-deb -c "$client" >"$work/list"
+dpkg-deb -x "$client" "$work/client"
+nothing "$(awk '
+    $2 != "root/root" || ($1 !~ /^drwxr-xr-x$/ && $1 !~ /^-rw-r--r--$/) ||
+    ($1 !~ /^d/ &&
+    $6 !~ /^\.\/usr\/include\/coman_hil_client\.h$/ &&
+    $6 !~ /^\.\/usr\/lib\/([a-z0-9_-]+\/)?libcoman-hil-client\.a$/ &&
+    $6 !~ /^\.\/usr\/lib\/([a-z0-9_-]+\/)?pkgconfig\/coman-hil-client\.pc$/ &&
+    $6 !~ /^\.\/usr\/lib\/([a-z0-9_-]+\/)?cmake\/coman-hil-client\/[a-z-]+\.cmake$/ &&
+    $6 !~ /^\.\/usr\/share\/doc\/libcoman-hil-client-dev\/(copyright|changelog\.gz)$/)' \
+    "$work/list"
+    cd "$work/client" && grep -rlF -e "$HIL_BINARY_DIR" -e "$HIL_SOURCE_DIR" . 2>&1)"
+result $? "it has a library, its header and what finds them, and does not know where it was built"
+if command -v lintian >/dev/null; then
+    lintian --allow-root --fail-on error,warning "$client" >"$work/out" 2>&1
+    result $? "lintian finds no error and nothing to warn of in it"
+else
+    skip "lintian finds no error and nothing to warn of in it" "lintian is not installed"
+fi
+
 # ---- install and uninstall by CMake ----
 
 everything() { (cd "$work/root" && find . "$@" | sort); }
@@ -115,6 +144,6 @@ result $? "uninstall removes every file that was installed, and no other"
 rm "$work/root/opt/hil/share/coman-hil/rigs/mine.yaml"
 DESTDIR=$work/root sh "$HIL_SOURCE_DIR/systemd/uninstall.sh" \
     "$HIL_BINARY_DIR/install_manifest.txt" >"$work/out" 2>&1 &&
-    nothing "$(everything -type d -name 'coman-hil*')"
+    nothing "$(everything -type d -name '*coman-hil*')"
 result $? "and the folders, when they are empty"
 exit $failed

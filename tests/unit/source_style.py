@@ -13,7 +13,7 @@ import sys
 
 ROOT = pathlib.Path(os.environ.get("HIL_SOURCE_DIR") or pathlib.Path(__file__).parents[2])
 ROOMS = ("base", "canbus", "contact", "model", "boards", "tasks", "rt", "rig", "sim", "viewer",
-         "app", "tools")
+         "app", "client", "tools")
 CODE = {".c", ".h", ".cpp"}
 SCRIPTS = {".py", ".sh", ".cmake"}
 COLUMNS = 100

@@ -1,0 +1,1867 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The client of coman_hil_client.h, from below: signals in frames, DBC files, the two kinds of
+ * connections, joints and what their boards are told, the time. */
+#ifndef _GNU_SOURCE
+#define _GNU_SOURCE
+#endif
+#include "coman_hil_client.h"
+
+#include <arpa/inet.h>
+#include <ctype.h>
+#include <dirent.h>
+#include <errno.h>
+#include <inttypes.h>
+#include <linux/can/raw.h>
+#include <locale.h>
+#include <math.h>
+#include <net/if.h>
+#include <netdb.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <time.h>
+#include <unistd.h>
+
+#define WORD "%32[A-Za-z0-9_]" /* a name of a DBC file */
+
+enum {
+    BUSES_MAX = 64,
+    BOARDS_MAX = 512,
+    JOINTS_MAX = 512,
+    SENSORS_MAX = 128,
+    NAME_SIZE = 33,
+    FILE_SIZE = 1 << 22,   /* of a DBC file, at most */
+    STREAM_SIZE = 1 << 16, /* of what has come from the gateway, and of what goes there */
+    READS_MAX = 64,        /* in a call that takes in what has come */
+    PLAIN = -1,            /* a signal that each frame of its message has */
+    SELECTOR = -2,         /* the byte that says which signals a frame has */
+    STEP_TICKS = 1000,     /* at most in one STEP */
+    SETTLE_TICKS = 5,      /* until a mode or a setting has been reported */
+    ENABLE_TICKS = 1000,
+    MISMATCH = 4, /* flags of DONE */
+    STOPPING = 8,
+};
+
+enum protocol { ICUB, FOC, COMPACT, OTHER };
+
+/* What is said of a joint. */
+enum source {
+    POSITION,
+    DEFLECTION,
+    MOTOR_POSITION,
+    MOTOR_VELOCITY,
+    CURRENT,
+    TORQUE,
+    MODE,
+    FAULTS,
+    SOURCES
+};
+
+struct signal {
+    char name[NAME_SIZE], unit[16];
+    const char *about; /* the joint or sensor; "" = none */
+    double scale, offset;
+    struct message *message;
+    size_t first, count;   /* names of its values */
+    int selector;          /* value of byte 0 with which it is there, PLAIN or SELECTOR */
+    unsigned start, end;   /* end: bytes of the shortest frame that has it */
+    unsigned bits, length; /* length: of its frame, 0 = the message's */
+    bool big_endian, negative, floating;
+};
+
+struct message {
+    char name[NAME_SIZE], sender[NAME_SIZE];
+    uint32_t id; /* bit 31: it has 29 bits */
+    struct bus *bus;
+    size_t first, count; /* its signals */
+    bool fd, pending;
+    unsigned length, heard; /* heard: bytes of the last frame, which is in data */
+    uint8_t data[64], out[64];
+    int64_t time_ns;
+};
+
+/* The name of a number that a signal may have. */
+struct name {
+    int64_t number;
+    const char *text;
+};
+
+struct board {
+    char name[NAME_SIZE];
+    struct bus *bus;
+    bool has_motors;
+};
+
+struct bus {
+    char name[41], interface[16], *file, *text; /* file: its memory */
+    enum protocol protocol;
+    double supply_v;
+    size_t first, count; /* its messages */
+    int socket;          /* SocketCAN; -1 = none */
+    bool done;           /* its DONE of the present STEP has come */
+};
+
+/* A set-point that a board takes: count = (value - offset) / scale; percent: of the supply. */
+struct set_point {
+    const struct signal *signal; /* NULL = it takes none */
+    double scale, offset;
+    bool percent;
+};
+
+struct joint {
+    const char *name;
+    const struct board *board;
+    const struct signal *source[SOURCES], *mode; /* mode: of the command; NULL = none */
+    struct set_point set_point[HIL_CLIENT_QUANTITIES];
+    enum hil_client_quantity quantity;
+    double value;
+};
+
+struct sensor {
+    const char *name;
+    const struct board *board;
+    const struct signal *source[6];
+};
+
+struct hil_client_core {
+    struct bus bus[BUSES_MAX];
+    struct board board[BOARDS_MAX];
+    struct joint joint[JOINTS_MAX];
+    struct sensor sensor[SENSORS_MAX];
+    struct message *message;
+    struct signal *signal;
+    struct name *name;
+    size_t nbus, nboard, njoint, nsensor, nmessage, nsignal, nname;
+    char rig[41];
+    struct hil_client_foc_motor motor;
+    int timeout_ms, refresh_ticks;
+    int64_t deadline_ms;
+    bool lockstep, listening;
+
+    int gateway;     /* its socket; -1 = SocketCAN */
+    unsigned heard;  /* answers of its own: hi, ok, ok */
+    uint64_t frames; /* that have come */
+    size_t nin, nout;
+    char in[STREAM_SIZE], out[STREAM_SIZE];
+
+    struct message *step; /* NULL = no bus has one */
+    uint32_t begin, expected, told;
+    bool joined, refused, stopping;
+};
+
+/* The boards' words for what a motor is told, and the beginnings of the signals that tell it. */
+static const struct {
+    const char *name, *mode[HIL_CLIENT_QUANTITIES], *signal[HIL_CLIENT_QUANTITIES];
+} protocols[] = {
+    [ICUB] = {"icub",
+              {"force_idle", "open_loop", "current", "direct"},
+              {NULL, "SET_OPEN_LOOP_pwm", "SET_DESIRED_TORQUE_torq", "SET_COMMAND_POSITION_p"}},
+    [FOC] = {"foc", {"force_idle", "open_loop", "current", NULL}, {NULL, "target", "target", NULL}},
+    [COMPACT] = {"compact", {"off", "voltage", "current", NULL}, {NULL, "set_po", "set_po", NULL}},
+    [OTHER] = {"", {NULL}, {NULL}},
+};
+
+/* Messages of boards and their signals, without sender and joint; the first counts. */
+static const char *const sources[SOURCES] = {
+    [POSITION] = " POSITION:position TELEMETRY_FD:link_position ",
+    [DEFLECTION] = " TELEMETRY:deflection ",
+    [MOTOR_POSITION] = " MOTOR_POSITION:position FOC:position TELEMETRY:motor_position "
+                       "TELEMETRY_FD:motor_position ",
+    [MOTOR_VELOCITY] = " FOC:velocity TELEMETRY_FD:motor_velocity ",
+    [CURRENT] = " CURRENT:current FOC:current TELEMETRY:current TELEMETRY_FD:current ",
+    [TORQUE] = " TELEMETRY:torque TELEMETRY_FD:torque FORCE:torque TORQUE:torque ",
+    [MODE] = " TELEMETRY_FD:mode STATUS:mode STATE:mode ",
+    [FAULTS] = " STATUS:fault STATUS:faults STATE:faults ",
+};
+
+/* ---- errors and time ---- */
+
+/* Keeps a sentence, on one line whatever others have said, and returns the code. */
+__attribute__((format(printf, 3, 4))) static enum hil_client_code
+client_fail(struct hil_client *client, enum hil_client_code code, const char *format, ...)
+{
+    va_list arguments;
+
+    va_start(arguments, format);
+    vsnprintf(client->message, sizeof client->message, format, arguments);
+    va_end(arguments);
+    for (char *at = client->message; *at; at++) {
+        *at = (char)((unsigned char)*at < 0x20 || *at == 0x7f ? '?' : *at);
+    }
+    return code;
+}
+
+static enum hil_client_code client_fail_system(struct hil_client *client, const char *what)
+{
+    return client_fail(client, HIL_CLIENT_SYSTEM, "%.200s: %s", what, strerror(errno));
+}
+
+static int64_t client_now_ns(void)
+{
+    struct timespec now;
+
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+/* Starts the time-out of what follows. */
+static void client_limit_time(struct hil_client_core *core, int timeout_ms)
+{
+    core->deadline_ms = client_now_ns() / 1000000 + timeout_ms;
+}
+
+/* Waits for one of the sockets until the deadline. */
+static enum hil_client_code client_poll(struct hil_client *client, struct pollfd *sockets,
+                                        size_t count)
+{
+    int64_t left;
+    int ready;
+
+    do {
+        left = client->core->deadline_ms - client_now_ns() / 1000000;
+        ready = poll(sockets, (nfds_t)count, left > 0 ? (int)left : 0);
+    } while (ready < 0 && errno == EINTR);
+    return ready > 0    ? HIL_CLIENT_OK
+           : ready == 0 ? client_fail(client, HIL_CLIENT_TIMEOUT, "nothing came in time")
+                        : client_fail_system(client, "poll");
+}
+
+/* ---- signals in frames ---- */
+
+/* The bit after this one: of less weight in a big-endian signal, of more in the others. */
+static unsigned signal_next_bit(const struct signal *signal, unsigned bit)
+{
+    return !signal->big_endian ? bit + 1 : bit % 8 ? bit - 1 : bit + 15;
+}
+
+static void signal_put(const struct signal *signal, uint8_t *data, uint64_t count)
+{
+    unsigned bit = signal->start;
+
+    for (unsigned i = 0; i < signal->bits; i++, bit = signal_next_bit(signal, bit)) {
+        const unsigned mask = 1u << bit % 8;
+
+        data[bit / 8] &= (uint8_t)~mask;
+        if (count >> (signal->big_endian ? signal->bits - 1 - i : i) & 1u) {
+            data[bit / 8] |= (uint8_t)mask;
+        }
+    }
+}
+
+/* Reads the count in the last frame of the signal's message; false = there is none. */
+static bool signal_get(const struct signal *signal, int64_t *count)
+{
+    const struct message *message = signal ? signal->message : NULL;
+    uint64_t raw = 0;
+    unsigned bit = signal ? signal->start : 0;
+
+    if (!message || message->time_ns < 0 || message->heard < signal->end ||
+        (signal->selector >= 0 && message->data[0] != signal->selector)) {
+        return false;
+    }
+    for (unsigned i = 0; i < signal->bits; i++, bit = signal_next_bit(signal, bit)) {
+        const uint64_t one = message->data[bit / 8] >> bit % 8 & 1u;
+
+        raw = signal->big_endian ? raw << 1 | one : raw | one << i;
+    }
+    if (signal->negative && signal->bits < 64 && raw >> (signal->bits - 1)) {
+        raw -= UINT64_C(1) << signal->bits;
+    }
+    *count = (int64_t)raw;
+    return true;
+}
+
+/* The value in the last frame, in the signal's unit; NAN = there is none. */
+static double signal_value(const struct signal *signal)
+{
+    int64_t count;
+    uint32_t bits;
+    float number;
+
+    if (!signal_get(signal, &count)) {
+        return NAN;
+    }
+    bits = (uint32_t)count;
+    memcpy(&number, &bits, sizeof number);
+    return (signal->floating   ? (double)number
+            : signal->negative ? (double)count
+                               : (double)(uint64_t)count) *
+               signal->scale +
+           signal->offset;
+}
+
+static double signal_value_si(const struct signal *signal)
+{
+    return signal_value(signal) * (signal && !strcmp(signal->unit, "mA") ? 1e-3 : 1.0);
+}
+
+/* The bits for a value; what does not fit ends where the field does. */
+static uint64_t signal_encode(const struct signal *signal, double value, double scale,
+                              double offset)
+{
+    const double high = ldexp(1.0, (int)signal->bits - signal->negative);
+    const double count = rint((value - offset) / scale);
+    const float number = (float)value;
+    uint32_t bits;
+
+    if (signal->floating) {
+        memcpy(&bits, &number, sizeof bits);
+        return bits;
+    }
+    if (count >= high) {
+        return UINT64_MAX >> (64 - signal->bits + signal->negative);
+    }
+    if (signal->negative && count < 0.0) {
+        return (uint64_t)(int64_t)(count > -high ? count : -high);
+    }
+    return count > 0.0 ? (uint64_t)count : 0;
+}
+
+/* The name of the signal without that of the joint in front. */
+static const char *signal_quantity(const struct signal *signal)
+{
+    const char *name = signal->name, *about = signal->about;
+
+    name += *name == '_' && isdigit((unsigned char)*about);
+    for (; *about && *name == (isalnum((unsigned char)*about) ? *about : '_'); about++) {
+        name++;
+    }
+    return signal->about[0] && !*about && *name == '_' ? name + 1 : signal->name;
+}
+
+static struct signal *signal_find(const struct hil_client_core *core, const struct message *message,
+                                  const char *name)
+{
+    for (size_t i = 0; message && i < message->count; i++) {
+        if (!strcmp(core->signal[message->first + i].name, name)) {
+            return &core->signal[message->first + i];
+        }
+    }
+    return NULL;
+}
+
+/* The name of a number, or with a text the number of that name; NULL = there is none. */
+static const struct name *signal_find_name(const struct hil_client_core *core,
+                                           const struct signal *signal, const char *text,
+                                           int64_t number)
+{
+    for (size_t i = 0; signal && i < signal->count; i++) {
+        const struct name *name = &core->name[signal->first + i];
+
+        if (text ? !strcmp(name->text, text) : name->number == number) {
+            return name;
+        }
+    }
+    return NULL;
+}
+
+static struct message *message_find_id(const struct hil_client_core *core, const struct bus *bus,
+                                       uint32_t id)
+{
+    for (size_t i = 0; i < bus->count; i++) {
+        if (core->message[bus->first + i].id == id) {
+            return &core->message[bus->first + i];
+        }
+    }
+    return NULL;
+}
+
+/* The message whose name is the two texts in a row. */
+static struct message *message_find(const struct hil_client_core *core, const struct bus *bus,
+                                    const char *sender, const char *kind)
+{
+    const size_t length = strlen(sender);
+
+    for (size_t i = 0; bus && i < bus->count; i++) {
+        struct message *message = &core->message[bus->first + i];
+
+        if (!strncmp(message->name, sender, length) && !strcmp(message->name + length, kind)) {
+            return message;
+        }
+    }
+    return NULL;
+}
+
+static struct bus *bus_find(struct hil_client_core *core, const char *name)
+{
+    for (size_t i = 0; i < core->nbus; i++) {
+        if (!strcmp(core->bus[i].name, name)) {
+            return &core->bus[i];
+        }
+    }
+    return NULL;
+}
+
+/* ---- tables: the lines of a DBC file ---- */
+
+/* Each reads what follows the keyword, into what it belongs to; false = it is not as it should be.
+ * Strings stay in the text of the file. */
+
+/* ID NAME: LENGTH SENDER */
+static bool table_read_message(struct hil_client_core *core, struct bus *bus, char *line)
+{
+    struct message *message = &core->message[core->nmessage];
+
+    *message = (struct message){.bus = bus, .first = core->nsignal, .time_ns = -1};
+    if (sscanf(line, "%10" SCNu32 " " WORD ": %4u " WORD, &message->id, message->name,
+               &message->length, message->sender) != 4 ||
+        message->length > sizeof message->data || message_find_id(core, bus, message->id)) {
+        return false;
+    }
+    core->nmessage++;
+    bus->count++;
+    return true;
+}
+
+/* NAME SELECTOR : START|BITS@ORDER SIGN (SCALE,OFFSET) [MIN|MAX] "UNIT" RECEIVERS */
+static bool table_read_signal(struct hil_client_core *core, struct bus *bus, char *line)
+{
+    struct message *message = bus->count ? &core->message[core->nmessage - 1] : NULL;
+    struct signal *s = &core->signal[core->nsignal];
+    char selector[8] = "", order, sign;
+    int size = 0;
+
+    *s = (struct signal){.about = "", .message = message, .selector = PLAIN};
+    if (!message || sscanf(line, WORD " %n%7[Mm0-9] %n", s->name, &size, selector, &size) < 1 ||
+        sscanf(line + size, ": %3u|%2u@%c%c (%lf,%lf) [%*f|%*f] \"%n%15[^\"]", &s->start, &s->bits,
+               &order, &sign, &s->scale, &s->offset, &size, s->unit) < 6) {
+        return false;
+    }
+    s->selector = selector[0] == 'm' ? atoi(selector + 1) : selector[0] ? SELECTOR : PLAIN;
+    s->big_endian = order == '0';
+    s->negative = sign == '-';
+    s->end = !s->big_endian ? (s->start + s->bits + 7) / 8
+                            : s->start / 8 + (s->bits + 7 - s->start % 8 + 7) / 8;
+    if (s->bits < 1 || s->bits > 64 || s->end > message->length || s->selector > UINT8_MAX ||
+        !(fabs(s->scale) > 0.0 && isfinite(s->scale) && isfinite(s->offset))) {
+        return false;
+    }
+    core->nsignal++;
+    message->count++;
+    return true;
+}
+
+/* The signal of "ID NAME"; rest is what follows. */
+static struct signal *table_find_signal(struct hil_client_core *core, struct bus *bus, char *line,
+                                        char **rest)
+{
+    char name[NAME_SIZE];
+    uint32_t id;
+    int size = 0;
+
+    if (sscanf(line, "%10" SCNu32 " " WORD "%n", &id, name, &size) != 2) {
+        return NULL;
+    }
+    *rest = line + size;
+    return signal_find(core, message_find_id(core, bus, id), name);
+}
+
+/* Takes the text in quotes, and returns NULL where there is none; rest is what follows. */
+static char *table_take_text(char *line, char **rest)
+{
+    char *begin = strchr(line, '"'), *end = begin ? strchr(begin + 1, '"') : NULL;
+
+    if (!end) {
+        return NULL;
+    }
+    *end = '\0';
+    *rest = end + 1;
+    return begin + 1;
+}
+
+/* NAME "address 1, motors A B", or "address 1, F/T A"; the other nodes are no matter here */
+static bool table_read_board(struct hil_client_core *core, struct bus *bus, char *line)
+{
+    struct board *board = &core->board[core->nboard];
+    char *rest, *text = table_take_text(line, &rest), kind[16] = "";
+    int size = 0;
+
+    *board = (struct board){.bus = bus};
+    if (core->nboard == BOARDS_MAX || !text || sscanf(line, WORD, board->name) != 1) {
+        return false;
+    }
+    if (sscanf(text, "address %*u, %15[a-zA-Z/]%n", kind, &size) != 1) {
+        return true;
+    }
+    core->nboard++;
+    board->has_motors = !strcmp(kind, "motors");
+    text += size;
+    while ((board->has_motors || !strcmp(kind, "F/T")) && (rest = strsep(&text, " "))) {
+        if (*rest && (core->njoint == JOINTS_MAX || core->nsensor == SENSORS_MAX)) {
+            return false;
+        }
+        if (*rest && board->has_motors) {
+            core->joint[core->njoint++] = (struct joint){.name = rest, .board = board};
+        } else if (*rest) {
+            core->sensor[core->nsensor++] = (struct sensor){.name = rest, .board = board};
+        }
+    }
+    return true;
+}
+
+/* ID SIGNAL "JOINT OR SENSOR" */
+static bool table_read_subject(struct hil_client_core *core, struct bus *bus, char *line)
+{
+    char *rest, *text;
+    struct signal *signal = table_find_signal(core, bus, line, &rest);
+
+    text = signal ? table_take_text(rest, &rest) : NULL;
+    if (text) {
+        signal->about = text;
+    }
+    return text;
+}
+
+/* ID SIGNAL NUMBER "NAME" ... ; */
+static bool table_read_names(struct hil_client_core *core, struct bus *bus, char *line)
+{
+    char *at, *end;
+    struct signal *signal = table_find_signal(core, bus, line, &at);
+
+    if (!signal) {
+        return false;
+    }
+    signal->first = core->nname;
+    for (;;) {
+        struct name *name = &core->name[core->nname];
+
+        name->number = strtoll(at, &end, 10);
+        if (end == at) {
+            signal->count = core->nname - signal->first;
+            return true;
+        }
+        name->text = table_take_text(end, &at);
+        if (!name->text) {
+            return false;
+        }
+        core->nname++;
+    }
+}
+
+/* ID SIGNAL LENGTH; */
+static bool table_read_length(struct hil_client_core *core, struct bus *bus, char *line)
+{
+    char *rest;
+    struct signal *signal = table_find_signal(core, bus, line, &rest);
+
+    return signal && sscanf(rest, "%2u", &signal->length) == 1 && signal->length >= signal->end &&
+           signal->length <= signal->message->length;
+}
+
+/* ID FORMAT; */
+static bool table_read_format(struct hil_client_core *core, struct bus *bus, char *line)
+{
+    unsigned id, format;
+    struct message *message =
+        sscanf(line, "%10u %2u", &id, &format) == 2 ? message_find_id(core, bus, id) : NULL;
+
+    if (message) {
+        message->fd = format >= 14;
+    }
+    return message;
+}
+
+/* ID SIGNAL : 1; */
+static bool table_read_float(struct hil_client_core *core, struct bus *bus, char *line)
+{
+    char *rest;
+    struct signal *signal = table_find_signal(core, bus, line, &rest);
+
+    if (signal) {
+        signal->floating = true;
+    }
+    return signal && signal->bits == 32;
+}
+
+/* The lines that matter; others are skipped. */
+static const struct {
+    const char *begin;
+    bool (*read)(struct hil_client_core *core, struct bus *bus, char *line);
+} lines[] = {
+    {"BO_ ", table_read_message},
+    {" SG_ ", table_read_signal},
+    {"CM_ BU_ ", table_read_board},
+    {"CM_ SG_ ", table_read_subject},
+    {"VAL_ ", table_read_names},
+    {"BA_ \"FrameLength\" SG_ ", table_read_length},
+    {"BA_ \"VFrameFormat\" BO_ ", table_read_format},
+    {"SIG_VALTYPE_ ", table_read_float},
+};
+
+/* Reads the lines of a bus. */
+static enum hil_client_code table_read(struct hil_client *client, struct bus *bus)
+{
+    char *text = bus->text;
+    size_t number = 0;
+
+    bus->first = client->core->nmessage;
+    for (char *line; number++, (line = strsep(&text, "\n"));) {
+        for (size_t i = 0; i < sizeof lines / sizeof *lines; i++) {
+            const size_t length = strlen(lines[i].begin);
+
+            if (!strncmp(line, lines[i].begin, length) &&
+                !lines[i].read(client->core, bus, line + length)) {
+                return client_fail(client, HIL_CLIENT_TABLES,
+                                   "%.200s:%zu: expected a line \"%s\" of coman-hil dbc", bus->file,
+                                   number, lines[i].begin);
+            }
+        }
+    }
+    return HIL_CLIENT_OK;
+}
+
+/* ---- tables: the files of a rig ---- */
+
+static int tables_is_dbc(const struct dirent *entry)
+{
+    const char *end = strrchr(entry->d_name, '.');
+
+    return end && !strcmp(end, ".dbc");
+}
+
+/* Reads the whole of a file behind its name, in memory that the bus owns. */
+static enum hil_client_code tables_read_file(struct hil_client *client, struct bus *bus,
+                                             const char *folder, const char *name)
+{
+    const size_t length = strlen(folder) + strlen(name) + 2;
+    char *memory = malloc(length + FILE_SIZE + 1);
+    FILE *file;
+    size_t size;
+
+    if (!memory) {
+        return client_fail(client, HIL_CLIENT_SYSTEM, "no memory");
+    }
+    snprintf(memory, length, "%s/%s", folder, name);
+    bus->file = memory;
+    bus->text = memory + length;
+    file = fopen(memory, "re");
+    if (!file) {
+        return client_fail(client, HIL_CLIENT_TABLES, "%.200s: %s", memory, strerror(errno));
+    }
+    size = fread(bus->text, 1, FILE_SIZE, file);
+    fclose(file);
+    bus->text[size] = '\0';
+    memory = realloc(memory, length + size + 1);
+    bus->file = memory ? memory : bus->file;
+    bus->text = bus->file + length;
+    return size < FILE_SIZE ? HIL_CLIENT_OK
+                            : client_fail(client, HIL_CLIENT_TABLES,
+                                          "%.200s: expected a file of less than 4 MiB", bus->file);
+}
+
+/* Reads whose bus a file describes: CM_ "Rig R, bus B on I: protocol P, supply V V. ..." */
+static enum hil_client_code tables_read_title(struct hil_client *client, struct bus *bus,
+                                              char rig[static 41])
+{
+    const char *title = strstr(bus->text, "\nCM_ \"Rig "), *supply;
+    char protocol[16], line[320];
+
+    snprintf(line, sizeof line, "%.*s", title ? (int)strcspn(title + 1, "\n") : 0, title + 1);
+    if (!title || sscanf(line, "CM_ \"Rig %40[^ ,], bus %40[^ ,] on %15[^ :]: protocol %15[a-z0-9]",
+                         rig, bus->name, bus->interface, protocol) != 4) {
+        return client_fail(client, HIL_CLIENT_TABLES,
+                           "%.200s: found no CM_ \"Rig ..., expected a file of coman-hil dbc",
+                           bus->file);
+    }
+    supply = strstr(line, ", supply ");
+    if (!supply || sscanf(supply, ", supply %lf V", &bus->supply_v) != 1) {
+        bus->supply_v = 0.0;
+    }
+    bus->protocol = ICUB;
+    while (bus->protocol != OTHER && strcmp(protocols[bus->protocol].name, protocol) != 0) {
+        bus->protocol++;
+    }
+    return HIL_CLIENT_OK;
+}
+
+/* Adds a file of the folder, unless it is for another rig than the wanted one. */
+static enum hil_client_code tables_add_file(struct hil_client *client, const char *folder,
+                                            const char *name, const char *wanted)
+{
+    struct hil_client_core *core = client->core;
+    struct bus *bus = &core->bus[core->nbus];
+    enum hil_client_code code;
+    char rig[41];
+
+    if (core->nbus == BUSES_MAX) {
+        return client_fail(client, HIL_CLIENT_TABLES, "%.200s: found more than 64 buses", folder);
+    }
+    bus->socket = -1;
+    code = tables_read_file(client, bus, folder, name);
+    code = code ? code : tables_read_title(client, bus, rig);
+    if (code || (wanted && strcmp(rig, wanted) != 0)) {
+        free(bus->file);
+        return code;
+    }
+    if (core->nbus > 0 && strcmp(core->rig, rig) != 0) {
+        free(bus->file);
+        return client_fail(client, HIL_CLIENT_TABLES,
+                           "%.150s: found files of the rigs %s and %s: say which in options.rig",
+                           folder, core->rig, rig);
+    }
+    memcpy(core->rig, rig, sizeof rig);
+    core->nbus++;
+    return HIL_CLIENT_OK;
+}
+
+static size_t tables_count(const char *text, const char *what)
+{
+    size_t count = 0;
+
+    for (; (text = strstr(text, what)); text++) {
+        count++;
+    }
+    return count;
+}
+
+/* Makes room for all that the files may hold, one more of each than there are, and reads them. */
+static enum hil_client_code tables_read_all(struct hil_client *client)
+{
+    struct hil_client_core *core = client->core;
+    size_t messages = 1, signals = 1, names = 1;
+    enum hil_client_code code = HIL_CLIENT_OK;
+
+    for (size_t i = 0; i < core->nbus; i++) {
+        messages += tables_count(core->bus[i].text, "BO_ ");
+        signals += tables_count(core->bus[i].text, " SG_ ");
+        names += tables_count(core->bus[i].text, "\"");
+    }
+    core->message = calloc(messages, sizeof *core->message);
+    core->signal = calloc(signals, sizeof *core->signal);
+    core->name = calloc(names, sizeof *core->name);
+    if (!core->message || !core->signal || !core->name) {
+        return client_fail(client, HIL_CLIENT_SYSTEM, "no memory");
+    }
+    for (size_t i = 0; i < core->nbus && !code; i++) {
+        code = table_read(client, &core->bus[i]);
+    }
+    return code;
+}
+
+/* Reads the files of a rig in a folder, in the order of their names. */
+static enum hil_client_code tables_open(struct hil_client *client, const char *folder,
+                                        const char *rig)
+{
+    /* A number has a point for its fraction, whatever the program's language */
+    locale_t c = newlocale(LC_NUMERIC_MASK, "C", (locale_t)0), before;
+    enum hil_client_code code = HIL_CLIENT_OK;
+    struct dirent **entry = NULL;
+    int count = folder ? scandir(folder, &entry, tables_is_dbc, alphasort) : 0;
+
+    if (!c || count < 0) {
+        code = client_fail_system(client, folder);
+        return c ? (freelocale(c), code) : code;
+    }
+    before = uselocale(c);
+    for (int i = 0; i < count; i++) {
+        code = code ? code : tables_add_file(client, folder, entry[i]->d_name, rig);
+        free(entry[i]);
+    }
+    free(entry);
+    if (!code && client->core->nbus == 0) {
+        code =
+            client_fail(client, HIL_CLIENT_TABLES,
+                        "%.150s: found no file of %.40s: coman-hil dbc RIG -o FOLDER writes them",
+                        folder ? folder : "options.tables", rig ? rig : "a rig");
+    }
+    code = code ? code : tables_read_all(client);
+    uselocale(before);
+    freelocale(c);
+    return code;
+}
+
+/* ---- frames that come and go ---- */
+
+/* Takes a DONE: that of the present STEP has the tick where it ends, or refuses it at another one
+ * than it began at. There may be others, of STEPs and clients before. */
+static void bus_take_done(struct hil_client *client, struct bus *bus, const uint8_t *data)
+{
+    struct hil_client_core *core = client->core;
+    const uint32_t tick =
+        data[0] | (uint32_t)data[1] << 8 | (uint32_t)data[2] << 16 | (uint32_t)data[3] << 24;
+    const unsigned flags = data[4] | (unsigned)data[5] << 8;
+
+    if (flags & MISMATCH ? tick != core->begin : flags & STOPPING || tick == core->expected) {
+        core->told = tick;
+        core->refused = flags & MISMATCH;
+        core->stopping = flags & STOPPING;
+        client->flags = (uint16_t)flags;
+        bus->done = true;
+    }
+}
+
+static void bus_take_frame(struct hil_client *client, struct bus *bus, uint32_t id,
+                           const uint8_t *data, size_t length, int64_t time_ns)
+{
+    struct message *message = message_find_id(client->core, bus, id);
+
+    client->core->frames++;
+    if (message && !strcmp(message->name, "DONE") && length == 6) {
+        bus_take_done(client, bus, data);
+    } else if (message) {
+        memcpy(message->data, data, length);
+        message->heard = (unsigned)length;
+        message->time_ns = time_ns;
+    }
+}
+
+/* Takes "frame ID SECONDS.MICROSECONDS BYTES BUS", or fdframe, with FLAGS behind the ID. */
+static void stream_take_frame(struct hil_client *client, char *text)
+{
+    char *word[8] = {NULL}, *end;
+    uint8_t data[64];
+    size_t words = 0, length;
+    struct bus *bus;
+    int64_t time_ns;
+    uint32_t id;
+
+    while (words < 8 && (word[words] = strsep(&text, " "))) {
+        words++;
+    }
+    if (words == 8 && !strcmp(word[1], "fdframe")) {
+        memmove(&word[3], &word[4], 4 * sizeof *word);
+    } else if (words != 7 || strcmp(word[1], "frame") != 0) {
+        return;
+    }
+    bus = bus_find(client->core, word[5]);
+    id = (uint32_t)strtoul(word[2], &end, 16) | (end - word[2] == 8 ? CAN_EFF_FLAG : 0);
+    time_ns = strtoll(word[3], &end, 10) % INT64_C(9000000000) * 1000000000;
+    time_ns += *end == '.' ? strtol(end + 1, NULL, 10) % 1000000 * 1000 : 0;
+    length = strlen(word[4]) / 2;
+    for (size_t i = 0; i < length && i < sizeof data; i++) {
+        const char byte[] = {word[4][2 * i], word[4][2 * i + 1], '\0'};
+
+        data[i] = (uint8_t)strtoul(byte, NULL, 16);
+    }
+    if (bus && length <= sizeof data && time_ns >= 0) {
+        bus_take_frame(client, bus, id, data, length, time_ns);
+    }
+}
+
+/* Takes the commands that have come whole; what is incomplete waits for its end. */
+static enum hil_client_code stream_take(struct hil_client *client)
+{
+    struct hil_client_core *core = client->core;
+    char *at = core->in, *end, *begin;
+
+    while ((begin = memchr(at, '<', core->nin - (size_t)(at - core->in))) &&
+           (end = memchr(begin, '>', core->nin - (size_t)(begin - core->in)))) {
+        *end = '\0';
+        at = end + 1;
+        if (!strncmp(begin, "< error ", 8)) {
+            return client_fail(client, HIL_CLIENT_CONNECTION, "the gateway says: %.200s",
+                               begin + 8);
+        }
+        core->heard += !strcmp(begin, "< hi ") || !strcmp(begin, "< ok ");
+        stream_take_frame(client, begin + 1);
+    }
+    core->nin = begin ? core->nin - (size_t)(begin - core->in) : 0;
+    memmove(core->in, begin ? begin : core->in, core->nin);
+    return core->nin < sizeof core->in ? HIL_CLIENT_OK
+                                       : client_fail(client, HIL_CLIENT_CONNECTION,
+                                                     "the gateway sends a command without an end");
+}
+
+static enum hil_client_code stream_receive(struct hil_client *client)
+{
+    struct hil_client_core *core = client->core;
+    const ssize_t size =
+        recv(core->gateway, core->in + core->nin, sizeof core->in - core->nin, MSG_DONTWAIT);
+
+    if (size < 0 && (errno == EAGAIN || errno == EINTR)) {
+        return HIL_CLIENT_OK;
+    }
+    if (size <= 0) {
+        return client_fail(client, HIL_CLIENT_CONNECTION, "the gateway has closed the connection");
+    }
+    core->nin += (size_t)size;
+    return stream_take(client);
+}
+
+/* Sends all that waits for it. */
+static enum hil_client_code stream_flush(struct hil_client *client)
+{
+    struct hil_client_core *core = client->core;
+    struct pollfd socket = {.fd = core->gateway, .events = POLLOUT};
+
+    while (core->nout > 0) {
+        const ssize_t size =
+            send(core->gateway, core->out, core->nout, MSG_DONTWAIT | MSG_NOSIGNAL);
+        enum hil_client_code code = HIL_CLIENT_OK;
+
+        if (size > 0) {
+            core->nout -= (size_t)size;
+            memmove(core->out, core->out + size, core->nout);
+        } else if (errno == EAGAIN) {
+            code = client_poll(client, &socket, 1);
+        } else if (errno != EINTR) {
+            code =
+                client_fail(client, HIL_CLIENT_CONNECTION, "the gateway has closed the connection");
+        }
+        if (code) {
+            return code;
+        }
+    }
+    return HIL_CLIENT_OK;
+}
+
+/* Takes the frames that an interface has. */
+static enum hil_client_code interface_receive(struct hil_client *client, struct bus *bus)
+{
+    for (int i = 0; i < READS_MAX; i++) {
+        struct canfd_frame frame;
+        const ssize_t size = read(bus->socket, &frame, sizeof frame);
+
+        if (size < 0 && (errno == EAGAIN || errno == EINTR)) {
+            break;
+        }
+        if (size < (ssize_t)CAN_MTU) {
+            return client_fail_system(client, bus->interface);
+        }
+        if (!(frame.can_id & (CAN_RTR_FLAG | CAN_ERR_FLAG)) && frame.len <= sizeof frame.data) {
+            bus_take_frame(client, bus, frame.can_id, frame.data, frame.len, client_now_ns());
+        }
+    }
+    return HIL_CLIENT_OK;
+}
+
+/* Sends a frame; a full queue is waited for. */
+static enum hil_client_code interface_send(struct hil_client *client, const struct bus *bus,
+                                           const struct canfd_frame *frame, size_t size)
+{
+    const struct timespec pause = {.tv_nsec = 200000};
+
+    while (write(bus->socket, frame, size) != (ssize_t)size) {
+        if (errno != EAGAIN && errno != EINTR && errno != ENOBUFS) {
+            return client_fail_system(client, bus->interface);
+        }
+        if (client_now_ns() / 1000000 > client->core->deadline_ms) {
+            return client_fail(client, HIL_CLIENT_TIMEOUT, "%s: its queue is full", bus->interface);
+        }
+        nanosleep(&pause, NULL);
+    }
+    return HIL_CLIENT_OK;
+}
+
+static enum hil_client_code client_send_frame(struct hil_client *client,
+                                              const struct message *message, const uint8_t *data,
+                                              size_t length)
+{
+    struct hil_client_core *core = client->core;
+    struct canfd_frame frame = {
+        .can_id = message->id, .len = (uint8_t)length, .flags = message->fd ? CANFD_BRS : 0};
+    const size_t room = 512; /* for the longest command, with 64 bytes */
+    enum hil_client_code code;
+    char *out;
+
+    if (core->gateway < 0) {
+        memcpy(frame.data, data, length);
+        return interface_send(client, message->bus, &frame, message->fd ? CANFD_MTU : CAN_MTU);
+    }
+    code = core->nout + room > sizeof core->out ? stream_flush(client) : HIL_CLIENT_OK;
+    if (code) {
+        return code;
+    }
+    out = core->out + core->nout;
+    out += sprintf(out, "< %s %0*" PRIX32 "%s %zu", message->fd ? "fdsend" : "send",
+                   message->id & CAN_EFF_FLAG ? 8 : 3, message->id & CAN_EFF_MASK,
+                   message->fd ? " 1" : "", length);
+    for (size_t i = 0; i < length; i++) {
+        out += sprintf(out, " %02x", data[i]);
+    }
+    out += sprintf(out, " %s >", message->bus->name);
+    core->nout = (size_t)(out - core->out);
+    return HIL_CLIENT_OK;
+}
+
+/* Takes what has come. */
+static enum hil_client_code client_take(struct hil_client *client)
+{
+    struct hil_client_core *core = client->core;
+    enum hil_client_code code = HIL_CLIENT_OK;
+
+    if (core->gateway >= 0) {
+        return stream_receive(client);
+    }
+    for (size_t i = 0; i < core->nbus && !code; i++) {
+        code = interface_receive(client, &core->bus[i]);
+    }
+    return code;
+}
+
+/* Waits until something comes, and takes it. */
+static enum hil_client_code client_wait(struct hil_client *client)
+{
+    struct hil_client_core *core = client->core;
+    struct pollfd socket[BUSES_MAX] = {{.fd = core->gateway, .events = POLLIN}};
+    enum hil_client_code code;
+
+    for (size_t i = 0; core->gateway < 0 && i < core->nbus; i++) {
+        socket[i] = (struct pollfd){.fd = core->bus[i].socket, .events = POLLIN};
+    }
+    code = client_poll(client, socket, core->gateway < 0 ? core->nbus : 1);
+    return code ? code : client_take(client);
+}
+
+/* ---- connections ---- */
+
+/* Waits for the file of --ready, and reads where the gateway is. */
+static enum hil_client_code client_read_ready(struct hil_client *client, const char *path,
+                                              char host[static 64], uint16_t *port)
+{
+    const struct timespec pause = {.tv_nsec = 2000000};
+    char line[512];
+    FILE *file;
+
+    while (!(file = fopen(path, "re"))) {
+        if (client_now_ns() / 1000000 > client->core->deadline_ms) {
+            return client_fail(client, HIL_CLIENT_TIMEOUT, "%.200s is not there after %d ms", path,
+                               client->core->timeout_ms);
+        }
+        nanosleep(&pause, NULL);
+    }
+    while (fgets(line, sizeof line, file)) {
+        if (sscanf(line, "gateway_host='%63[^']", host) != 1) {
+            sscanf(line, "gateway_port='%5" SCNu16, port);
+        }
+    }
+    fclose(file);
+    return *port ? HIL_CLIENT_OK
+                 : client_fail(client, HIL_CLIENT_CONNECTION,
+                               "%.200s names no gateway: run with --gateway 0", path);
+}
+
+static enum hil_client_code stream_connect(struct hil_client *client, const char *host,
+                                           uint16_t port)
+{
+    struct hil_client_core *core = client->core;
+    const struct addrinfo hints = {.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV,
+                                   .ai_socktype = SOCK_STREAM};
+    struct addrinfo *address = NULL;
+    struct pollfd wait = {.events = POLLOUT};
+    char service[8];
+    socklen_t size = sizeof(int);
+    int error = 0, one = 1;
+
+    snprintf(service, sizeof service, "%u", port);
+    if (getaddrinfo(host, service, &hints, &address)) {
+        return client_fail(client, HIL_CLIENT_INPUT, "host: found \"%.60s\", expected an address",
+                           host);
+    }
+    core->gateway = socket(address->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    wait.fd = core->gateway;
+    if (connect(core->gateway, address->ai_addr, address->ai_addrlen)) {
+        error = errno;
+        if (error == EINPROGRESS && !client_poll(client, &wait, 1)) {
+            getsockopt(core->gateway, SOL_SOCKET, SO_ERROR, &error, &size);
+        }
+    }
+    freeaddrinfo(address);
+    if (core->gateway < 0 || error) {
+        return client_fail(client, HIL_CLIENT_CONNECTION, "%.60s:%u: %s", host, port,
+                           strerror(error));
+    }
+    setsockopt(core->gateway, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
+    return HIL_CLIENT_OK;
+}
+
+/* Joins all buses of the gateway. */
+static enum hil_client_code stream_open(struct hil_client *client, const char *host, uint16_t port)
+{
+    static const char *const commands[] = {"", "< open all >", "< rawmode >"};
+    struct hil_client_core *core = client->core;
+    enum hil_client_code code = stream_connect(client, host, port);
+
+    for (unsigned i = 0; i < 3 && !code; i++) {
+        core->nout = (size_t)sprintf(core->out, "%s", commands[i]);
+        code = stream_flush(client);
+        while (!code && core->heard <= i) {
+            code = client_wait(client);
+        }
+    }
+    return code;
+}
+
+/* Opens the interface of a bus, that of its "BUS=INTERFACE" if there is one. */
+static enum hil_client_code interface_open(struct hil_client *client, struct bus *bus,
+                                           const char *const *interfaces)
+{
+    struct sockaddr_can address = {.can_family = AF_CAN};
+    const size_t length = strlen(bus->name);
+    const int on = 1;
+
+    for (; interfaces && *interfaces; interfaces++) {
+        if (!strncmp(*interfaces, bus->name, length) && (*interfaces)[length] == '=') {
+            snprintf(bus->interface, sizeof bus->interface, "%s", *interfaces + length + 1);
+        }
+    }
+    bus->socket = socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, CAN_RAW);
+    address.can_ifindex = (int)if_nametoindex(bus->interface);
+    if (bus->socket < 0 || !address.can_ifindex ||
+        setsockopt(bus->socket, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on) ||
+        bind(bus->socket, (struct sockaddr *)&address, sizeof address)) {
+        return client_fail_system(client, bus->interface);
+    }
+    return HIL_CLIENT_OK;
+}
+
+static enum hil_client_code client_connect(struct hil_client *client,
+                                           const struct hil_client_options *options)
+{
+    char host[64] = "127.0.0.1";
+    uint16_t port = options->port;
+    enum hil_client_code code = HIL_CLIENT_OK;
+
+    client_limit_time(client->core, client->core->timeout_ms);
+    if (options->ready) {
+        code = client_read_ready(client, options->ready, host, &port);
+    } else if (options->host) {
+        snprintf(host, sizeof host, "%s", options->host);
+    }
+    if (code || port) {
+        return code ? code : stream_open(client, host, port);
+    }
+    for (size_t i = 0; i < client->core->nbus && !code; i++) {
+        code = interface_open(client, &client->core->bus[i], options->interfaces);
+    }
+    return code;
+}
+
+/* ---- messages of commands ---- */
+
+/* Sends the message with these values, in so many bytes, 0 = as the tables say. */
+static enum hil_client_code client_send_values(struct hil_client *client,
+                                               const struct message *message, size_t length,
+                                               const struct hil_client_value *values, size_t count)
+{
+    unsigned longest = 0;
+    bool is_command = false;
+    uint8_t data[64] = {0};
+
+    for (size_t i = 0; i < count; i++) {
+        const struct signal *signal = signal_find(client->core, message, values[i].signal);
+
+        if (!signal) {
+            return client_fail(client, HIL_CLIENT_INPUT, "%s has no signal %.60s", message->name,
+                               values[i].signal);
+        }
+        signal_put(signal, data,
+                   signal_encode(signal, values[i].value, signal->scale, signal->offset));
+        if (signal->selector >= 0) {
+            const unsigned own = signal->length ? signal->length : message->length;
+
+            data[0] = (uint8_t)signal->selector;
+            longest = own > longest ? own : longest;
+        }
+        is_command = is_command || signal->selector == SELECTOR;
+    }
+    longest = longest ? longest : is_command ? 1 : message->length;
+    return client_send_frame(client, message, data, length ? length : longest);
+}
+
+/* Sends a command of a board: its signals' names are that of the command and their own. */
+static enum hil_client_code board_command(struct hil_client *client, const struct board *board,
+                                          size_t length, const struct hil_client_value *values,
+                                          size_t count)
+{
+    const struct message *message = message_find(client->core, board->bus, board->name, "_COMMAND");
+
+    return message ? client_send_values(client, message, length, values, count)
+                   : client_fail(client, HIL_CLIENT_TABLES, "%s: found no %s_COMMAND",
+                                 board->bus->file, board->name);
+}
+
+/* ---- joints and their boards ---- */
+
+static bool text_begins(const char *text, const char *begin)
+{
+    return !strncmp(text, begin, strlen(begin));
+}
+
+/* Keeps a signal that boards send of a joint where it is a better source than the present one. */
+static void joint_take_source(struct joint *joint, const struct signal *signal,
+                              const char *best[SOURCES])
+{
+    const struct message *message = signal->message;
+    const size_t sender = strlen(message->sender);
+    const char *kind = message->name;
+    char key[2 * NAME_SIZE + 4];
+    size_t length;
+
+    /* The name of the message without that of its sender and a number at the end */
+    kind += text_begins(kind, message->sender) && kind[sender] == '_' ? sender + 1 : 0;
+    length = strlen(kind);
+    while (length > 0 && isdigit((unsigned char)kind[length - 1])) {
+        length--;
+    }
+    length = kind[length] && length > 0 && kind[length - 1] == '_' ? length - 1 : strlen(kind);
+    snprintf(key, sizeof key, " %.*s:%s ", (int)length, kind, signal_quantity(signal));
+    for (int i = 0; i < SOURCES; i++) {
+        const char *found = strstr(sources[i], key);
+
+        if (found && (!best[i] || found < best[i])) {
+            best[i] = found;
+            joint->source[i] = signal;
+        }
+    }
+}
+
+/* Keeps a signal that commands a joint. Currents are in mA whatever the mode before was. */
+static void joint_take_command(struct joint *joint, const struct signal *signal)
+{
+    const enum protocol protocol = joint->board->bus->protocol;
+    const char *quantity = signal_quantity(signal);
+
+    if (text_begins(quantity, "SET_CONTROL_MODE_mode")) {
+        joint->mode = signal;
+    }
+    for (int i = HIL_CLIENT_VOLTAGE; i < HIL_CLIENT_QUANTITIES; i++) {
+        const char *begin = protocols[protocol].signal[i];
+
+        if (begin && text_begins(quantity, begin)) {
+            joint->set_point[i] = (struct set_point){
+                .signal = signal,
+                .scale = i == HIL_CLIENT_CURRENT ? 1e-3 : signal->scale,
+                .offset = i == HIL_CLIENT_CURRENT ? 0.0 : signal->offset,
+                .percent = i == HIL_CLIENT_VOLTAGE && strcmp(signal->unit, "V") != 0,
+            };
+        }
+    }
+}
+
+/* Finds all signals about a joint. */
+static void joint_resolve(const struct hil_client_core *core, struct joint *joint)
+{
+    const struct bus *bus = joint->board->bus;
+    const struct message *status = message_find(core, bus, joint->board->name, "_STATUS");
+    const char *best[SOURCES] = {NULL};
+
+    for (size_t i = 0; i < core->nsignal; i++) {
+        const struct signal *signal = &core->signal[i];
+
+        if (strcmp(signal->about, joint->name) != 0) {
+            continue;
+        }
+        if (strcmp(signal->message->sender, "host") != 0 && signal->selector == PLAIN) {
+            joint_take_source(joint, signal, best);
+        } else if (!strcmp(signal->message->sender, "host") && signal->message->bus == bus) {
+            joint_take_command(joint, signal);
+        }
+    }
+
+    /* A target of foc boards counts as the voltage that STATUS reports */
+    for (size_t i = 0; bus->protocol == FOC && status && i < status->count; i++) {
+        const struct signal *signal = &core->signal[status->first + i];
+
+        if (!strcmp(signal_quantity(signal), "pwm")) {
+            joint->set_point[HIL_CLIENT_VOLTAGE].scale = signal->scale;
+        }
+    }
+}
+
+/* Finds the channels of a force-torque sensor. */
+static void sensor_resolve(const struct hil_client_core *core, struct sensor *sensor)
+{
+    static const char *const names[] = {"fx", "fy", "fz", "mx", "my", "mz"};
+    const struct bus *bus = sensor->board->bus;
+
+    for (size_t i = 0; i < bus->count; i++) {
+        const struct message *message = &core->message[bus->first + i];
+
+        for (int k = 0; k < 6 && !strcmp(message->sender, sensor->board->name); k++) {
+            const struct signal *signal = signal_find(core, message, names[k]);
+
+            sensor->source[k] = signal && signal->selector == PLAIN ? signal : sensor->source[k];
+        }
+    }
+}
+
+/* The bits for the set-point of a joint. */
+static uint64_t joint_set_point_bits(const struct joint *joint)
+{
+    const struct set_point *point = &joint->set_point[joint->quantity];
+    const double supply_v = joint->board->bus->supply_v;
+    double value = joint->value;
+
+    if (joint->quantity == HIL_CLIENT_VOLTAGE && supply_v > 0.0) {
+        value = fmax(-supply_v, fmin(supply_v, value));
+        value = point->percent ? 100.0 * value / supply_v : value;
+    }
+    return signal_encode(point->signal, value, point->scale, point->offset);
+}
+
+/* Sends the set-points: to icub boards a command a motor, to the others a frame for all of them. */
+static enum hil_client_code client_send_set_points(struct hil_client *client)
+{
+    struct hil_client_core *core = client->core;
+    enum hil_client_code code = HIL_CLIENT_OK;
+
+    for (size_t i = 0; i < core->njoint && !code; i++) {
+        const struct joint *joint = &core->joint[i];
+        const struct signal *signal =
+            joint->set_point[joint->quantity ? joint->quantity : HIL_CLIENT_VOLTAGE].signal;
+        const uint64_t bits = joint->quantity ? joint_set_point_bits(joint) : 0;
+        uint8_t data[64] = {0};
+
+        if (signal && signal->selector < 0) {
+            signal_put(signal, signal->message->out, bits);
+            signal->message->pending = signal->message->pending || joint->quantity;
+        } else if (signal && joint->quantity) {
+            data[0] = (uint8_t)signal->selector;
+            signal_put(signal, data, bits);
+            code = client_send_frame(client, signal->message, data,
+                                     signal->length ? signal->length : signal->message->length);
+        }
+    }
+    for (size_t i = 0; i < core->nmessage && !code; i++) {
+        struct message *message = &core->message[i];
+
+        if (message->pending) {
+            message->pending = false;
+            code = client_send_frame(client, message, message->out, message->length);
+        }
+    }
+    return code;
+}
+
+/* The number that a signal has for a name; 0 = it knows none. */
+static double client_number(const struct hil_client_core *core, const struct signal *signal,
+                            const char *text)
+{
+    const struct name *name = signal_find_name(core, signal, text, 0);
+
+    return name ? (double)name->number : 0.0;
+}
+
+/* Switches the chosen joints of a bus: those of compact boards in one frame. */
+static enum hil_client_code bus_switch(struct hil_client *client, struct bus *bus,
+                                       const bool *chosen, enum hil_client_quantity quantity)
+{
+    struct hil_client_core *core = client->core;
+    const char *word = protocols[bus->protocol].mode[quantity];
+    const struct message *all = message_find(core, bus, "ALL_MODE", "");
+    enum hil_client_code code = HIL_CLIENT_OK;
+    uint32_t slots = 0;
+
+    for (size_t i = 0; i < core->njoint && !code; i++) {
+        const struct joint *joint = &core->joint[i];
+        const struct signal *point = joint->set_point[HIL_CLIENT_VOLTAGE].signal;
+
+        if (joint->board->bus != bus || !chosen[i]) {
+            continue;
+        }
+        if (joint->mode) {
+            const struct hil_client_value value = {joint->mode->name,
+                                                   client_number(core, joint->mode, word)};
+
+            code = client_send_values(client, joint->mode->message, 0, &value, 1);
+        } else if (point && !strncmp(point->message->name, "ALL_COMMAND_", 12)) {
+            const int group = atoi(point->message->name + 12);
+
+            slots |= 1u << (((unsigned)group * 4 + point->start / 16) & 31);
+        }
+    }
+    if (slots && all && !code) {
+        const struct hil_client_value values[] = {
+            {"mode", client_number(core, signal_find(core, all, "mode"), word)}, {"slots", slots}};
+
+        code = client_send_values(client, all, 0, values, 2);
+    }
+    return code;
+}
+
+/* Configures a board that drives motors or measures, in the stage of that number. */
+static enum hil_client_code board_configure(struct hil_client *client, const struct board *board,
+                                            int stage)
+{
+    struct hil_client_core *core = client->core;
+    const struct hil_client_foc_motor *m = &core->motor;
+    const struct hil_client_value sensor = {"SET_TRANSMIT_MODE_mode", 0.0};
+    const struct hil_client_value version[] = {{"GET_FIRMWARE_VERSION_major", 1.0},
+                                               {"GET_FIRMWARE_VERSION_minor", 6.0}};
+    const struct hil_client_value motor[] = {
+        {"SET_MOTOR_CONFIG_flags", 1.0}, /* it has an encoder */
+        {"SET_MOTOR_CONFIG_resolution", m->encoder_ticks_per_rev},
+        {"SET_MOTOR_CONFIG_poles", m->poles}};
+    const struct hil_client_value limit[] = {{"SET_CURRENT_LIMIT_nominal", 1e3 * m->nominal_a},
+                                             {"SET_CURRENT_LIMIT_peak", 1e3 * m->peak_a},
+                                             {"SET_CURRENT_LIMIT_overload", 1e3 * m->overload_a}};
+    const struct hil_client_value pid[] = {{"SET_CURRENT_PID_kp", m->current_kp},
+                                           {"SET_CURRENT_PID_ki", m->current_ki},
+                                           {"SET_CURRENT_PID_shift", m->current_shift}};
+    const char *const reports[] = {"_POSITION", "_STATUS", "_CURRENT", "_MOTOR_POSITION"};
+    struct hil_client_value policy = {"SET_BROADCAST_POLICY_mask_0", 0.0};
+
+    if (message_find(core, board->bus, board->name, "_FORCE")) {
+        return stage ? HIL_CLIENT_OK : board_command(client, board, 0, &sensor, 1);
+    }
+    if (board->bus->protocol == FOC && board->has_motors) {
+        return stage == 0   ? board_command(client, board, 0, version, 2)
+               : stage == 1 ? board_command(client, board, 7, motor, 3)
+               : stage == 2 ? board_command(client, board, 0, limit, 3)
+                            : board_command(client, board, 0, pid, 3);
+    }
+    if (stage || !board->has_motors) {
+        return HIL_CLIENT_OK;
+    }
+    for (size_t i = 0; i < sizeof reports / sizeof *reports; i++) {
+        const struct message *message = message_find(core, board->bus, board->name, reports[i]);
+
+        policy.value += message ? 1u << (((message->id & 0xf) - 1) & 0xf) : 0;
+    }
+    return board_command(client, board, 0, &policy, 1);
+}
+
+/* Makes the boards of all buses report, in a stage of four; false in `any` = it was empty. */
+static enum hil_client_code client_configure(struct hil_client *client, int stage)
+{
+    struct hil_client_core *core = client->core;
+    enum hil_client_code code = HIL_CLIENT_OK;
+
+    for (size_t i = 0; i < core->nboard && !code; i++) {
+        if (core->board[i].bus->protocol < COMPACT) {
+            code = board_configure(client, &core->board[i], stage);
+        }
+    }
+    for (size_t i = 0; stage == 0 && i < core->nmessage && !code; i++) {
+        const struct message *message = &core->message[i];
+        const struct signal *parameter = signal_find(core, message, "parameter");
+        const char *end = strrchr(message->name, '_');
+
+        if (message->bus->protocol == COMPACT && parameter && end && !strcmp(end, "_REQUEST")) {
+            const struct hil_client_value values[] = {
+                {"parameter", client_number(core, parameter, "telemetry_period")},
+                {"write", 1.0},
+                {"value", 1.0}};
+
+            code = client_send_values(client, message, 0, values, 3);
+        }
+    }
+    return code;
+}
+
+/* ---- time ---- */
+
+/* How many ticks one STEP may have: the set-points are to be sent again after them. */
+static int client_refresh_ticks(const struct hil_client_core *core)
+{
+    int ticks = STEP_TICKS;
+
+    for (size_t i = 0; i < core->njoint; i++) {
+        if (core->joint[i].quantity) {
+            const int own = core->joint[i].board->bus->protocol == FOC ? 1 : core->refresh_ticks;
+
+            ticks = own < ticks ? own : ticks;
+        }
+    }
+    return ticks;
+}
+
+/* Whether the DONE of each bus has come; a gateway passes that of the STEP's bus only, as the last
+ * frame. The first refusal is enough. */
+static bool client_is_done(const struct hil_client_core *core)
+{
+    bool done = core->step->bus->done;
+
+    for (size_t i = 0; core->gateway < 0 && i < core->nbus; i++) {
+        done = done && core->bus[i].done;
+    }
+    return done || core->refused;
+}
+
+/* Sends a STEP and receives until it is done. */
+static enum hil_client_code client_step_once(struct hil_client *client, int ticks)
+{
+    struct hil_client_core *core = client->core;
+    const struct hil_client_value values[] = {{"tick", (uint32_t)client->tick}, {"ticks", ticks}};
+    enum hil_client_code code = client_send_values(client, core->step, 0, values, 2);
+
+    core->begin = (uint32_t)client->tick;
+    core->expected = core->begin + (uint32_t)ticks;
+    core->refused = core->stopping = false;
+    for (size_t i = 0; i < core->nbus; i++) {
+        core->bus[i].done = false;
+    }
+    code = code || core->gateway < 0 ? code : stream_flush(client);
+    while (!code && !client_is_done(core)) {
+        code = client_wait(client);
+    }
+    if (code == HIL_CLIENT_TIMEOUT) {
+        return client_fail(client, code, "tick %" PRId64 ": no answer to STEP within %d ms",
+                           client->tick, core->timeout_ms);
+    }
+    if (!code && core->stopping && core->told != core->expected) {
+        return client_fail(client, HIL_CLIENT_STOPPED, "tick %" PRIu32 ": the run is over",
+                           core->told);
+    }
+    client->tick += code || core->refused ? 0 : ticks;
+    return code;
+}
+
+enum hil_client_code hil_client_step(struct hil_client *client, int ticks)
+{
+    struct hil_client_core *core = client->core;
+    enum hil_client_code code = HIL_CLIENT_OK;
+
+    if (!core->lockstep || ticks < 1) {
+        return client_fail(client, HIL_CLIENT_INPUT, "expected the lockstep clock, and a tick");
+    }
+    while (ticks > 0 && !code) {
+        const int most = client_refresh_ticks(core), count = ticks < most ? ticks : most;
+
+        client_limit_time(core, core->timeout_ms);
+        code = client_send_set_points(client);
+        code = code ? code : client_step_once(client, count);
+        if (!code && core->refused) {
+            client->tick = core->told;
+            code = !core->joined ? client_step_once(client, count) : HIL_CLIENT_OK;
+        }
+        if (!code && core->refused) {
+            code = client_fail(client, HIL_CLIENT_MOVED,
+                               "the run is at tick %" PRIu32 ": somebody else moves its time",
+                               core->told);
+        }
+        core->joined = core->joined || !code;
+        ticks -= count;
+    }
+    return code;
+}
+
+enum hil_client_code hil_client_write(struct hil_client *client)
+{
+    struct hil_client_core *core = client->core;
+    enum hil_client_code code;
+
+    if (core->lockstep) {
+        return client_fail(client, HIL_CLIENT_INPUT, "expected hil_client_step, in lockstep");
+    }
+    client_limit_time(core, core->timeout_ms);
+    code = client_send_set_points(client);
+    return code || core->gateway < 0 ? code : stream_flush(client);
+}
+
+enum hil_client_code hil_client_receive(struct hil_client *client, int timeout_ms)
+{
+    struct hil_client_core *core = client->core;
+    uint64_t seen = core->frames;
+    enum hil_client_code code;
+
+    if (core->lockstep) {
+        return client_fail(client, HIL_CLIENT_INPUT, "expected hil_client_step, in lockstep");
+    }
+    client_limit_time(core, timeout_ms);
+    code = client_wait(client);
+    for (int i = 0; i < READS_MAX && !code && seen != core->frames; i++) {
+        seen = core->frames;
+        code = client_take(client);
+    }
+    return code == HIL_CLIENT_TIMEOUT && timeout_ms <= 0 ? HIL_CLIENT_OK : code;
+}
+
+/* Lets so many ticks pass, or milliseconds. */
+static enum hil_client_code client_pass(struct hil_client *client, int ticks)
+{
+    const struct timespec tick = {.tv_nsec = 1000000};
+    enum hil_client_code code = HIL_CLIENT_OK;
+
+    if (client->core->lockstep) {
+        return hil_client_step(client, ticks);
+    }
+    for (; ticks > 0 && !code; ticks--) {
+        code = hil_client_write(client);
+        nanosleep(&tick, NULL);
+        code = code ? code : hil_client_receive(client, 0);
+    }
+    return code;
+}
+
+/* ---- the client ---- */
+
+enum hil_client_code hil_client_open(struct hil_client *client,
+                                     const struct hil_client_options *options)
+{
+    static const struct hil_client_foc_motor coman = {4096, 8, 12.0, 18.0, 24.0, 146, 227, 15};
+    struct hil_client_core *core = calloc(1, sizeof *core);
+    enum hil_client_code code;
+
+    *client = (struct hil_client){.core = core};
+    if (!core) {
+        return client_fail(client, HIL_CLIENT_SYSTEM, "no memory");
+    }
+    core->gateway = -1;
+    core->lockstep = options->lockstep;
+    core->timeout_ms = options->timeout_ms > 0 ? options->timeout_ms : 10000;
+    core->refresh_ticks = options->refresh_ticks > 0 ? options->refresh_ticks : 10;
+    core->motor = options->foc ? *options->foc : coman;
+
+    code = tables_open(client, options->tables, options->rig);
+    for (size_t i = 0; i < core->nbus && !core->step && !code; i++) {
+        core->step = message_find(core, &core->bus[i], "STEP", "");
+    }
+    if (!code && core->lockstep && !core->step) {
+        code = client_fail(client, HIL_CLIENT_TABLES, "found no STEP on any bus of %s", core->rig);
+    }
+    for (size_t i = 0; i < core->njoint && !code; i++) {
+        joint_resolve(core, &core->joint[i]);
+    }
+    for (size_t i = 0; i < core->nsensor && !code; i++) {
+        sensor_resolve(core, &core->sensor[i]);
+    }
+    code = code ? code : client_connect(client, options);
+    if (code) {
+        hil_client_close(client);
+    }
+    return code;
+}
+
+void hil_client_close(struct hil_client *client)
+{
+    struct hil_client_core *core = client->core;
+
+    if (!core) {
+        return;
+    }
+    if (core->gateway >= 0) {
+        close(core->gateway);
+    }
+    for (size_t i = 0; i < core->nbus; i++) {
+        if (core->bus[i].socket >= 0) {
+            close(core->bus[i].socket);
+        }
+        free(core->bus[i].file);
+    }
+    free(core->message);
+    free(core->signal);
+    free(core->name);
+    free(core);
+    client->core = NULL;
+}
+
+int hil_client_find_joint(const struct hil_client *client, const char *name)
+{
+    for (size_t i = 0; i < client->core->njoint; i++) {
+        if (!strcmp(client->core->joint[i].name, name)) {
+            return (int)i;
+        }
+    }
+    return -1;
+}
+
+int hil_client_find_sensor(const struct hil_client *client, const char *name)
+{
+    for (size_t i = 0; i < client->core->nsensor; i++) {
+        if (!strcmp(client->core->sensor[i].name, name)) {
+            return (int)i;
+        }
+    }
+    return -1;
+}
+
+const char *hil_client_joint_name(const struct hil_client *client, int joint)
+{
+    return joint >= 0 && (size_t)joint < client->core->njoint ? client->core->joint[joint].name
+                                                              : NULL;
+}
+
+const char *hil_client_sensor_name(const struct hil_client *client, int sensor)
+{
+    return sensor >= 0 && (size_t)sensor < client->core->nsensor ? client->core->sensor[sensor].name
+                                                                 : NULL;
+}
+
+enum hil_client_code hil_client_listen(struct hil_client *client)
+{
+    struct hil_client_core *core = client->core;
+    enum hil_client_code code = HIL_CLIENT_OK;
+    int stages = 1;
+
+    for (size_t i = 0; i < core->nbus; i++) {
+        stages = core->bus[i].protocol == FOC ? 4 : stages;
+    }
+    client_limit_time(core, core->timeout_ms);
+    for (int stage = 0; stage < stages && !core->listening && !code; stage++) {
+        code = client_configure(client, stage);
+        code = code ? code : client_pass(client, 2);
+    }
+    code = code || core->listening ? code : client_pass(client, SETTLE_TICKS);
+    core->listening = core->listening || !code;
+    return code;
+}
+
+/* Marks the joints of these names, all without names. */
+static enum hil_client_code client_choose(struct hil_client *client, const char *const *names,
+                                          size_t count, enum hil_client_quantity quantity,
+                                          bool chosen[JOINTS_MAX])
+{
+    struct hil_client_core *core = client->core;
+
+    for (size_t i = 0; i < (count ? count : core->njoint); i++) {
+        const int joint = count ? hil_client_find_joint(client, names[i]) : (int)i;
+        const struct set_point *point;
+
+        if (joint < 0 || (unsigned)quantity >= HIL_CLIENT_QUANTITIES) {
+            return client_fail(client, HIL_CLIENT_INPUT, "rig %s has no joint \"%.60s\"", core->rig,
+                               names[i]);
+        }
+        point = &core->joint[joint].set_point[quantity];
+        if (quantity && (!point->signal ||
+                         (point->percent && core->joint[joint].board->bus->supply_v <= 0.0))) {
+            return client_fail(
+                client, HIL_CLIENT_BOARD,
+                "the board of %s takes no such set-point, or its tables name no supply",
+                core->joint[joint].name);
+        }
+        chosen[joint] = true;
+    }
+    return HIL_CLIENT_OK;
+}
+
+/* Switches the chosen joints, whose set-points begin anew, and lets the boards say so. */
+static enum hil_client_code client_switch(struct hil_client *client, const bool *chosen,
+                                          enum hil_client_quantity quantity)
+{
+    struct hil_client_core *core = client->core;
+    enum hil_client_code code = HIL_CLIENT_OK;
+
+    client_limit_time(core, core->timeout_ms);
+    for (size_t i = 0; i < core->njoint; i++) {
+        struct hil_client_joint state;
+
+        if (chosen[i]) {
+            hil_client_read(client, (int)i, &state);
+            core->joint[i].value = quantity == HIL_CLIENT_POSITION ? state.position_rad : 0.0;
+            core->joint[i].quantity = quantity;
+        }
+    }
+    for (size_t i = 0; i < core->nbus && !code; i++) {
+        code = bus_switch(client, &core->bus[i], chosen, quantity);
+    }
+    return code ? code : client_pass(client, SETTLE_TICKS);
+}
+
+enum hil_client_code hil_client_enable(struct hil_client *client, const char *const *joints,
+                                       size_t njoint, enum hil_client_quantity quantity)
+{
+    struct hil_client_core *core = client->core;
+    bool chosen[JOINTS_MAX] = {false};
+    enum hil_client_code code = client_choose(client, joints, njoint, quantity, chosen);
+
+    code = code ? code : hil_client_listen(client);
+    code = code ? code : client_switch(client, chosen, HIL_CLIENT_OFF);
+    if (code || quantity == HIL_CLIENT_OFF) {
+        return code;
+    }
+    code = client_switch(client, chosen, quantity);
+    for (int ticks = 0; !code; ticks += SETTLE_TICKS) {
+        struct hil_client_joint state = {.is_on = true};
+        size_t i = 0;
+
+        while (i < core->njoint &&
+               (!chosen[i] || (hil_client_read(client, (int)i, &state), state.is_on))) {
+            i++;
+        }
+        if (i == core->njoint) {
+            return HIL_CLIENT_OK;
+        }
+        code = ticks >= ENABLE_TICKS
+                   ? client_fail(client, HIL_CLIENT_BOARD,
+                                 "%s does not switch on: mode \"%s\", faults 0x%" PRIx32,
+                                 core->joint[i].name, state.mode, state.faults)
+                   : client_pass(client, SETTLE_TICKS);
+    }
+    return code;
+}
+
+enum hil_client_code hil_client_command(struct hil_client *client, int joint,
+                                        enum hil_client_quantity quantity, double value)
+{
+    if (!hil_client_joint_name(client, joint) || !isfinite(value) || !quantity ||
+        client->core->joint[joint].quantity != quantity) {
+        return client_fail(client, HIL_CLIENT_INPUT,
+                           "joint %d: expected one that is on for this set-point, and a number",
+                           joint);
+    }
+    client->core->joint[joint].value = value;
+    return HIL_CLIENT_OK;
+}
+
+enum hil_client_code hil_client_read(const struct hil_client *client, int joint,
+                                     struct hil_client_joint *state)
+{
+    const struct joint *j;
+    const struct name *mode = NULL;
+    int64_t count;
+
+    if (!hil_client_joint_name(client, joint)) {
+        return HIL_CLIENT_INPUT;
+    }
+    j = &client->core->joint[joint];
+    *state = (struct hil_client_joint){
+        .position_rad = signal_value_si(j->source[POSITION]),
+        .motor_position_rad = signal_value_si(j->source[MOTOR_POSITION]),
+        .motor_velocity_rad_s = signal_value_si(j->source[MOTOR_VELOCITY]),
+        .current_a = signal_value_si(j->source[CURRENT]),
+        .torque_nm = signal_value_si(j->source[TORQUE]),
+        .mode = "",
+        .time_ns = -1,
+    };
+    if (j->source[DEFLECTION]) {
+        state->position_rad = state->motor_position_rad - signal_value_si(j->source[DEFLECTION]);
+    }
+    if (signal_get(j->source[MODE], &count)) {
+        mode = signal_find_name(client->core, j->source[MODE], NULL, count);
+        state->mode = mode ? mode->text : "";
+    }
+    state->faults = signal_get(j->source[FAULTS], &count) ? (uint32_t)count : 0;
+    state->is_on = j->quantity && mode &&
+                   !strcmp(mode->text, protocols[j->board->bus->protocol].mode[j->quantity]);
+    for (int i = 0; i < SOURCES; i++) {
+        if (j->source[i] && j->source[i]->message->time_ns > state->time_ns) {
+            state->time_ns = j->source[i]->message->time_ns;
+        }
+    }
+    return HIL_CLIENT_OK;
+}
+
+enum hil_client_code hil_client_read_wrench(const struct hil_client *client, int sensor,
+                                            struct hil_client_wrench *wrench)
+{
+    if (!hil_client_sensor_name(client, sensor)) {
+        return HIL_CLIENT_INPUT;
+    }
+    wrench->time_ns = -1;
+    for (int i = 0; i < 6; i++) {
+        const struct signal *signal = client->core->sensor[sensor].source[i];
+
+        *(i < 3 ? &wrench->force_n[i] : &wrench->moment_nm[i - 3]) = signal_value(signal);
+        if (signal && signal->message->time_ns > wrench->time_ns) {
+            wrench->time_ns = signal->message->time_ns;
+        }
+    }
+    return HIL_CLIENT_OK;
+}
+
+enum hil_client_code hil_client_send(struct hil_client *client, const char *bus,
+                                     const char *message, const struct hil_client_value *values,
+                                     size_t nvalue)
+{
+    const struct message *found =
+        message_find(client->core, bus_find(client->core, bus), message, "");
+
+    client_limit_time(client->core, client->core->timeout_ms);
+    return found ? client_send_values(client, found, 0, values, nvalue)
+                 : client_fail(client, HIL_CLIENT_INPUT, "found no message %.40s on bus %.40s",
+                               message, bus);
+}
+
+double hil_client_signal(const struct hil_client *client, const char *bus, const char *message,
+                         const char *signal)
+{
+    return signal_value(
+        signal_find(client->core,
+                    message_find(client->core, bus_find(client->core, bus), message, ""), signal));
+}
