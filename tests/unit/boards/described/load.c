@@ -79,38 +79,38 @@ static const struct {
     /* identifiers that are of two frames on every bus */
     {FRAME "  - {name: A, from: host, id: 0x10, by: address}\n"
            "  - {name: B, from: board, id: 0x10, by: address}\n",
-     "toy.yaml:7:31: found identifier 0x11 of frame \"B\" from the board, which frame \"A\" (line "
+     "toy.yaml:7:32: found identifier 0x11 of frame \"B\" from the board, which frame \"A\" (line "
      "6) "
      "from the host has"},
     {FRAME
      "  - {name: A, from: host, id: 0x12}\n  - {name: B, from: board, id: 0x10, by: address}\n",
-     "toy.yaml:7:31: found identifier 0x12 of frame \"B\""},
+     "toy.yaml:7:32: found identifier 0x12 of frame \"B\""},
     {FRAME "  - {name: A, from: board, id: 0x10, by: address, step: 2}\n"
            "  - {name: B, from: board, id: 0x12, by: address}\n",
-     "toy.yaml:7:31: found identifier 0x14 of frame \"B\" again, which frame \"A\" (line 6)"},
+     "toy.yaml:7:32: found identifier 0x14 of frame \"B\" again, which frame \"A\" (line 6)"},
     {FRAME "  - {name: A, from: host, id: 1, length: 1}\n"
            "  - {name: B, from: host, id: 1, payload: \"ff\"}\n",
-     "toy.yaml:7:30: found identifier 0x1 of frame \"B\" again"},
+     "toy.yaml:7:31: found identifier 0x1 of frame \"B\" again"},
     {FRAME "  - {name: A, from: host, id: 1, remote: true}\n"
            "  - {name: B, from: host, id: 1, remote: true, length: 1}\n",
-     "toy.yaml:7:30: found identifier 0x1 of frame \"B\" again"},
+     "toy.yaml:7:31: found identifier 0x1 of frame \"B\" again"},
     {FRAME "  - name: A\n    from: host\n    id: 0x1000000\n    by: address\n    extended: true\n"
            "    id_fields:\n      - {name: x, at_bit: 8, bits: 16, target: torque}\n"
            "  - {name: B, from: board, id: 0x100ff00, extended: true, by: address}\n",
-     "toy.yaml:13:31: found identifier 0x100ff01 of frame \"B\" from the board"},
+     "toy.yaml:13:32: found identifier 0x100ff01 of frame \"B\" from the board"},
     /* two names for one value */
     {"name: toy\nstates:\n  - {name: idle, law: \"off\"}\n  - {name: run, value: 1, law: voltage}\n"
      "  - {name: walk, value: 1, law: current}\nframes:\n  - name: A\n    from: host\n    id: 1\n"
      "    fields:\n      - {name: x, bits: 8, target: state}\n",
-     "toy.yaml:5:26: found value 1 of \"walk\", which \"run\" (line 4) has"},
+     "toy.yaml:5:25: found value 1 of \"walk\", which \"run\" (line 4) has"},
     {FRAME "  - name: A\n    from: host\n    id: 1\n    fields:\n"
            "      - {name: x, bits: 8, target: state, values: {a: 1, b: 1}}\n",
      "toy.yaml:10:58: found 1 for \"b\", which \"a\" has"},
     /* 29 bits, CAN FD, counters and checksums */
     {FRAME "  - {name: A, from: host, id: 0x800}\n",
-     "toy.yaml:6:30: found ids up to 0x800, expected them within 0x7ff"},
+     "toy.yaml:6:31: found ids up to 0x800, expected them within 0x7ff"},
     {FRAME "  - {name: A, from: host, id: 0x1ffffffe, by: address, extended: true}\n",
-     "toy.yaml:6:30: found ids up to 0x2000001d, expected them within 0x1fffffff"},
+     "toy.yaml:6:31: found ids up to 0x2000001d, expected them within 0x1fffffff"},
     {FRAME "  - name: A\n    from: host\n    id: 0\n    by: address\n    extended: true\n"
            "    id_fields:\n      - {name: x, at_bit: 4, bits: 8}\n",
      "toy.yaml:12:9: found field \"x\" in bits of the identifier that id or its number 16"},
