@@ -7,6 +7,8 @@
 #include <stdio.h>
 #include <string.h>
 
+enum { GAP_BITS = 32, GAPS_MAX = 8 * DESCRIBED_LENGTH_MAX / GAP_BITS }; /* pieces of padding */
+
 static bool described_is_integer(enum described_meaning meaning)
 {
     switch (meaning) {
@@ -174,12 +176,16 @@ struct described_plan {
     bool big;           /* order of the field before */
 };
 
+/* Adds padding, in pieces that the codec of fields takes. */
 static void described_add_gap(struct described_plan *plan, unsigned bits)
 {
-    if (bits > 0) {
+    while (bits > 0) {
+        unsigned part = bits < GAP_BITS ? bits : GAP_BITS;
+
         plan->layout[plan->nlayout++] = (struct field){
-            .type = bits | FIELD_PADDING | (plan->big ? FIELD_BIG_ENDIAN : 0u), .name = "gap"};
-        plan->bit += bits;
+            .type = part | FIELD_PADDING | (plan->big ? FIELD_BIG_ENDIAN : 0u), .name = "gap"};
+        plan->bit += part;
+        bits -= part;
     }
 }
 
@@ -427,7 +433,7 @@ static enum error_code described_lay_out_id(struct described_loader *l,
                                             struct described_frame *made)
 {
     struct described_plan plan = {
-        .layout = arena_alloc(l->arena, 2 * raw->nid_field + 2, sizeof *plan.layout),
+        .layout = arena_alloc(l->arena, 2 * raw->nid_field + 3, sizeof *plan.layout),
         .other = made->layout,
         .field = made->field,
         .nfield = made->ndata,
@@ -473,7 +479,7 @@ enum error_code described_lay_out(struct described_loader *l, const struct raw_d
                   : raw->nfield < DESCRIBED_FIELDS_MAX ? raw->nfield
                                                        : DESCRIBED_FIELDS_MAX;
     struct described_plan plan = {
-        .layout = arena_alloc(l->arena, 3 * most + 2, sizeof *plan.layout),
+        .layout = arena_alloc(l->arena, 3 * most + 2 + GAPS_MAX, sizeof *plan.layout),
         .field = arena_alloc(l->arena, DESCRIBED_FIELDS_MAX, sizeof *plan.field),
         .bits = 8 * (raw->fd ? DESCRIBED_LENGTH_MAX : DESCRIBED_CLASSIC_MAX),
     };

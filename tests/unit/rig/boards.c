@@ -534,6 +534,8 @@ int main(void)
         TEST(cia402_loads_are_those_of_counted_bits),
         TEST(described_loads_are_those_of_counted_bits),
         TEST(a_described_bus_has_its_protocol),
+        TEST(boards_of_a_described_bus_do_not_share_identifiers),
+        TEST(a_bus_with_described_fd_frames_is_one_of_can_fd),
         TEST(fd_loads_are_those_of_the_protocol_study),
         TEST(inertial_boards_load_their_buses),
         TEST(one_inertial_board_where_the_robot_has_the_sensor),
