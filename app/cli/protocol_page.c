@@ -269,7 +269,7 @@ static void protocol_put_fields(const struct message *message, const struct desc
 {
     size_t bytes = fields_bytes(message->fields), count;
 
-    if ((!message->fields || message->fields->type == FIELD_END) && !message->id_fields) {
+    if (fields_count(message->fields) == 0 && !message->id_fields) {
         return;
     }
     if (message->repeats > 1) {

@@ -74,14 +74,14 @@ result $? "a recorded run with 29-bit identifiers repeats"
 # the DBC: extended identifiers, which bits carry values, and what
 tap_show=$work/robstride.dbc
 "$program" dbc coman-robstride --bus torso -o "$work/robstride.dbc" >"$work/out" 2>&1 &&
-    grep -q "^BO_ $((0x81000001)) torso_0x01_CONTROL: 8 host$" "$tap_show" &&
-    grep -q "^BA_ "VFrameFormat" BO_ $((0x81000001)) 1;$" "$tap_show" &&
-    grep -q "^BA_ "IdentifierMask" BO_ $((0x81000001)) $((0xffff00));$" "$tap_show" &&
+    grep -q "^BO_ $((0x81000001)) torso_0x01_CONTROL_0: 8 host$" "$tap_show" &&
+    grep -q "^BA_ \"VFrameFormat\" BO_ $((0x81000001)) 1;$" "$tap_show" &&
+    grep -q "^BA_ \"IdentifierMask\" BO_ $((0x81000001)) $((0xffff00));$" "$tap_show" &&
     grep -q "^CM_ BO_ $((0x81000001)) \"in the identifier 8|16@1+ torque (0.0036" "$tap_show"
 result $? "its DBC has extended identifiers and says which bits carry values"
 tap_show=$work/out
 "$program" protocol robstride >"$work/out" 2>&1 &&
-    grep -q '^Board to host, id 0x020000fd + 0x100 a, 8 bytes, 29-bit identifier' "$work/out" &&
+    grep -q '^Answer: FEEDBACK, id 0x020000fd + 0x100 a, 8 bytes, 29-bit identifier' "$work/out" &&
     grep -q '^- identifier bits 16-21 `faults`: u6$' "$work/out"
 result $? "its page has the fields of the identifier"
 
