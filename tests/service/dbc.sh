@@ -17,10 +17,10 @@ export_rig() { # RIG BUSES
     result $? "$1: a file for each of $2 buses" "$(head -n 1 "$work/out")"
 }
 
-judge() { # RIG LEAST TESTS [LAG]
+judge() { # RIG LEAST TESTS [LAG PERIOD]
     timeout -k 5 100 "$hil" run "$HIL_SOURCE_DIR/config/rigs/$1.yaml" --transport local \
         --clock free --task squat \
-        --duration 0.5 --record-period 1 --quiet --record "$work/record-$1" >"$work/out" 2>&1 \
+        --duration 0.5 --record-period "${5:-1}" --quiet --record "$work/record-$1" >"$work/out" 2>&1 \
         </dev/null
     /usr/bin/python3 "$HIL_SOURCE_DIR/tests/service/dbc_judge.py" "$1" "$work/$1" \
         "$work/record-$1" $((number + 1)) "$2" "${4:-0}" \
@@ -60,5 +60,5 @@ judge coman-foc 10000 3
 judge coman-compact 20000 3
 judge coman-fd 20000 3
 judge coman-cia402 20000 3
-judge coman-robstride 8000 3 0.002
+judge coman-robstride 8000 3 0.002 2
 exit $failed

@@ -405,7 +405,7 @@ static void boards_of_a_described_bus_do_not_share_identifiers(void **state)
 static void a_bus_with_described_fd_frames_is_one_of_can_fd(void **state)
 {
     static const char protocol[] = "name: long\nstates: [{name: idle, law: \"off\"}]\nframes:\n"
-                                   "  - {name: A, from: board, id: 0x6f8, by: address, fd: true, "
+                                   "  - {name: A, from: board, id: 0x100, by: address, fd: true, "
                                    "length: 48, period_s: 0.01}\n";
     const struct rig *rig;
     double telemetry, command;
