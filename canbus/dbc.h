@@ -2,8 +2,8 @@
 /*
  * A DBC database: what the frames of one bus mean, in the text format that CAN tools read (nodes,
  * messages, signals, multiplexing, value tables, comments, cycle times, CAN FD). A database is
- * built piece by piece, each piece checked as it is added, then written: plain ASCII, the attributes
- * below, sections in the order that the format asks for. Not RT-safe.
+ * built piece by piece, each piece checked as it is added, then written: plain ASCII, the
+ * attributes below, sections in the order that the format asks for. Not RT-safe.
  *
  *   GenMsgCycleTime  of a message, ms; 0 = on demand
  *   VFrameFormat     of a message: StandardCAN, ExtendedCAN, StandardCAN_FD, ExtendedCAN_FD

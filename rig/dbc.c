@@ -102,8 +102,10 @@ static bool dbc_is_constant(const struct described_frame *frame)
 }
 
 /* Adds to a text of DBC_TEXT_MAX letters at most. */
-static void __attribute__((format(printf, 2, 3)))
-dbc_add_text(char text[DBC_TEXT_MAX + 1], const char *format, ...)
+static void dbc_add_text(char text[DBC_TEXT_MAX + 1], const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+static void dbc_add_text(char text[DBC_TEXT_MAX + 1], const char *format, ...)
 {
     size_t used = strlen(text);
     va_list arguments;

@@ -2,8 +2,8 @@
 /*
  * A protocol that a file describes (docs/own-boards.md): its frames with their fields, the states
  * of an axis and what our host has to send. The table is read once (described_load) and immutable
- * from then on; boards, host, DBC and `coman-hil protocol` all work from it. Classic CAN and CAN FD,
- * identifiers of 11 and of 29 bits, fields in the data and in the identifier.
+ * from then on; boards, host, DBC and `coman-hil protocol` all work from it. Classic CAN and CAN
+ * FD, identifiers of 11 and of 29 bits, fields in the data and in the identifier.
  *
  * Units: SI, angles at the link side of the gear. What a field carries is value = count * scale +
  * offset in the unit of its meaning. Memory is the arena's of described_load. RT-safe but for

@@ -20,8 +20,8 @@ export_rig() { # RIG BUSES
 judge() { # RIG LEAST TESTS [LAG PERIOD]
     timeout -k 5 100 "$hil" run "$HIL_SOURCE_DIR/config/rigs/$1.yaml" --transport local \
         --clock free --task squat \
-        --duration 0.5 --record-period "${5:-1}" --quiet --record "$work/record-$1" >"$work/out" 2>&1 \
-        </dev/null
+        --duration 0.5 --record-period "${5:-1}" --quiet --record "$work/record-$1" \
+        >"$work/out" 2>&1 </dev/null
     /usr/bin/python3 "$HIL_SOURCE_DIR/tests/service/dbc_judge.py" "$1" "$work/$1" \
         "$work/record-$1" $((number + 1)) "$2" "${4:-0}" \
         2>"$work/err" || { failed=1 && tail -n 1 "$work/err" | sed 's/^/# /'; }

@@ -100,7 +100,9 @@ with open(record + "/candump.log") as log:
             coarse = ENCODER.get(what, 0)
             # a deflection is the difference of two rounded numbers
             allowed = (1.01 if what == "deflection"
-                       else 0.505) * step + (coarse / 2 if abs(step - coarse) > 0.01 * coarse else 0)
+                       else 0.505) * step
+            if abs(step - coarse) > 0.01 * coarse:
+                allowed += coarse / 2
             compared[what] = compared.get(what, 0) + 1
             worst = max(worst, error / allowed)
             if error > allowed:

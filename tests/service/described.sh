@@ -50,7 +50,7 @@ still coman-odrive
 hold coman-robstride 1000
 still coman-robstride
 
-# stop and its answer, the parameter of the mode, enable, and commands with the torque in bits 8 to 23
+# stop and its answer, the parameter of the mode, enable, commands with the torque in bits 8 to 23
 tap_show=$work/coman-robstride/candump.log
 grep -q ' can0 0400FD01#0000000000000000$' "$tap_show" &&
     grep -q ' can0 020001FD#[0-9A-F]\{16\}$' "$tap_show" &&
@@ -63,8 +63,8 @@ result $? "drives of RobStride speak with fields in 29-bit identifiers"
 # replay: what the controller sent is played to drives, whose own frames of the log are left out
 hashed()
 {
-    timeout -k 5 100 "$program" run coman-robstride --transport local --clock lockstep --control none \
-        --quiet "$@" 2>"$work/err" </dev/null | sed -n 's/^ *state hash //p'
+    timeout -k 5 100 "$program" run coman-robstride --transport local --clock lockstep \
+        --control none --quiet "$@" 2>"$work/err" </dev/null | sed -n 's/^ *state hash //p'
 }
 tap_show="$work/err"
 first=$(hashed --task hold --ticks 300 --record "$work/recorded")
@@ -134,19 +134,21 @@ result $? "one identifier of host and board is refused with its place"
 sed 's/id: 0x300/id: 0x201/' "$work/my.yaml" >"$work/shifted.yaml"
 sed 's/my.yaml/shifted.yaml/' "$work/mine.yaml" >"$work/shifted-rig.yaml"
 "$program" check "$work/shifted-rig.yaml" >"$work/out" 2>&1
-[ $? -eq 2 ] && grep -q 'rigs/coman-mini-cheetah.yaml:[0-9]*:[0-9]*: found board torso/0x02, whose frame' \
-    "$work/out" && grep -q 'has the identifier 0x202 that frame STATUS of board torso/0x01 (line' "$work/out"
+[ $? -eq 2 ] &&
+    grep -q 'coman-mini-cheetah.yaml:[0-9]*:[0-9]*: found board torso/0x02, whose' "$work/out" &&
+    grep -q ' the identifier 0x202 that frame STATUS of board torso/0x01 (line' "$work/out"
 result $? "identifiers of two boards that collide are refused with both boards"
 
-# CAN FD with counters and checksums both ways: no board refuses a frame of the host's, every frame has
-# the checksum of another implementation and every count follows the one before it
+# CAN FD with counters and checksums both ways: no board refuses a frame of the host's, every frame
+# has the checksum of another implementation and every count follows the one before it
 cp "$HIL_SOURCE_DIR/tests/service/checked.yaml" "$work/checked.yaml"
 printf 'extends: coman-fd\nname: checked\npersonality: described\nprotocol: checked.yaml\n' \
     >"$work/checked-rig.yaml"
 tap_show=$work/out
-timeout -k 5 100 "$program" run "$work/checked-rig.yaml" --transport local --clock free --task hold \
-    --ticks 300 --control none --record-period 1 --quiet --record "$work/checked" >"$work/out" 2>&1 \
-    </dev/null && grep -q ' 0 foreign, 0 unknown commands, 0 malformed' "$work/out"
+timeout -k 5 100 "$program" run "$work/checked-rig.yaml" --transport local --clock free \
+    --task hold --ticks 300 --control none --record-period 1 --quiet --record "$work/checked" \
+    >"$work/out" 2>&1 </dev/null &&
+    grep -q ' 0 foreign, 0 unknown commands, 0 malformed' "$work/out"
 result $? "a protocol with CAN FD, counters and checksums runs"
 python3 - "$work/checked/candump.log" >"$work/out" 2>&1 <<'END'
 import collections, functools, re, sys
@@ -182,8 +184,9 @@ sys.exit(bool(wrong) or len(seen) < 4 or min(seen.values()) < 23)
 END
 result $? "its checksums and counters are right"
 mkdir "$work/dbc-checked" && "$program" dbc "$work/checked-rig.yaml" -o "$work/dbc-checked" \
-    >"$work/out" 2>&1 && grep -q '"alive counts the frames; byte 0 is the CRC-8 SAE J1850 of the others"' \
-    "$work"/dbc-checked/checked-left.dbc
+    >"$work/out" 2>&1 &&
+    grep -q '"alive counts the frames; byte 0 is the CRC-8 SAE J1850 of the others"' \
+        "$work/dbc-checked/checked-left.dbc"
 result $? "its DBC says what counts and what is a checksum"
 if /usr/bin/python3 -c 'import canmatrix.formats' 2>/dev/null; then
     /usr/bin/python3 "$HIL_SOURCE_DIR/tests/service/dbc_judge.py" checked "$work/dbc-checked" \

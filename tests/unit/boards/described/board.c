@@ -473,8 +473,8 @@ static void a_robstride_drive_answers_as_one_that_was_recorded(void **state)
     close_bench(&bench);
 }
 
-/* 0.7 rad, 0 rad/s, 100 Nm/rad, 0 Nm s/rad in the data, 5 Nm in the identifier: counts 34593, 32768,
- * 1311, 0 and 34133 of 65535, worked out by the ranges of the manual. */
+/* 0.7 rad, 0 rad/s, 100 Nm/rad, 0 Nm s/rad in the data, 5 Nm in the identifier: counts 34593,
+ * 32768, 1311, 0 and 34133 of 65535, worked out by the ranges of the manual. */
 static void a_robstride_drive_takes_its_torque_from_the_identifier(void **state)
 {
     const double pi = 3.14159265358979324;
