@@ -285,8 +285,8 @@ static void cia402_loads_are_those_of_counted_bits(void **state)
 
 /* Frames as compact's above, and 135 bits of each command, 115 of each answer a millisecond; of
  * ODrive's 135 bits of each command, and every 2, 10, 100 and 100 ms from each drive; of
- * RobStride's 160 bits of each command and as many of its answer, with identifiers of 29 bits, every
- * 2 ms. */
+ * RobStride's 160 bits of each command and as many of its answer, with identifiers of 29 bits,
+ * every 2 ms. */
 static void described_loads_are_those_of_counted_bits(void **state)
 {
     const double cheetah = 13.5 + 11.5, odrive = 13.5 + 13.5 / 2 + 1.35 + 0.27;
