@@ -35,7 +35,6 @@ struct frame_sink {
     struct bus_frame *frames;
     size_t count, max;
     int64_t time_ns;
-    uint8_t flags; /* of every frame: FRAME_FD and FRAME_BRS, or none */
 };
 
 /* What discovery says of a board. */
@@ -76,17 +75,18 @@ struct board_settings {
 struct board_bus_ops {
     /* A board has got its address; before its power-up. */
     void (*add_board)(struct board_bus *bus, struct board *board);
-    bool remote; /* remote frames mean something */
-    /* A frame with an 11-bit identifier and a length that the bus allows. */
+    bool remote;   /* remote frames mean something */
+    bool extended; /* so do identifiers of 29 bits */
+    /* A frame with an identifier and a length that the bus allows. */
     void (*receive)(struct boards *boards, struct board_bus *bus, const struct bus_frame *frame);
 };
 
 struct queued_reply {
     struct board *board;
     bool lost; /* with the board's power */
-    uint16_t id;
-    uint8_t len;
-    uint8_t data[8];
+    uint8_t flags, len;
+    uint32_t id;
+    uint8_t data[64];
 };
 
 enum { BOARD_ADDRESSES = 32 }; /* of all protocols; [0] is the host */
@@ -230,15 +230,20 @@ void board_event(const struct board *board, enum board_event_kind kind, unsigned
 /* Counts a frame that the board could not send; its next STATUS will report it. */
 void board_lose(struct board *board);
 
-/* Queues an answer (or a PRINT frame). */
+/* Queues an answer (or a PRINT frame) in the format of the bus, or with flags of its own. */
 void board_queue(struct board *board, uint32_t id, uint8_t len, const uint8_t *data);
+void board_queue_as(struct board *board, uint32_t id, uint8_t flags, uint8_t len,
+                    const uint8_t *data);
 
 /* Moves to another address; false when it is taken. */
 bool board_set_address(struct board *board, uint8_t address);
 
-/* Sends a periodic frame; when sink is full the frame is lost and counted. */
+/* Sends a periodic frame in the format of the bus, or with flags of its own; when sink is full the
+ * frame is lost and counted. */
 void board_send(struct board *board, struct frame_sink *sink, uint32_t id, uint8_t len,
                 const uint8_t *data);
+void board_send_as(struct board *board, struct frame_sink *sink, uint32_t id, uint8_t flags,
+                   uint8_t len, const uint8_t *data);
 
 /* Whether the electronics of a board work in a tick. */
 enum board_health {

@@ -214,7 +214,19 @@ void board_lose(struct board *board)
     board->boards->counters.overflows++;
 }
 
+/* The flags of a frame in the format of its bus. */
+static uint8_t bus_flags(const struct board_bus *bus)
+{
+    return bus->config.fd ? FRAME_FD | FRAME_BRS : 0;
+}
+
 void board_queue(struct board *board, uint32_t id, uint8_t len, const uint8_t *data)
+{
+    board_queue_as(board, id, bus_flags(board->bus), len, data);
+}
+
+void board_queue_as(struct board *board, uint32_t id, uint8_t flags, uint8_t len,
+                    const uint8_t *data)
 {
     struct board_bus *bus = board->bus;
     struct queued_reply *reply = &bus->replies[(bus->head + bus->waiting) % bus->capacity];
@@ -228,7 +240,11 @@ void board_queue(struct board *board, uint32_t id, uint8_t len, const uint8_t *d
     }
     board->replies++;
     bus->waiting++;
-    *reply = (struct queued_reply){.board = board, .id = (uint16_t)id, .len = len};
+    reply->board = board;
+    reply->lost = false;
+    reply->flags = flags;
+    reply->len = len;
+    reply->id = id;
     memcpy(reply->data, data, len);
 }
 
@@ -298,11 +314,11 @@ void boards_count_frame(struct boards *boards, struct board *listener, enum boar
 void boards_receive(struct boards *boards, int64_t now_ns, size_t bus,
                     const struct bus_frame *frame)
 {
-    const unsigned foreign = FRAME_EXTENDED | FRAME_ERROR;
-    bool fd = frame->flags & FRAME_FD;
+    bool fd = frame->flags & FRAME_FD, extended = frame->flags & FRAME_EXTENDED;
 
-    if (bus >= boards->nbus || frame->flags & foreign || frame->id > 0x7ff ||
-        frame->len > (fd ? 64 : 8) || (fd && !boards->bus[bus]->config.fd) ||
+    if (bus >= boards->nbus || frame->flags & FRAME_ERROR ||
+        frame->id > (extended ? 0x1fffffff : 0x7ff) || frame->len > (fd ? 64 : 8) ||
+        (extended && !boards->bus[bus]->ops->extended) || (fd && !boards->bus[bus]->config.fd) ||
         (frame->flags & FRAME_REMOTE && !boards->bus[bus]->ops->remote)) {
         boards->counters.foreign++;
         return;
@@ -413,13 +429,13 @@ void boards_set_can_state(struct boards *boards, size_t board, const struct boar
 }
 
 static void board_put_frame(const struct board *board, struct frame_sink *sink, uint32_t id,
-                            uint8_t len, const uint8_t *data)
+                            uint8_t flags, uint8_t len, const uint8_t *data)
 {
     struct bus_frame *frame = &sink->frames[sink->count++];
 
     memset(frame, 0, sizeof *frame);
     frame->id = id;
-    frame->flags = sink->flags;
+    frame->flags = flags;
     frame->len = len;
     frame->node = board->node;
     frame->time_ns = sink->time_ns;
@@ -431,11 +447,17 @@ static void board_put_frame(const struct board *board, struct frame_sink *sink, 
 void board_send(struct board *board, struct frame_sink *sink, uint32_t id, uint8_t len,
                 const uint8_t *data)
 {
+    board_send_as(board, sink, id, bus_flags(board->bus), len, data);
+}
+
+void board_send_as(struct board *board, struct frame_sink *sink, uint32_t id, uint8_t flags,
+                   uint8_t len, const uint8_t *data)
+{
     if (sink->count == sink->max) {
         board_lose(board);
         return;
     }
-    board_put_frame(board, sink, id, len, data);
+    board_put_frame(board, sink, id, flags, len, data);
 }
 
 static void bus_send_replies(struct board_bus *bus, struct frame_sink *sink)
@@ -446,7 +468,7 @@ static void bus_send_replies(struct board_bus *bus, struct frame_sink *sink)
         if (!reply->lost) {
             size_t from = sink->count;
 
-            board_put_frame(reply->board, sink, reply->id, reply->len, reply->data);
+            board_put_frame(reply->board, sink, reply->id, reply->flags, reply->len, reply->data);
             if (reply->board->faults) {
                 board_faults_filter(reply->board, sink, from);
             }
@@ -482,7 +504,6 @@ size_t boards_transmit(struct boards *boards, int64_t now_ns, size_t bus_index,
         return 0;
     }
     bus = boards->bus[bus_index];
-    sink.flags = bus->config.fd ? FRAME_FD | FRAME_BRS : 0;
     boards->event_ns = boards->now_ns = now_ns;
 
     /* Answers first, then what is due of the periodic frames, by address */

@@ -243,8 +243,10 @@ enum error_code boards_check(const struct boards_config *config, struct error *e
         return error_set(error, ERROR_INPUT, "boards: %zu are too many", config->nboard);
     }
     for (size_t i = 0; config->bus && i < config->nbus; i++) {
-        if (config->bus[i].fd && config->bus[i].personality != BOARD_COMPACT) {
-            return error_set(error, ERROR_INPUT, "boards: only compact boards speak CAN FD");
+        if (config->bus[i].fd && config->bus[i].personality != BOARD_COMPACT &&
+            config->bus[i].personality != BOARD_DESCRIBED) {
+            return error_set(error, ERROR_INPUT,
+                             "boards: only compact and described boards speak CAN FD");
         }
         if (config->bus[i].personality == BOARD_DESCRIBED && !config->bus[i].described) {
             return error_set(error, ERROR_INPUT, "boards: a described bus without its protocol");

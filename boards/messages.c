@@ -7,6 +7,7 @@
 #include "boards/compact/table.h"
 #include "boards/described/protocol.h"
 #include "boards/foc/table.h"
+#include "canbus/frame.h"
 
 enum { ICUB_SLOT_NS = ICUB_SLOTS * MS };
 
@@ -374,14 +375,21 @@ static void walk_described_frame(struct walk *walk, size_t index, int board, uns
     const struct message message = {
         .name = frame->name,
         .id = described_id(frame, number),
+        .id_mask = frame->mask,
+        .fd = frame->flags & FRAME_FD,
+        .extended = frame->flags & FRAME_EXTENDED,
+        .remote = frame->remote,
+        .bit_rate_switch = frame->flags & FRAME_BRS,
         .sender = frame->from_host ? MESSAGE_NO_BOARD : board,
         .receiver = frame->from_host ? board : MESSAGE_NO_BOARD,
         .from_host = frame->from_host,
-        .length = (uint8_t)(frame->length * repeats),
+        .length = frame->flags & FRAME_FD ? frame_fd_length(frame->length * repeats)
+                                          : (uint8_t)(frame->length * repeats),
         .code = MESSAGE_NO_CODE,
         .cycle_ns = described_cycle_ns(walk, protocol, index,
                                        board < 0 ? NULL : &walk->config->board[board]),
         .fields = frame->layout,
+        .id_fields = frame->id_layout,
         .repeats = (uint8_t)repeats,
         .slot = slot,
     };

@@ -20,7 +20,8 @@ enum { MESSAGE_NO_BOARD = -1, MESSAGE_NO_CODE = -1 };
 struct message {
     const char *name;
     uint32_t id;
-    bool fd;
+    uint32_t id_mask; /* described: bits of the identifier that fields in it fill, here 0 */
+    bool fd, extended, remote, bit_rate_switch; /* bit_rate_switch: with fd */
     int sender, receiver; /* index of a board, MESSAGE_NO_BOARD: the host, or as receiver all */
     bool from_host;
     uint8_t length;    /* longest, of the whole frame */
@@ -28,9 +29,10 @@ struct message {
     int code;          /* byte 0, MESSAGE_NO_CODE: none */
     uint32_t cycle_ns; /* 0: on demand; at most so often while it has its usual policy */
     const struct field *fields;
-    uint8_t first_byte; /* where the fields begin */
-    uint8_t repeats;    /* how often the fields follow each other, 1 or more */
-    int slot;           /* compact, cia402, described: of the axis that it is about, or of the
+    const struct field *id_fields; /* described: in the identifier, from bit 0 on; NULL: none */
+    uint8_t first_byte;            /* where the fields begin */
+    uint8_t repeats;               /* how often the fields follow each other, 1 or more */
+    int slot; /* compact, cia402, described: of the axis that it is about, or of the
                          * first of those whose fields follow each other; else -1 */
 };
 

@@ -10,7 +10,8 @@
 #include <math.h>
 #include <string.h>
 
-enum { ID_MAX = 0x7ff, CLASSIC_LENGTH = 8, FD_LENGTH = 64, FRAME_BITS = 8 * FD_LENGTH };
+enum { ID_MAX = 0x7ff, EXTENDED_ID_MAX = 0x1fffffff };
+enum { CLASSIC_LENGTH = 8, FD_LENGTH = 64, FRAME_BITS = 8 * FD_LENGTH };
 
 static const double EXACT = 9007199254740992.0; /* 2^53: whole numbers that a double holds */
 
@@ -191,12 +192,21 @@ static enum error_code dbc_check_length(const struct dbc_message *message, struc
 static enum error_code dbc_check_message(const struct dbc *dbc, const struct dbc_message *message,
                                          struct error *error)
 {
+    const uint32_t most = message->id & DBC_EXTENDED ? EXTENDED_ID_MAX : ID_MAX;
+
     if (dbc_check_name("message", message->name, error) || dbc_check_length(message, error)) {
         return ERROR_INPUT;
     }
-    if (message->id > ID_MAX) {
-        return error_set(error, ERROR_INPUT, "found identifier %" PRIu32 ", expected at most %d",
-                         message->id, ID_MAX);
+    if ((message->id & ~DBC_EXTENDED) > most) {
+        return error_set(error, ERROR_INPUT,
+                         "found identifier %" PRIu32 ", expected at most %" PRIu32,
+                         message->id & ~DBC_EXTENDED, most);
+    }
+    if (message->id_mask > most || message->id & message->id_mask) {
+        return error_set(error, ERROR_INPUT,
+                         "found identifier mask 0x%" PRIx32 ", expected bits that are 0 in the "
+                         "identifier 0x%" PRIx32,
+                         message->id_mask, message->id & ~DBC_EXTENDED);
     }
     if (message->cycle_ms > DBC_CYCLE_MAX_MS) {
         return error_set(error, ERROR_INPUT, "found a cycle of %" PRIu32 " ms, expected at most %d",
@@ -232,6 +242,7 @@ enum error_code dbc_add_message(struct dbc *dbc, const struct dbc_message *messa
         return dbc_no_memory(error);
     }
     made->id = message->id;
+    made->id_mask = message->id_mask;
     made->fd = message->fd;
     made->length = message->length;
     made->sender = message->sender;

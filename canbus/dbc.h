@@ -2,11 +2,13 @@
 /*
  * A DBC database: what the frames of one bus mean, in the text format that CAN tools read (nodes,
  * messages, signals, multiplexing, value tables, comments, cycle times, CAN FD). A database is
- * built piece by piece, each piece checked as it is added, then written: 11-bit identifiers, plain
- * ASCII, the attributes below, sections in the order that the format asks for. Not RT-safe.
+ * built piece by piece, each piece checked as it is added, then written: plain ASCII, the
+ * attributes below, sections in the order that the format asks for. Not RT-safe.
  *
  *   GenMsgCycleTime  of a message, ms; 0 = on demand
- *   VFrameFormat     of a message: StandardCAN, StandardCAN_FD
+ *   VFrameFormat     of a message: StandardCAN, ExtendedCAN, StandardCAN_FD, ExtendedCAN_FD
+ *   IdentifierMask   of a message: bits of its identifier that carry values, 0 in the identifier
+ *                    that is written; 0 = none. Ours; tools show it.
  *   FrameLength      of a multiplexed signal: length of the frame that carries it, where frames of
  *                    a message differ; 0 = as long as the message. Ours; tools show it.
  *   DBName, BusType, Baudrate, BaudrateCANFD  of the database
@@ -26,13 +28,16 @@ enum {
     DBC_NAME_MAX = 32,  /* letters of a name, which is an identifier of C */
     DBC_TEXT_MAX = 255, /* of units, value names and comments: printable ASCII without " and \ */
     DBC_NODES_MAX = 64,
-    DBC_MESSAGES_MAX = 2048, /* as many as 11-bit identifiers */
-    DBC_SIGNALS_MAX = 4096,  /* of a message */
-    DBC_VALUES_MAX = 512,    /* of a signal */
+    DBC_MESSAGES_MAX = 2048,
+    DBC_SIGNALS_MAX = 4096, /* of a message */
+    DBC_VALUES_MAX = 512,   /* of a signal */
     DBC_CYCLE_MAX_MS = 3600000,
 };
 
 enum { DBC_NO_NODE = -1 };
+
+#define DBC_EXTENDED                                                                               \
+    UINT32_C(0x80000000) /* in an identifier: it has 29 bits, as the format says it */
 
 enum dbc_role { DBC_PLAIN, DBC_MULTIPLEXOR, DBC_MULTIPLEXED };
 enum dbc_type { DBC_UNSIGNED, DBC_SIGNED, DBC_FLOAT };
@@ -67,7 +72,8 @@ struct dbc_signal {
 
 struct dbc_message {
     struct dbc_message *next;
-    uint32_t id; /* 11 bits */
+    uint32_t id;      /* 11 bits, or 29 and DBC_EXTENDED */
+    uint32_t id_mask; /* IdentifierMask */
     const char *name;
     bool fd;
     uint8_t length;

@@ -8,7 +8,7 @@
 #include <inttypes.h>
 #include <stdlib.h>
 
-/* Attributes that tools know, and FrameLength, which is ours (canbus/dbc.h) */
+/* Attributes that tools know, and FrameLength and IdentifierMask, which are ours (canbus/dbc.h) */
 #define DBC_NAME "DBName"
 #define DBC_BUS_TYPE "BusType"
 #define DBC_BITRATE "Baudrate"
@@ -16,11 +16,12 @@
 #define DBC_CYCLE "GenMsgCycleTime"
 #define DBC_FORMAT "VFrameFormat"
 #define DBC_LENGTH "FrameLength"
+#define DBC_MASK "IdentifierMask"
 
 /* Values of BusType and VFrameFormat */
 #define DBC_BUS_CLASSIC "CAN"
 #define DBC_BUS_FD "CAN FD"
-enum { DBC_FORMAT_FD = 14 };
+enum { DBC_FORMAT_EXTENDED = 1, DBC_FORMAT_FD = 14 }; /* both: 15 */
 
 /* The lines that define the attributes and their defaults, the same in every file. */
 /* clang-format off */
@@ -33,6 +34,7 @@ static const char dbc_definitions[] =
     "BA_DEF_ BO_ \"" DBC_FORMAT "\" ENUM \"StandardCAN\",\"ExtendedCAN\",\"reserved\",\"reserved\","
     "\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\","
     "\"reserved\",\"reserved\",\"reserved\",\"StandardCAN_FD\",\"ExtendedCAN_FD\";\n"
+    "BA_DEF_ BO_ \"" DBC_MASK "\" INT 0 536870911;\n"
     "BA_DEF_ SG_ \"" DBC_LENGTH "\" INT 0 64;\n"
     "BA_DEF_DEF_ \"" DBC_NAME "\" \"\";\n"
     "BA_DEF_DEF_ \"" DBC_BUS_TYPE "\" \"" DBC_BUS_CLASSIC "\";\n"
@@ -40,6 +42,7 @@ static const char dbc_definitions[] =
     "BA_DEF_DEF_ \"" DBC_DATA_BITRATE "\" 0;\n"
     "BA_DEF_DEF_ \"" DBC_CYCLE "\" 0;\n"
     "BA_DEF_DEF_ \"" DBC_FORMAT "\" \"StandardCAN\";\n"
+    "BA_DEF_DEF_ \"" DBC_MASK "\" 0;\n"
     "BA_DEF_DEF_ \"" DBC_LENGTH "\" 0;\n";
 /* clang-format on */
 
@@ -153,8 +156,12 @@ static void dbc_put_attributes(const struct dbc *dbc, FILE *file)
             fprintf(file, "BA_ \"" DBC_CYCLE "\" BO_ %" PRIu32 " %" PRIu32 ";\n", m->id,
                     m->cycle_ms);
         }
-        if (m->fd) {
-            fprintf(file, "BA_ \"" DBC_FORMAT "\" BO_ %" PRIu32 " %d;\n", m->id, DBC_FORMAT_FD);
+        if (m->fd || m->id & DBC_EXTENDED) {
+            fprintf(file, "BA_ \"" DBC_FORMAT "\" BO_ %" PRIu32 " %d;\n", m->id,
+                    (m->fd ? DBC_FORMAT_FD : 0) + (m->id & DBC_EXTENDED ? DBC_FORMAT_EXTENDED : 0));
+        }
+        if (m->id_mask) {
+            fprintf(file, "BA_ \"" DBC_MASK "\" BO_ %" PRIu32 " %" PRIu32 ";\n", m->id, m->id_mask);
         }
         for (const struct dbc_signal *s = m->signal; s; s = s->next) {
             if (s->frame_length) {

@@ -26,6 +26,7 @@ set(HIL_CONFIG
     protocols/compact.yaml
     protocols/mini-cheetah.yaml
     protocols/odrive.yaml
+    protocols/robstride.yaml
     protocols/servo-valve.yaml
     rigs/coman-bench.yaml
     rigs/coman-cia402.yaml
@@ -41,6 +42,7 @@ set(HIL_CONFIG
     rigs/coman-mini-cheetah.yaml
     rigs/coman-odrive.yaml
     rigs/coman-rest-bus.yaml
+    rigs/coman-robstride.yaml
     rigs/coman-sensors.yaml
     rigs/coman-standing.yaml
     rigs/coman.yaml

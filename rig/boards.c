@@ -409,9 +409,11 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
     }
 
     /* CAN FD: with boards that speak it, and with a second bit rate */
-    if (bus->fd && bus_personality(b, bus) != BOARD_COMPACT) {
+    if (bus->fd && bus_personality(b, bus) != BOARD_COMPACT &&
+        bus_personality(b, bus) != BOARD_DESCRIBED) {
         return yaml_error(b->error, &bus->fd_mark,
-                          "found fd on bus \"%s\", expected it with personality compact only",
+                          "found fd on bus \"%s\", expected it with personality compact or "
+                          "described only",
                           bus->name);
     }
     if (bus->fd != bus->data_bitrate_given ||
@@ -457,6 +459,21 @@ static enum error_code rig_find_protocol(struct rig_builder *b, const struct yam
                : ERROR_NONE;
 }
 
+/* A bus carries CAN FD frames only when it is one. */
+static enum error_code rig_check_format(struct rig_builder *b, const struct raw_bus *raw,
+                                        const struct described_protocol *protocol)
+{
+    for (size_t i = 0; i < protocol->nframe && !raw->fd; i++) {
+        if (protocol->frame[i].flags & FRAME_FD) {
+            return yaml_error(b->error, &raw->mark,
+                              "found bus \"%s\" of classic CAN, expected fd: true and a "
+                              "data_bitrate: frame %s of protocol %s is a CAN FD one",
+                              raw->name, protocol->frame[i].name, protocol->name);
+        }
+    }
+    return ERROR_NONE;
+}
+
 /* The protocol of a described bus: its own, or the rig's. */
 static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw_bus *raw,
                                          const struct described_protocol **protocol)
@@ -479,22 +496,17 @@ static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw
                           "the file that describes it",
                           raw->name);
     }
-    if (raw->fd) {
-        return yaml_error(b->error, &raw->fd_mark,
-                          "found fd on bus \"%s\", expected classic CAN: described frames have up "
-                          "to 8 bytes",
-                          raw->name);
-    }
 
     /* Buses that have the rig's share one table */
     for (const struct raw_bus *other = b->raw->bus; other < raw && !raw->protocol; other++) {
         if (!other->protocol && bus_personality(b, other) == BOARD_DESCRIBED) {
             *protocol = b->bus[other - b->raw->bus].described;
-            return ERROR_NONE;
+            return rig_check_format(b, raw, *protocol);
         }
     }
     code = rig_find_protocol(b, mark, file, &path);
-    return code ? code : described_load(path, b->arena, protocol, b->error);
+    code = code ? code : described_load(path, b->arena, protocol, b->error);
+    return code ? code : rig_check_format(b, raw, *protocol);
 }
 
 static struct rig_bus rig_make_bus(const struct rig_builder *b, const struct raw_bus *raw)
@@ -578,7 +590,10 @@ enum error_code rig_build_boards(struct rig_builder *b)
         .nft = b->robot->nft,
         .tick_ns = b->rig->tick_ns,
     };
-    return ERROR_NONE;
+    for (size_t i = 0; i < raw->nbus && !code; i++) {
+        code = bus[i].described ? rig_check_described_ids(b, i) : ERROR_NONE;
+    }
+    return code;
 }
 
 enum error_code rig_check_drives(struct rig_builder *b)

@@ -47,6 +47,10 @@ enum error_code rig_build_pose(struct rig_builder *b);
 enum error_code rig_build_bodies(struct rig_builder *b);
 enum error_code rig_build_scene(struct rig_builder *b);
 enum error_code rig_build_boards(struct rig_builder *b);
+
+/* Refuses boards of a described bus that share an identifier which nobody tells apart
+ * (described_ids.c). After the boards of all buses are built. */
+enum error_code rig_check_described_ids(struct rig_builder *b, size_t bus);
 enum error_code rig_build_faults(struct rig_builder *b);
 enum error_code rig_build_sensors(struct rig_builder *b);
 

@@ -15,14 +15,19 @@ static const double MS = 1e-3;
 
 /* Bit times of the nominal rate that a frame takes of its bus at the worst, the intermission
  * included. */
-static double worst_frame_bits(const struct rig_bus *bus, unsigned bytes)
+static double worst_bits_of(const struct rig_bus *bus, uint8_t flags, unsigned bytes)
 {
-    uint8_t flags = bus->fd ? FRAME_FD | FRAME_BRS : 0;
     struct wire_length length = wire_worst_length(flags, (uint8_t)bytes);
 
     length.nominal = (uint16_t)(length.nominal + WIRE_INTERMISSION_BITS);
     return (double)wire_length_ns(length, bus->bitrate, bus->data_bitrate) * 1e-9 *
            (double)bus->bitrate;
+}
+
+/* The same of a frame in the format of its bus. */
+static double worst_frame_bits(const struct rig_bus *bus, unsigned bytes)
+{
+    return worst_bits_of(bus, bus->fd ? FRAME_FD | FRAME_BRS : 0, bytes);
 }
 
 static int board_count_axes(const struct board_config *board)
@@ -184,7 +189,10 @@ struct described_load_sum {
 static bool described_add_message(void *context, const struct message *message)
 {
     struct described_load_sum *sum = context;
-    double bits = worst_frame_bits(sum->bus, message->length);
+    uint8_t flags =
+        (uint8_t)((message->extended ? FRAME_EXTENDED : 0) | (message->fd ? FRAME_FD : 0) |
+                  (message->bit_rate_switch ? FRAME_BRS : 0));
+    double bits = worst_bits_of(sum->bus, flags, message->length);
 
     if (message->cycle_ns > 0) {
         *(message->from_host ? &sum->command_bit_s : &sum->telemetry_bit_s) +=

@@ -7,7 +7,16 @@
 #include "boards/messages.h"
 #include "rig/dbc_private.h"
 
+#include <stdarg.h>
+#include <string.h>
+
 /* ---- messages ---- */
+
+/* The identifier as the format writes it. */
+static uint32_t dbc_id(const struct message *message)
+{
+    return message->id | (message->extended ? DBC_EXTENDED : 0);
+}
 
 static struct dbc_message *dbc_export_message(struct dbc_exporter *e, const struct message *message)
 {
@@ -15,9 +24,10 @@ static struct dbc_message *dbc_export_message(struct dbc_exporter *e, const stru
     struct dbc_message *added = NULL,
                        made = {
                            .name = name,
-                           .id = message->id,
+                           .id = dbc_id(message),
+                           .id_mask = message->id_mask,
                            .fd = message->fd,
-                           .length = e->longest[message->id],
+                           .length = message->extended ? message->length : e->longest[message->id],
                            .sender = message->from_host ? HOST : dbc_board_node(e, message->sender),
                            .cycle_ms = (uint32_t)((message->cycle_ns + 500000) / 1000000),
                        };
@@ -68,22 +78,74 @@ static void dbc_export_command(struct dbc_exporter *e, const struct message *mes
     }
 }
 
-/* Whether all that a described frame says is which it is: to switch on, to ask for another. */
-static bool dbc_is_constant(const struct described_protocol *protocol,
-                            const struct message *message)
+/* The row of a described message. */
+static const struct described_frame *dbc_find_row(const struct dbc_exporter *e,
+                                                  const struct message *message)
 {
-    for (size_t i = 0; i < protocol->nframe; i++) {
-        const struct described_frame *frame = &protocol->frame[i];
-        bool constant = true;
+    const struct described_frame *frame = e->rig->bus[e->bus].described->frame;
 
-        for (size_t k = 0; k < frame->nfield; k++) {
-            constant = constant && frame->field[k].meaning == DESCRIBED_CONSTANT;
-        }
-        if (frame->layout == message->fields) {
-            return constant;
+    while (frame->layout != message->fields) {
+        frame++;
+    }
+    return frame;
+}
+
+/* Whether all that a described frame says is which it is: to switch on, to ask for another. */
+static bool dbc_is_constant(const struct described_frame *frame)
+{
+    for (size_t k = 0; k < frame->nfield; k++) {
+        if (frame->field[k].meaning != DESCRIBED_CONSTANT) {
+            return false;
         }
     }
-    return false;
+    return true;
+}
+
+/* Adds to a text of DBC_TEXT_MAX letters at most. */
+static void dbc_add_text(char text[DBC_TEXT_MAX + 1], const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+static void dbc_add_text(char text[DBC_TEXT_MAX + 1], const char *format, ...)
+{
+    size_t used = strlen(text);
+    va_list arguments;
+
+    va_start(arguments, format);
+    vsnprintf(text + used, DBC_TEXT_MAX + 1 - used, format, arguments);
+    va_end(arguments);
+}
+
+/* Comments a described message with what signals cannot say: fields of the identifier, the counter,
+ * the checksum. */
+static void dbc_comment_described(struct dbc_exporter *e, struct dbc_message *to,
+                                  const struct described_frame *row)
+{
+    char text[DBC_TEXT_MAX + 1] = "";
+    unsigned bit = 0;
+    size_t i = row->ndata;
+
+    for (const struct field *f = row->id_layout; f && f->type != FIELD_END; f++) {
+        unsigned bits = f->type & FIELD_BITS_MASK;
+
+        if (!(f->type & FIELD_PADDING) && row->field[i++].meaning != DESCRIBED_CONSTANT) {
+            dbc_add_text(text, "%s%u|%u@1%c %s (%.9g,%.9g)%s%s",
+                         *text ? ", " : "in the identifier ", bit, bits,
+                         f->type & FIELD_SIGNED ? '-' : '+', f->name, f->scale, f->offset,
+                         f->unit ? " " : "", f->unit ? f->unit : "");
+        }
+        bit += bits;
+    }
+    if (row->counter >= 0) {
+        dbc_add_text(text, "%s%s counts the frames", *text ? "; " : "",
+                     described_layout(row, (size_t)row->counter)->name);
+    }
+    if (row->checksum) {
+        dbc_add_text(text, "%sbyte %u is the %s of the others", *text ? "; " : "",
+                     row->checksum_byte, described_checksum_name(row->checksum));
+    }
+    if (*text) {
+        e->code = dbc_set_comment(e->dbc, &to->comment, text, e->error);
+    }
 }
 
 /* Of described frames with one identifier, which a DBC cannot tell apart, it has the first, and one
@@ -91,8 +153,8 @@ static bool dbc_is_constant(const struct described_protocol *protocol,
 static bool dbc_leaves_out(const struct dbc_exporter *e, const struct message *message)
 {
     return e->personality == BOARD_DESCRIBED &&
-           (dbc_is_constant(e->rig->bus[e->bus].described, message) != e->constants ||
-            dbc_find_message(e->dbc, message->id));
+           (dbc_is_constant(dbc_find_row(e, message)) != e->constants ||
+            dbc_find_message(e->dbc, dbc_id(message)));
 }
 
 static bool dbc_visit_message(void *context, const struct message *message)
@@ -110,6 +172,9 @@ static bool dbc_visit_message(void *context, const struct message *message)
         if (!e->code) {
             dbc_export_fields(e, added, message, MESSAGE_NO_CODE);
         }
+        if (!e->code && e->personality == BOARD_DESCRIBED) {
+            dbc_comment_described(e, added, dbc_find_row(e, message));
+        }
     }
     return !e->code;
 }
@@ -118,7 +183,7 @@ static bool dbc_visit_length(void *context, const struct message *message)
 {
     struct dbc_exporter *e = context;
 
-    if (message->length > e->longest[message->id]) {
+    if (!message->extended && message->length > e->longest[message->id]) {
         e->longest[message->id] = message->length;
     }
     return true;

@@ -406,7 +406,7 @@ static enum error_code rig_check_described_id(struct rig_builder *b, const struc
     unsigned number;
 
     for (size_t i = 0; protocol && i < protocol->nframe; i++) {
-        if (described_number(&protocol->frame[i], (uint32_t)id, &number)) {
+        if (described_number(&protocol->frame[i], (uint32_t)id, false, &number)) {
             return yaml_error(b->error, mark,
                               "found id 0x%03x, which belongs to frame %s of protocol %s, expected "
                               "another",

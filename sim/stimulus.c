@@ -11,7 +11,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
-enum { STANDARD_IDS = 0x800, FRAMES_MAX = 1 << 23 /* an hour of two buses at 1 kHz */ };
+enum { STANDARD_IDS = 0x800, EXTENDED_IDS = 2048 };
+enum { FRAMES_MAX = 1 << 23 /* an hour of two buses at 1 kHz */ };
 
 struct stimulus_reader {
     const struct rig *rig;
@@ -19,23 +20,37 @@ struct stimulus_reader {
     bool lockstep;
     char path[PATH_MAX];
     uint8_t sent[RIG_BUSES_MAX][STANDARD_IDS]; /* 1: a board sends this identifier on this bus */
+    /* Identifiers of 29 bits that boards send, but for the bits of the mask, which are 0 here */
+    struct {
+        size_t bus;
+        uint32_t id, mask;
+    } extended[EXTENDED_IDS];
+    size_t nextended;
 };
 
 /* ---- whose frame it is ---- */
 
 /* Where the boards' messages of a bus are marked. */
 struct stimulus_marks {
-    const struct board_config *board;
-    uint8_t *sent;
+    struct stimulus_reader *reader;
+    size_t bus;
 };
 
 static bool stimulus_mark_sent(void *context, const struct message *message)
 {
     const struct stimulus_marks *marks = context;
-    bool external = message->sender >= 0 && marks->board[message->sender].external;
+    struct stimulus_reader *reader = marks->reader;
+    const struct board_config *board = reader->rig->boards.board;
 
-    if (!message->from_host && !external) {
-        marks->sent[message->id % STANDARD_IDS] = 1;
+    if (message->from_host || (message->sender >= 0 && board[message->sender].external)) {
+        return true;
+    }
+    if (!message->extended) {
+        reader->sent[marks->bus][message->id % STANDARD_IDS] = 1;
+    } else if (reader->nextended < EXTENDED_IDS) {
+        reader->extended[reader->nextended].bus = marks->bus;
+        reader->extended[reader->nextended].id = message->id;
+        reader->extended[reader->nextended++].mask = message->id_mask;
     }
     return true;
 }
@@ -50,14 +65,30 @@ static int stimulus_find_bus(const struct stimulus_reader *reader, const char *n
     return rig_find_bus(reader->rig, name);
 }
 
+/* Whether a board sends an identifier of 29 bits. */
+static bool stimulus_is_extended_of_boards(const struct stimulus_reader *reader, size_t bus,
+                                           uint32_t id)
+{
+    for (size_t i = 0; i < reader->nextended; i++) {
+        if (reader->extended[i].bus == bus &&
+            (id & ~reader->extended[i].mask) == reader->extended[i].id) {
+            return true;
+        }
+    }
+    return false;
+}
+
 /* Whether a frame came from outside and is to be played. */
 static bool stimulus_takes_frame(const struct stimulus_reader *reader, size_t bus,
                                  const struct bus_frame *frame)
 {
     const struct loop_lockstep *lockstep = &reader->rig->lockstep;
 
-    if (frame->flags & (FRAME_ERROR | FRAME_EXTENDED)) {
-        return !(frame->flags & FRAME_ERROR);
+    if (frame->flags & FRAME_ERROR) {
+        return false;
+    }
+    if (frame->flags & FRAME_EXTENDED) {
+        return !stimulus_is_extended_of_boards(reader, bus, frame->id);
     }
     if (frame->id == lockstep->step_id) {
         return reader->lockstep && bus == (size_t)lockstep->bus;
@@ -114,7 +145,8 @@ static enum error_code stimulus_check_count(const struct stimulus_reader *reader
     for (size_t b = 0; b < reader->rig->nbus; b++) {
         total += stimulus->count[b];
         for (size_t i = 0; stimulus->frame[b] && i < stimulus->count[b] && !steps; i++) {
-            steps = stimulus->frame[b][i].id == reader->rig->lockstep.step_id;
+            steps =
+                frame_has_standard_id(&stimulus->frame[b][i], &reader->rig->lockstep.step_id, 1);
         }
         if (total > FRAMES_MAX) {
             return error_set(error, ERROR_INPUT,
@@ -172,7 +204,7 @@ enum error_code stimulus_load(const char *path, const struct rig *rig, const cha
         return error_set(error, ERROR_INPUT, "the name of the log to play is too long");
     }
     for (size_t b = 0; b < rig->nbus; b++) {
-        struct stimulus_marks marks = {rig->boards.board, reader->sent[b]};
+        struct stimulus_marks marks = {reader, b};
 
         boards_messages(&rig->boards, (int)b, stimulus_mark_sent, &marks);
     }

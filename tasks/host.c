@@ -154,6 +154,12 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
     host->config = *config;
     for (size_t b = 0; b < config->nbus; b++) {
         host->line[b].ops = host_bus_ops(config, b);
+        if (config->bus && config->bus[b].described) {
+            host->line[b].sent = arena_alloc(arena, HOST_ROWS, sizeof *host->line[b].sent);
+            if (!host->line[b].sent) {
+                return error_set(error, ERROR_MEMORY, "no memory for the host");
+            }
+        }
         for (int k = 0; k < HOST_SLOTS; k++) {
             host->line[b].slot[k] = -1;
         }
@@ -231,14 +237,21 @@ static void host_read_done(struct host *host, struct host_line *line, const stru
     }
 }
 
+/* Whether boards of the bus may have sent such a frame. */
+static bool host_hears(const struct host_line *line, const struct bus_frame *frame)
+{
+    return !(frame->flags & (FRAME_ERROR | FRAME_REMOTE)) &&
+           (line->ops->extended || !(frame->flags & FRAME_EXTENDED));
+}
+
 static void host_read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     struct host_line *line = &host->line[bus];
 
-    if (frame->flags & (FRAME_ERROR | FRAME_EXTENDED | FRAME_REMOTE)) {
+    if (!host_hears(line, frame)) {
         return;
     }
-    if (host->config.lockstep && frame->id == host->config.done_id) {
+    if (host->config.lockstep && frame_has_standard_id(frame, &host->config.done_id, 1)) {
         host_read_done(host, line, frame);
     } else {
         line->ops->read(host, bus, frame);
@@ -310,7 +323,7 @@ void host_begin_listening(struct host *host)
 
 void host_listen(struct host *host, size_t bus, const struct bus_frame *frame, int64_t now_ns)
 {
-    if (frame->flags & (FRAME_ERROR | FRAME_EXTENDED | FRAME_REMOTE)) {
+    if (!host_hears(&host->line[bus], frame)) {
         return;
     }
     host->now_ns = now_ns;

@@ -11,6 +11,9 @@
 #include <math.h>
 #include <string.h>
 
+_Static_assert((int)DESCRIBED_FRAMES_MAX <= HOST_ROWS && (int)DESCRIBED_SLOTS <= HOST_SLOTS,
+               "counters of every row and number");
+
 /* A frame to be filled. */
 struct described_letter {
     const struct described_frame *row;
@@ -166,25 +169,35 @@ static int64_t described_letter_count(const struct host *host,
     }
 }
 
-static void described_fill(const struct host *host, const struct described_protocol *protocol,
-                           const struct described_letter *letter, uint8_t *data)
+/* Writes the data of a frame, or of one repetition; returns the identifier. */
+static uint32_t described_fill(const struct host *host, size_t bus,
+                               const struct described_letter *letter, unsigned number,
+                               uint8_t *data)
 {
-    int64_t values[FIELDS_MAX] = {0};
+    const struct described_protocol *protocol = described_line_protocol(host, bus);
+    const struct described_frame *row = letter->row;
+    int64_t values[DESCRIBED_FIELDS_MAX];
 
-    for (size_t i = 0; i < letter->row->nfield; i++) {
+    for (size_t i = 0; i < row->nfield; i++) {
         values[i] = described_letter_count(host, protocol, letter, i);
     }
-    fields_encode(letter->row->layout, values, data);
+    if (row->counter >= 0) {
+        values[row->counter] =
+            described_wrap(described_layout(row, (size_t)row->counter),
+                           host->line[bus].sent[row - protocol->frame][number]++);
+    }
+    return described_encode(row, number, values, data);
 }
 
 static struct bus_frame described_write(const struct host *host, size_t bus,
                                         const struct described_letter *letter, unsigned number)
 {
-    struct bus_frame frame = {.id = described_id(letter->row, number), .len = letter->row->length};
+    struct bus_frame frame = {.id = described_id(letter->row, number),
+                              .flags = letter->row->flags,
+                              .len = letter->row->length};
 
-    frame.flags = letter->row->remote ? FRAME_REMOTE : 0;
     if (!letter->row->remote) {
-        described_fill(host, described_line_protocol(host, bus), letter, frame.data);
+        frame.id = described_fill(host, bus, letter, number, frame.data);
     }
     return frame;
 }
@@ -327,17 +340,19 @@ static void described_send_group(struct host *host, size_t bus, const struct des
                                  unsigned first)
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
-    struct bus_frame frame = {.id = described_id(row, first / row->repeats)};
+    struct bus_frame frame = {.id = described_id(row, first / row->repeats), .flags = row->flags};
+    unsigned bytes = 0;
 
     for (unsigned k = 0; k < row->repeats && first + k < HOST_SLOTS; k++) {
         const struct described_letter letter = {
             .row = row, .axis = host->line[bus].slot[first + k], .state = protocol->host.on_state};
 
         if (letter.axis >= 0) {
-            described_fill(host, protocol, &letter, frame.data + k * row->length);
-            frame.len = (uint8_t)((k + 1) * row->length);
+            described_fill(host, bus, &letter, first / row->repeats, frame.data + k * row->length);
+            bytes = (k + 1) * row->length;
         }
     }
+    frame.len = row->flags & FRAME_FD ? frame_fd_length(bytes) : (uint8_t)bytes;
     if (frame.len > 0) {
         host_queue(host, bus, &frame);
     }
@@ -374,6 +389,7 @@ const struct host_ops host_described = {
     .motor_address_max = DESCRIBED_ADDRESS_MAX,
     .address_max = DESCRIBED_ADDRESS_MAX,
     .axes = DESCRIBED_AXES,
+    .extended = true,
     .discover = host_described_discover,
     .request = host_described_request,
     .read = host_described_read,

@@ -7,7 +7,7 @@ struct described_news {
     const struct described_frame *row;
     struct host_node *node;
     int axis; /* of the board */
-    int64_t values[FIELDS_MAX];
+    int64_t values[DESCRIBED_FIELDS_MAX];
 };
 
 static bool described_find_node(const struct host *host, struct host_line *line, size_t bus,
@@ -52,9 +52,9 @@ static bool host_described_identify(const struct host *host, struct host_line *l
         unsigned number;
 
         news->row = &protocol->frame[i];
-        if (!news->row->from_host && described_number(news->row, frame->id, &number) &&
-            described_match_data(news->row, frame->data, frame->len, news->values) ==
-                DESCRIBED_IS &&
+        if (!news->row->from_host &&
+            described_number(news->row, frame->id, frame->flags & FRAME_EXTENDED, &number) &&
+            described_match_frame(news->row, frame, news->values) == DESCRIBED_IS &&
             described_find_node(host, line, bus, number, news)) {
             return true;
         }

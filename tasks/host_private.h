@@ -15,6 +15,7 @@ enum {
     HOST_ADDRESSES = 32, /* 0 to 31; each personality has its own maximum */
     HOST_AXES = 4,       /* of a motor board, at most */
     HOST_SLOTS = 32,     /* of a bus where set-points go by slot */
+    HOST_ROWS = 32,      /* frames of a described protocol */
     HOST_CHANNELS = 6,   /* of a force-torque or torque board */
     HOST_QUEUE = 96,     /* frames that one bus may be sent in one period */
 };
@@ -64,6 +65,7 @@ struct host_line {
     bool driving;                 /* motors were switched on: set-points go out every period */
     int slot[HOST_SLOTS];         /* set-points by slot: host axis, -1 = none */
     uint32_t slots_on, slots_off; /* switched in this period */
+    uint32_t (*sent)[HOST_SLOTS]; /* HOST_DESCRIBED: frames with a counter, by row and number */
     int64_t targets_due_ns;       /* HOST_FOC, HOST_CIA402: of the next set-points */
 };
 
@@ -100,7 +102,8 @@ struct host_request {
 /* A personality. All are called in the loop; bus is an index. */
 struct host_ops {
     unsigned motor_address_max, address_max;
-    uint8_t axes; /* of a motor board */
+    uint8_t axes;  /* of a motor board */
+    bool extended; /* frames with identifiers of 29 bits mean something */
     /* Queues the question who is there; the answers set found. */
     void (*discover)(struct host *host, size_t bus);
     /* The number-th request that a board gets, from 0; false when there are no more. */

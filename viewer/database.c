@@ -63,12 +63,14 @@ static json_t *database_bus(const struct dbc *dbc)
         for (const struct dbc_signal *signal = message->signal; signal; signal = signal->next) {
             json_array_append_new(signals, database_signal(signal));
         }
-        json_array_append_new(messages,
-                              json_pack("{s:s, s:i, s:i, s:b, s:s, s:o}", "name", message->name,
-                                        "id", (int)message->id, "length", (int)message->length,
-                                        "fd", message->fd, "sender",
-                                        message->sender >= 0 ? dbc->node[message->sender].name : "",
-                                        "signals", signals));
+        json_array_append_new(
+            messages,
+            json_pack("{s:s, s:I, s:I, s:i, s:b, s:b, s:s, s:o}", "name", message->name, "id",
+                      (json_int_t)(message->id & ~DBC_EXTENDED), "mask",
+                      (json_int_t)message->id_mask, "length", (int)message->length, "extended",
+                      (message->id & DBC_EXTENDED) != 0, "fd", message->fd, "sender",
+                      message->sender >= 0 ? dbc->node[message->sender].name : "", "signals",
+                      signals));
     }
     return messages;
 }

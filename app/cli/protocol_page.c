@@ -26,6 +26,7 @@ struct protocol_frame {
     const char *counts; /* what the address is called */
     bool cycle_varies;  /* with the address */
     bool by_axis;       /* cia402: the identifier grows with the axis */
+    bool described;
     bool printed;
 };
 
@@ -105,6 +106,7 @@ static void protocol_split_described(struct protocol_frame *frame,
             frame->base = row->base;
             frame->step = row->by == DESCRIBED_BY_NONE ? 0 : row->step;
             frame->counts = counts[row->by];
+            frame->described = true;
         }
     }
 }
@@ -177,6 +179,17 @@ protocol_add_text(struct protocol_line *line, const char *format, ...)
     line->used += length < 0 ? 0 : (size_t)length < room ? (size_t)length : room - 1;
 }
 
+/* What makes a described field more than a number; "" = nothing. */
+static void protocol_add_role(struct protocol_line *line, const struct described_frame *row,
+                              size_t index)
+{
+    if (row && (int)index == row->counter) {
+        protocol_add_text(line, ", counts the frames");
+    } else if (row && row->field[index].meaning == DESCRIBED_CHECKSUM) {
+        protocol_add_text(line, ", %s of the other bytes", described_checksum_name(row->checksum));
+    }
+}
+
 static void protocol_add_place(struct protocol_line *line, unsigned bit, unsigned bits)
 {
     if (bits == 1) {
@@ -211,18 +224,26 @@ static void protocol_add_measure(struct protocol_line *line, const struct field 
     }
 }
 
-static void protocol_put_field(const struct field *field, unsigned bit, FILE *out)
+/* A field with the row and the index that it has in it when it is described. */
+static void protocol_put_field(const struct field *field, unsigned bit, bool in_id,
+                               const struct described_frame *row, size_t index, FILE *out)
 {
     unsigned bits = field->type & FIELD_BITS_MASK;
     struct protocol_line line = {.used = 0};
 
-    protocol_add_place(&line, bit, bits);
+    if (in_id) {
+        protocol_add_text(&line, bits == 1 ? "- identifier bit %u" : "- identifier bits %u-%u", bit,
+                          bit + bits - 1);
+    } else {
+        protocol_add_place(&line, bit, bits);
+    }
     protocol_add_text(&line, " `%s`: %c%u%s", field->name,
                       field->type & FIELD_FLOAT    ? 'f'
                       : field->type & FIELD_SIGNED ? 'i'
                                                    : 'u',
                       bits, field->type & FIELD_BIG_ENDIAN ? " be" : "");
     protocol_add_measure(&line, field);
+    protocol_add_role(&line, row, index);
     for (const struct field_value *v = field->values; v && v->name; v++) {
         protocol_add_text(&line, "%s %" PRId64 " = %s", v == field->values ? ";" : ",", v->value,
                           v->name);
@@ -230,24 +251,33 @@ static void protocol_put_field(const struct field *field, unsigned bit, FILE *ou
     options_wrap(line.text, 0, 2, out);
 }
 
-static void protocol_put_fields(const struct message *message, FILE *out)
+/* The fields of a list, the first of which is at a bit of data or identifier; returns how many. */
+static size_t protocol_put_list(const struct field *fields, unsigned bit, bool in_id,
+                                const struct described_frame *row, size_t index, FILE *out)
 {
-    unsigned bit = 8u * message->first_byte;
-    size_t bytes = fields_bytes(message->fields);
+    for (const struct field *field = fields; field && field->type != FIELD_END; field++) {
+        if (!(field->type & FIELD_PADDING)) {
+            protocol_put_field(field, bit, in_id, row, index++, out);
+        }
+        bit += field->type & FIELD_BITS_MASK;
+    }
+    return index;
+}
 
-    if (!message->fields || message->fields->type == FIELD_END) {
+static void protocol_put_fields(const struct message *message, const struct described_frame *row,
+                                FILE *out)
+{
+    size_t bytes = fields_bytes(message->fields), count;
+
+    if (fields_count(message->fields) == 0 && !message->id_fields) {
         return;
     }
     if (message->repeats > 1) {
         fprintf(out, "\nFor each of its axes or slots, %zu bytes apart:\n", bytes);
     }
     putc('\n', out);
-    for (const struct field *field = message->fields; field->type != FIELD_END; field++) {
-        if (!(field->type & FIELD_PADDING)) {
-            protocol_put_field(field, bit, out);
-        }
-        bit += field->type & FIELD_BITS_MASK;
-    }
+    count = protocol_put_list(message->fields, 8u * message->first_byte, false, row, 0, out);
+    protocol_put_list(message->id_fields, 0, true, row, count, out);
 }
 
 /* ---- frames ---- */
@@ -256,7 +286,7 @@ static void protocol_put_id(const struct protocol_frame *frame, FILE *out)
 {
     const struct message *message = &frame->message;
 
-    fprintf(out, "id 0x%03" PRIx32, frame->base);
+    fprintf(out, "id 0x%0*" PRIx32, message->extended ? 8 : 3, frame->base);
     if (frame->step == 1) {
         fprintf(out, " + %s", frame->counts);
     } else if (frame->step > 1) {
@@ -273,17 +303,23 @@ static void protocol_put_id(const struct protocol_frame *frame, FILE *out)
     } else {
         fprintf(out, ", %u byte%s", message->length, message->length == 1 ? "" : "s");
     }
+    if (message->extended) {
+        fputs(", 29-bit identifier", out);
+    }
+    if (message->fd && frame->described) {
+        fprintf(out, ", CAN FD%s", message->bit_rate_switch ? " with bit rate switch" : "");
+    }
     if (message->cycle_ns) {
         fprintf(out, ", every %g ms%s", message->cycle_ns * 1e-6,
                 frame->cycle_varies ? " at address 1" : "");
     }
 }
 
-/* The row of a described frame. */
+/* The row of a described frame; NULL without a described protocol. */
 static const struct described_frame *protocol_find_row(const struct described_protocol *protocol,
                                                        const struct protocol_frame *frame)
 {
-    for (size_t i = 0; i < protocol->nframe; i++) {
+    for (size_t i = 0; protocol && i < protocol->nframe; i++) {
         if (protocol->frame[i].layout == frame->message.fields) {
             return &protocol->frame[i];
         }
@@ -349,7 +385,7 @@ static void protocol_put_frame(struct protocol_frames *frames, struct protocol_f
         fputs(", when there is something to tell", out);
     }
     fputs(".\n", out);
-    protocol_put_fields(&frame->message, out);
+    protocol_put_fields(&frame->message, protocol_find_row(frames->described, frame), out);
     frame->printed = true;
     if (answer) {
         fputs("\nAnswer: ", out);
@@ -359,7 +395,8 @@ static void protocol_put_frame(struct protocol_frames *frames, struct protocol_f
         protocol_put_id(answer, out);
         fputs(".\n", out);
         if (!frames->described || !answer->printed) {
-            protocol_put_fields(&answer->message, out);
+            protocol_put_fields(&answer->message, protocol_find_row(frames->described, answer),
+                                out);
         }
         answer->printed = true;
     }

@@ -14,7 +14,7 @@ struct described_arrival {
     enum board_verdict verdict;
     bool refused; /* some axis does not have the law that it asks for */
     struct board *listener;
-    int64_t values[FIELDS_MAX];
+    int64_t values[DESCRIBED_FIELDS_MAX];
 };
 
 static const struct described_protocol *bus_protocol(const struct described_bus *bus)
@@ -58,7 +58,7 @@ static bool described_values_exist(const struct described_protocol *protocol,
 static bool described_identify(const struct described_protocol *protocol,
                                struct described_arrival *a)
 {
-    bool remote = a->frame->flags & FRAME_REMOTE;
+    bool remote = a->frame->flags & FRAME_REMOTE, extended = a->frame->flags & FRAME_EXTENDED;
 
     a->row = NULL;
     for (size_t i = 0; i < protocol->nframe; i++) {
@@ -67,10 +67,10 @@ static bool described_identify(const struct described_protocol *protocol,
         unsigned number;
 
         if (!row->from_host || row->remote != remote ||
-            !described_number(row, a->frame->id, &number)) {
+            !described_number(row, a->frame->id, extended, &number)) {
             continue;
         }
-        match = described_match_data(row, a->frame->data, a->frame->len, a->values);
+        match = described_match_frame(row, a->frame, a->values);
         a->row = row;
         a->number = number;
         a->verdict = match == DESCRIBED_IS             ? BOARD_OBEYED
@@ -115,6 +115,20 @@ static bool described_is_selected(const struct described_arrival *a, const struc
         }
     }
     return true;
+}
+
+/* Whether the counter of a frame is where it was in the frame before: the same one again. Frames
+ * that were lost on the way, or a host that begins anew, move it on. */
+static bool described_is_stuck(struct described_bus *bus, const struct described_arrival *a)
+{
+    uint32_t *heard = &bus->heard[a->row - bus_protocol(bus)->frame][a->number];
+    uint32_t before = *heard;
+
+    if (a->row->counter < 0) {
+        return false;
+    }
+    *heard = (uint32_t)a->values[a->row->counter] + 1;
+    return *heard == before;
 }
 
 static void described_obey_period(struct board *board, const struct described_arrival *a)
@@ -175,8 +189,11 @@ static void described_bus_receive_group(struct described_bus *bus, struct descri
 {
     const struct described_frame *row = a->row;
     unsigned first = a->number * row->repeats;
-    unsigned count = (a->frame->len + row->length - 1u) / row->length;
+    unsigned more = a->verdict == BOARD_OBEYED ? 0u : row->length - 1u; /* of a part */
+    unsigned count = (a->frame->len + more) / row->length;
 
+    /* CAN FD pads: what is behind the last repetition is none */
+    count = count < row->repeats ? count : row->repeats;
     for (unsigned k = 0; k < count && first + k < bus->slots; k++) {
         struct board *board = &bus->slot[first + k].motor->node.board;
 
@@ -217,6 +234,9 @@ static void described_bus_receive(struct boards *boards, struct board_bus *of,
         boards->counters.foreign++;
         return;
     }
+    if (a.verdict == BOARD_OBEYED && described_is_stuck(bus, &a)) {
+        a.verdict = BOARD_MALFORMED;
+    }
     if (a.row->by == DESCRIBED_BY_GROUP) {
         described_bus_receive_group(bus, &a);
     } else if (a.row->by == DESCRIBED_BY_SLOT) {
@@ -228,6 +248,25 @@ static void described_bus_receive(struct boards *boards, struct board_bus *of,
         described_bus_receive_all(bus, &a);
     }
     boards_count_frame(boards, a.listener, a.refused ? BOARD_MALFORMED : a.verdict, frame);
+}
+
+/* Forgets the counts of the frames with a number. */
+static void described_forget_number(struct described_bus *bus, enum described_by by,
+                                    unsigned number)
+{
+    for (size_t i = 0; i < bus_protocol(bus)->nframe; i++) {
+        if (bus_protocol(bus)->frame[i].by == by) {
+            bus->heard[i][number] = 0;
+        }
+    }
+}
+
+void described_bus_forget_counts(struct described_bus *bus, const struct described_node *node)
+{
+    described_forget_number(bus, DESCRIBED_BY_ADDRESS, node->board.address);
+    for (unsigned axis = 0; axis < node->axes; axis++) {
+        described_forget_number(bus, DESCRIBED_BY_SLOT, node->first_slot + axis);
+    }
 }
 
 /* The axes of a new motor board take the next slots. */
@@ -244,6 +283,7 @@ static void described_bus_add_board(struct board_bus *bus, struct board *board)
 static const struct board_bus_ops described_bus_ops = {
     .add_board = described_bus_add_board,
     .remote = true,
+    .extended = true,
     .receive = described_bus_receive,
 };
 

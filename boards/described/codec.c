@@ -3,6 +3,7 @@
 #include "boards/described/protocol.h"
 
 #include "boards/motor_control.h"
+#include "canbus/frame.h"
 
 #include <math.h>
 #include <string.h>
@@ -122,8 +123,9 @@ double described_value(const struct field *layout, const struct described_field 
 
 const struct field *described_layout(const struct described_frame *frame, size_t field)
 {
-    const struct field *layout = frame->layout;
+    const struct field *layout = field < frame->ndata ? frame->layout : frame->id_layout;
 
+    field -= field < frame->ndata ? 0 : frame->ndata;
     for (;; layout++) {
         if (!(layout->type & FIELD_PADDING) && field-- == 0) {
             return layout;
@@ -131,38 +133,173 @@ const struct field *described_layout(const struct described_frame *frame, size_t
     }
 }
 
-bool described_number(const struct described_frame *frame, uint32_t id, unsigned *number)
+/* ---- identifiers and frames ---- */
+
+bool described_number(const struct described_frame *frame, uint32_t id, bool extended,
+                      unsigned *number)
 {
-    uint32_t above = id - frame->base;
+    uint32_t fixed = id & ~frame->mask, above = fixed - frame->base;
 
     *number = 0;
-    if (id < frame->base || frame->by == DESCRIBED_BY_NONE) {
-        return id == frame->base;
+    if (extended != !!(frame->flags & FRAME_EXTENDED)) {
+        return false;
+    }
+    if (fixed < frame->base || frame->by == DESCRIBED_BY_NONE) {
+        return fixed == frame->base;
     }
     *number = above / frame->step;
     return above % frame->step == 0 && *number <= frame->most &&
            (frame->by != DESCRIBED_BY_ADDRESS || *number > 0);
 }
 
-enum described_match described_match_data(const struct described_frame *frame, const uint8_t *data,
-                                          uint8_t len, int64_t *values)
+int64_t described_wrap(const struct field *layout, uint32_t count)
 {
+    unsigned bits = layout->type & FIELD_BITS_MASK;
+
+    return bits < 32 ? count & ((UINT32_C(1) << bits) - 1) : count;
+}
+
+/* ---- checksums ---- */
+
+const char *described_checksum_name(enum described_checksum checksum)
+{
+    return checksum == DESCRIBED_XOR              ? "exclusive or"
+           : checksum == DESCRIBED_CRC8_SAE_J1850 ? "CRC-8 SAE J1850"
+                                                  : "";
+}
+
+/* Shifts a byte through the CRC's register, polynomial x^8 + x^4 + x^3 + x^2 + 1. */
+static uint8_t crc8_sae_j1850_step(uint8_t crc, uint8_t byte)
+{
+    crc ^= byte;
+    for (int bit = 0; bit < 8; bit++) {
+        crc = (uint8_t)(crc << 1 ^ (crc & 0x80 ? 0x1d : 0));
+    }
+    return crc;
+}
+
+uint8_t described_checksum(enum described_checksum checksum, const uint8_t *data, size_t length,
+                           size_t skip)
+{
+    bool crc = checksum == DESCRIBED_CRC8_SAE_J1850;
+    uint8_t sum = crc ? 0xff : 0;
+
+    for (size_t i = 0; i < length; i++) {
+        if (i != skip) {
+            sum = crc ? crc8_sae_j1850_step(sum, data[i]) : sum ^ data[i];
+        }
+    }
+    return crc ? sum ^ 0xff : sum;
+}
+
+uint32_t described_encode(const struct described_frame *frame, unsigned number,
+                          const int64_t *counts, uint8_t *data)
+{
+    uint32_t id = described_id(frame, number);
+    uint8_t bits[4] = {0};
+
+    fields_encode(frame->layout, counts, data);
+    if (frame->checksum) {
+        data[frame->checksum_byte] =
+            described_checksum(frame->checksum, data, frame->length, frame->checksum_byte);
+    }
+    if (frame->id_layout) {
+        fields_encode(frame->id_layout, counts + frame->ndata, bits);
+        id |= get_u32_le(bits);
+    }
+    return id;
+}
+
+/* ---- which frame it is ---- */
+
+/* Whether a length is one that a frame has: of repeated fields, of as many as there are; CAN FD
+ * pads them to the next length that it knows. */
+static bool described_has_length(const struct described_frame *frame, uint8_t len)
+{
+    if (frame->repeats == 1) {
+        return len == frame->length;
+    }
+    for (unsigned count = 1; count <= frame->repeats; count++) {
+        unsigned bytes = count * frame->length;
+
+        if (len == (frame->flags & FRAME_FD ? frame_fd_length(bytes) : bytes)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+enum described_match described_match_frame(const struct described_frame *frame,
+                                           const struct bus_frame *sent, int64_t *values)
+{
+    uint8_t bits[4];
+
     /* A remote frame has a length without data */
     if (frame->remote) {
         return DESCRIBED_IS;
     }
-    if (frame->repeats > 1 ? len == 0 || len % frame->length || len > frame->length * frame->repeats
-                           : len != frame->length) {
+    if ((frame->flags ^ sent->flags) & FRAME_FD || !described_has_length(frame, sent->len)) {
         return DESCRIBED_BAD_LENGTH;
     }
-    fields_decode(frame->layout, data, len, values);
+    fields_decode(frame->layout, sent->data, sent->len, values);
+    if (frame->id_layout) {
+        put_u32_le(bits, sent->id);
+        fields_decode(frame->id_layout, bits, sizeof bits, values + frame->ndata);
+    }
     for (size_t i = 0; i < frame->nfield; i++) {
         if (frame->field[i].meaning == DESCRIBED_CONSTANT &&
             values[i] != frame->field[i].constant) {
             return DESCRIBED_BAD_CONSTANT;
         }
     }
+    if (frame->checksum &&
+        sent->data[frame->checksum_byte] !=
+            described_checksum(frame->checksum, sent->data, frame->length, frame->checksum_byte)) {
+        return DESCRIBED_BAD_CHECKSUM;
+    }
     return DESCRIBED_IS;
+}
+
+/* The bits of a frame's data that are constant, and what they are. */
+static void described_find_constants(const struct described_frame *frame, uint8_t *mask,
+                                     uint8_t *value)
+{
+    int64_t bits[DESCRIBED_FIELDS_MAX] = {0}, counts[DESCRIBED_FIELDS_MAX] = {0};
+
+    for (size_t i = 0; i < frame->ndata; i++) {
+        const struct field *layout = described_layout(frame, i);
+
+        if (frame->field[i].meaning == DESCRIBED_CONSTANT) {
+            bits[i] = layout->type & FIELD_SIGNED ? -1 : field_highest(layout);
+            counts[i] = frame->field[i].constant;
+        }
+    }
+    fields_encode(frame->layout, bits, mask);
+    fields_encode(frame->layout, counts, value);
+}
+
+bool described_told_apart(const struct described_frame *a, const struct described_frame *b)
+{
+    uint8_t mask[2][DESCRIBED_LENGTH_MAX] = {{0}}, value[2][DESCRIBED_LENGTH_MAX] = {{0}};
+
+    if (a->from_host != b->from_host || a->remote != b->remote) {
+        return a->remote != b->remote;
+    }
+    if (a->remote) {
+        return false; /* whatever its length */
+    }
+    if ((a->flags ^ b->flags) & FRAME_FD ||
+        (a->repeats == 1 && b->repeats == 1 && a->length != b->length)) {
+        return true;
+    }
+    described_find_constants(a, mask[0], value[0]);
+    described_find_constants(b, mask[1], value[1]);
+    for (size_t i = 0; i < DESCRIBED_LENGTH_MAX; i++) {
+        if (mask[0][i] & (~mask[1][i] | (value[0][i] ^ value[1][i]))) {
+            return true;
+        }
+    }
+    return false;
 }
 
 int described_find_state(const struct described_state *state, size_t count, int64_t value,

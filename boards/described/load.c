@@ -117,6 +117,30 @@ static enum error_code described_build_states(struct described_loader *l)
     return code;
 }
 
+/* Refuses two names for one value where a field carries values: who reads it finds the first. */
+static enum error_code described_check_values(struct described_loader *l,
+                                              enum described_meaning meaning,
+                                              const struct raw_described_state *raw, size_t count)
+{
+    bool carried = false;
+
+    for (size_t i = 0; i < l->made->nframe; i++) {
+        carried = carried || described_find_field(&l->made->frame[i], meaning) >= 0;
+    }
+    for (size_t i = 0; i < count && carried; i++) {
+        for (size_t k = 0; k < i; k++) {
+            if (raw[k].value == raw[i].value) {
+                return yaml_error(
+                    l->error, raw[i].value_mark.line ? &raw[i].value_mark : &raw[i].mark,
+                    "found value %lld of \"%s\", which \"%s\" (line %d) has, "
+                    "expected another: a field tells them apart by it",
+                    (long long)raw[i].value, raw[i].name, raw[k].name, raw[k].mark.line);
+            }
+        }
+    }
+    return ERROR_NONE;
+}
+
 static enum error_code described_build_faults(struct described_loader *l)
 {
     static const char *const words[DESCRIBED_FAULT_KINDS] = {
@@ -167,6 +191,8 @@ static enum error_code described_check_frame(struct described_loader *l,
                                              const struct raw_described_frame *raw,
                                              const struct described_frame *made)
 {
+    int64_t most = raw->extended ? DESCRIBED_EXTENDED_ID_MAX : DESCRIBED_STANDARD_ID_MAX;
+
     if (raw->step_given && raw->by != DESCRIBED_BY_ADDRESS) {
         return yaml_error(l->error, &raw->step_mark,
                           "found step, expected it with by: address only");
@@ -175,11 +201,21 @@ static enum error_code described_check_frame(struct described_loader *l,
         return yaml_error(l->error, &raw->of_mark,
                           "found of beside by: slot, expected motor: only axes have slots");
     }
-    if (described_id(made, made->most) > 0x7ff) {
+    if (raw->id + raw->step * made->most > most) {
         return yaml_error(l->error, &raw->id_mark,
-                          "found ids up to 0x%x, expected them within 0x7ff: lower id, step or "
-                          "address_max",
-                          (unsigned)described_id(made, made->most));
+                          "found ids up to 0x%llx, expected them within 0x%x: lower id, step or "
+                          "address_max%s",
+                          (unsigned long long)(raw->id + raw->step * made->most), (unsigned)most,
+                          raw->extended ? "" : ", or set extended: true for 29 bits");
+    }
+    if (raw->brs_given && !raw->fd) {
+        return yaml_error(l->error, &raw->brs_mark,
+                          "found bit_rate_switch without fd: true, expected both or none");
+    }
+    if (raw->fd && raw->remote) {
+        return yaml_error(l->error, &raw->mark,
+                          "found fd beside remote, expected one of them: CAN FD has no remote "
+                          "frames");
     }
     if (made->from_host ? raw->telemetry || raw->period_given || raw->on_change || raw->on_restart
                         : raw->reply || raw->enter || raw->zero || raw->remote) {
@@ -210,12 +246,14 @@ static enum error_code described_build_frame(struct described_loader *l,
         .name = raw->name,
         .from_host = raw->from == 1,
         .remote = raw->remote,
+        .flags = (uint8_t)((raw->extended ? FRAME_EXTENDED : 0) | (raw->remote ? FRAME_REMOTE : 0) |
+                           (raw->fd ? FRAME_FD | (raw->brs ? FRAME_BRS : 0) : 0)),
         .of = raw->of_given    ? (unsigned)raw->of
               : raw->from == 1 ? DESCRIBED_ANY
                                : DESCRIBED_MOTOR,
         .by = (enum described_by)raw->by,
-        .base = (uint16_t)raw->id,
-        .step = (uint16_t)raw->step,
+        .base = (uint32_t)raw->id,
+        .step = (uint32_t)raw->step,
         .period_ns = llround(raw->period_s * 1e3) * 1000000,
         .spread_ms = (unsigned)llround(raw->spread_s * 1e3),
         .telemetry = raw->telemetry,
@@ -224,11 +262,13 @@ static enum error_code described_build_frame(struct described_loader *l,
         .reply = {-1, -1, -1},
         .enter = -1,
         .zero = raw->zero,
+        .counter = -1,
+        .repeats = (uint8_t)raw->repeat,
     };
-    code = described_check_word(l, &raw->mark, raw->name);
-    code = code ? code : described_lay_out(l, raw, made);
     made->most = (uint8_t)described_most_numbers(l, made);
+    code = described_check_word(l, &raw->mark, raw->name);
     code = code ? code : described_check_frame(l, raw, made);
+    code = code ? code : described_lay_out(l, raw, made);
     if (!code && raw->enter) {
         code = described_find_name(l, &raw->enter_mark, raw->enter, &made->enter);
     }
@@ -426,6 +466,9 @@ static enum error_code described_build(struct described_loader *l)
     code = described_build_states(l);
     code = code ? code : described_build_faults(l);
     code = code ? code : described_build_frames(l);
+    code = code ? code : described_check_ids(l);
+    code = code ? code : described_check_values(l, DESCRIBED_STATE, raw->state, raw->nstate);
+    code = code ? code : described_check_values(l, DESCRIBED_LAW, raw->law, raw->nlaw);
     return code ? code : described_build_host(l);
 }
 

@@ -20,8 +20,14 @@ enum error_code described_no_memory(struct described_loader *l);
 enum error_code described_check_word(struct described_loader *l, const struct yaml_mark *mark,
                                      const char *word);
 
-/* The fields of a frame: its layout, length and repetition. */
+/* The fields of a frame in its data and its identifier: layout, length and repetition; and the
+ * places of fields in the identifier. */
 enum error_code described_lay_out(struct described_loader *l, const struct raw_described_frame *raw,
                                   struct described_frame *made);
+
+/* Refuses identifiers that two frames of one board, or of the host and a board, have and nobody
+ * tells apart, and frames that never come, as another takes theirs (load_ids.c). Reads the whole
+ * list of frames. */
+enum error_code described_check_ids(struct described_loader *l);
 
 #endif

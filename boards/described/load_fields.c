@@ -7,6 +7,8 @@
 #include <stdio.h>
 #include <string.h>
 
+enum { GAP_BITS = 32, GAPS_MAX = 8 * DESCRIBED_LENGTH_MAX / GAP_BITS }; /* pieces of padding */
+
 static bool described_is_integer(enum described_meaning meaning)
 {
     switch (meaning) {
@@ -16,6 +18,8 @@ static bool described_is_integer(enum described_meaning meaning)
     case DESCRIBED_AXIS:
     case DESCRIBED_STATE:
     case DESCRIBED_LAW:
+    case DESCRIBED_COUNTER:
+    case DESCRIBED_CHECKSUM:
     case DESCRIBED_COMMANDS:
     case DESCRIBED_SLOT:
     case DESCRIBED_FAULTS:
@@ -87,17 +91,20 @@ static enum error_code described_measure_field(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* What a field is: one of source (boards), target (host), value. */
+/* What a field is: one of source (boards), target (host), value, counter, checksum. */
 static enum error_code described_mean_field(struct described_loader *l, bool from_host,
                                             const struct raw_described_field *raw,
                                             const struct field *layout,
                                             struct described_field *made)
 {
-    if (raw->source_given + raw->target_given + raw->value_given > 1 ||
+    if (raw->source_given + raw->target_given + raw->value_given + raw->counter +
+                (raw->checksum != DESCRIBED_NO_CHECKSUM) >
+            1 ||
         (from_host ? raw->source_given : raw->target_given)) {
         return yaml_error(l->error, &raw->mark,
                           "found field \"%s\" of a frame from the %s with the wrong or several of "
-                          "source, target and value, expected %s or value, or none of them",
+                          "source, target, value, counter and checksum, expected %s or one of the "
+                          "last three, or none of them",
                           raw->name, from_host ? "host" : "board", from_host ? "target" : "source");
     }
     if (raw->value_given) {
@@ -111,6 +118,8 @@ static enum error_code described_mean_field(struct described_loader *l, bool fro
     } else {
         made->meaning = (enum described_meaning)(raw->source_given   ? raw->source
                                                  : raw->target_given ? raw->target
+                                                 : raw->counter      ? DESCRIBED_COUNTER
+                                                 : raw->checksum     ? DESCRIBED_CHECKSUM
                                                                      : DESCRIBED_NOTHING);
         made->constant = -1; /* of an echo: not yet known */
     }
@@ -143,27 +152,40 @@ static enum error_code described_name_values(struct described_loader *l,
         if (described_check_word(l, &raw->entry[i].mark, raw->entry[i].name)) {
             return ERROR_INPUT;
         }
+        for (size_t k = 0; k < i; k++) {
+            if (raw->entry[k].value == value) {
+                return yaml_error(l->error, &raw->entry[i].mark,
+                                  "found %.15g for \"%s\", which \"%s\" has, expected another: a "
+                                  "value has one name",
+                                  value, raw->entry[i].name, raw->entry[k].name);
+            }
+        }
         values[i] = (struct field_value){(int64_t)value, raw->entry[i].name};
     }
     layout->values = values;
     return ERROR_NONE;
 }
 
-/* Where the fields of a frame are laid out. */
+/* Where the fields of the data of a frame, or of its identifier, are laid out. */
 struct described_plan {
     struct field *layout;
+    const struct field *other; /* the layout of the data, of fields in the identifier; or NULL */
     struct described_field *field;
     size_t nlayout, nfield;
-    unsigned bit;
-    bool big; /* order of the field before */
+    unsigned bit, bits; /* where the next field comes; how many there are */
+    bool big;           /* order of the field before */
 };
 
+/* Adds padding, in pieces that the codec of fields takes. */
 static void described_add_gap(struct described_plan *plan, unsigned bits)
 {
-    if (bits > 0) {
+    while (bits > 0) {
+        unsigned part = bits < GAP_BITS ? bits : GAP_BITS;
+
         plan->layout[plan->nlayout++] = (struct field){
-            .type = bits | FIELD_PADDING | (plan->big ? FIELD_BIG_ENDIAN : 0u), .name = "gap"};
-        plan->bit += bits;
+            .type = part | FIELD_PADDING | (plan->big ? FIELD_BIG_ENDIAN : 0u), .name = "gap"};
+        plan->bit += part;
+        bits -= part;
     }
 }
 
@@ -186,6 +208,17 @@ static void described_measure_set_point(const struct described_protocol *made, s
     }
 }
 
+/* Whether a layout has a field of that name. */
+static bool described_has_name(const struct field *layout, const char *name)
+{
+    for (; layout && layout->type != FIELD_END; layout++) {
+        if (!(layout->type & FIELD_PADDING) && !strcmp(layout->name, name)) {
+            return true;
+        }
+    }
+    return false;
+}
+
 static enum error_code described_add_field(struct described_loader *l,
                                            const struct raw_described_frame *frame,
                                            const struct raw_described_field *raw,
@@ -196,17 +229,17 @@ static enum error_code described_add_field(struct described_loader *l,
     struct described_field made = {.meaning = DESCRIBED_NOTHING};
     enum error_code code;
 
-    if (plan->nfield == FIELDS_MAX || at + raw->bits > 8 * DESCRIBED_LENGTH_MAX) {
+    if (plan->nfield == DESCRIBED_FIELDS_MAX || at + raw->bits > plan->bits) {
         return yaml_error(l->error, &raw->mark,
-                          "found field \"%s\" as the %zuth or beyond bit 63, expected at most %d "
-                          "fields within %d bytes",
-                          raw->name, plan->nfield + 1, FIELDS_MAX, DESCRIBED_LENGTH_MAX);
+                          "found field \"%s\" as the %zuth or beyond bit %u, expected at most %d "
+                          "fields within %u bits%s",
+                          raw->name, plan->nfield + 1, plan->bits - 1, DESCRIBED_FIELDS_MAX,
+                          plan->bits,
+                          plan->other || frame->fd ? "" : ": frames with fd: true have 512");
     }
-    for (size_t i = 0; i < plan->nlayout; i++) {
-        if (!(plan->layout[i].type & FIELD_PADDING) && !strcmp(plan->layout[i].name, raw->name)) {
-            return yaml_error(l->error, &raw->mark,
-                              "found field \"%s\" again, expected another name", raw->name);
-        }
+    if (described_has_name(plan->layout, raw->name) || described_has_name(plan->other, raw->name)) {
+        return yaml_error(l->error, &raw->mark, "found field \"%s\" again, expected another name",
+                          raw->name);
     }
     if (at < plan->bit) {
         return yaml_error(l->error, &raw->at_mark,
@@ -254,29 +287,30 @@ static enum error_code described_add_payload(struct described_loader *l,
                                              const struct raw_described_frame *raw,
                                              struct described_plan *plan)
 {
-    static const char *const names[DESCRIBED_LENGTH_MAX] = {"byte_0", "byte_1", "byte_2", "byte_3",
-                                                            "byte_4", "byte_5", "byte_6", "byte_7"};
     const char *text = raw->payload;
+    char name[16];
 
     while (*text) {
         struct field_value *only;
         unsigned byte;
         int used = 0;
 
-        if (plan->nfield == DESCRIBED_LENGTH_MAX || strspn(text, "0123456789abcdefABCDEF") != 2 ||
+        if (plan->bit == plan->bits || strspn(text, "0123456789abcdefABCDEF") != 2 ||
             sscanf(text, "%2x%n", &byte, &used) != 1) {
             return yaml_error(l->error, &raw->payload_mark,
-                              "found payload \"%s\", expected up to 8 bytes of two hexadecimal "
+                              "found payload \"%s\", expected up to %u bytes of two hexadecimal "
                               "digits each, as \"ff 00\"",
-                              raw->payload);
+                              raw->payload, plan->bits / 8);
         }
+        snprintf(name, sizeof name, "byte_%zu", plan->nfield);
         only = arena_alloc(l->arena, 2, sizeof *only);
-        if (!only) {
+        plan->layout[plan->nlayout].name = arena_strdup(l->arena, name);
+        if (!only || !plan->layout[plan->nlayout].name) {
             return described_no_memory(l);
         }
         only[0] = (struct field_value){byte, "always"};
-        plan->layout[plan->nlayout++] =
-            (struct field){.type = FIELD_U8, .name = names[plan->nfield], .values = only};
+        plan->layout[plan->nlayout].type = FIELD_U8;
+        plan->layout[plan->nlayout++].values = only;
         plan->field[plan->nfield++] =
             (struct described_field){.meaning = DESCRIBED_CONSTANT, .constant = byte, .scale = 1.0};
         plan->bit += 8;
@@ -286,12 +320,168 @@ static enum error_code described_add_payload(struct described_loader *l,
     return ERROR_NONE;
 }
 
+/* The length: what the fields take, or more; of CAN FD one of its lengths. */
+static enum error_code described_measure_length(struct described_loader *l,
+                                                const struct raw_described_frame *raw,
+                                                struct described_frame *made, unsigned bits)
+{
+    int64_t most = raw->fd ? DESCRIBED_LENGTH_MAX : DESCRIBED_CLASSIC_MAX;
+    unsigned least = (bits + 7) / 8;
+    bool group = raw->by == DESCRIBED_BY_GROUP;
+
+    if (raw->length_given && raw->length < (int64_t)least) {
+        return yaml_error(l->error, &raw->length_mark,
+                          "found length %d, expected at least the %u bytes of the fields",
+                          (int)raw->length, least);
+    }
+    if (raw->length_given && raw->length > most) {
+        return yaml_error(l->error, &raw->length_mark,
+                          "found length %d, expected at most 8, or fd: true for up to 64",
+                          (int)raw->length);
+    }
+    if (raw->length_given && raw->fd && !group &&
+        frame_fd_length((unsigned)raw->length) != raw->length) {
+        return yaml_error(l->error, &raw->length_mark,
+                          "found length %d, expected one of CAN FD: 0 to 8, 12, 16, 20, 24, 32, 48 "
+                          "or 64",
+                          (int)raw->length);
+    }
+    made->length = raw->length_given   ? (uint8_t)raw->length
+                   : raw->fd && !group ? frame_fd_length(least)
+                                       : (uint8_t)least;
+    if (raw->repeat * made->length > most || (raw->repeat > 1) != group ||
+        (group && (raw->from == 0 || made->length == 0))) {
+        return yaml_error(l->error, &raw->repeat_mark,
+                          "found repeat %d, expected it of a frame from the host with by: group, "
+                          "%d bytes in all",
+                          (int)raw->repeat, (int)most);
+    }
+    return ERROR_NONE;
+}
+
+/* Finds the counter and the checksum among the fields. */
+static enum error_code described_find_checks(struct described_loader *l,
+                                             const struct raw_described_frame *raw,
+                                             struct described_frame *made)
+{
+    unsigned bit = 0;
+    size_t i = 0;
+
+    made->counter = described_find_field(made, DESCRIBED_COUNTER);
+    for (const struct field *layout = made->layout; i < made->ndata; layout++) {
+        const struct raw_described_field *field = raw->payload_given ? NULL : &raw->field[i];
+
+        if (!(layout->type & FIELD_PADDING) && field && field->checksum) {
+            if (layout->type & FIELD_SIGNED || field->bits != 8 || bit % 8 || made->checksum) {
+                return yaml_error(l->error, &field->checksum_mark,
+                                  "found checksum of field \"%s\", expected one of a frame, a byte "
+                                  "of its own without a sign",
+                                  field->name);
+            }
+            made->checksum = (enum described_checksum)field->checksum;
+            made->checksum_byte = (uint8_t)(bit / 8);
+        }
+        i += !(layout->type & FIELD_PADDING);
+        bit += layout->type & FIELD_BITS_MASK;
+    }
+    for (size_t k = 0; k < made->nfield; k++) {
+        if (made->field[k].meaning == DESCRIBED_COUNTER && (int)k != made->counter) {
+            return yaml_error(l->error, &raw->mark,
+                              "found two counters in frame \"%s\", expected one", raw->name);
+        }
+    }
+    if ((made->counter >= 0 || made->checksum) && raw->repeat > 1) {
+        return yaml_error(l->error, &raw->repeat_mark,
+                          "found repeat beside a counter or a checksum, expected one of them");
+    }
+    return ERROR_NONE;
+}
+
+/* ---- fields in the identifier ---- */
+
+/* Enters a field of the identifier into its mask, or when it is constant into its base. */
+static enum error_code described_place_in_id(struct described_loader *l,
+                                             const struct raw_described_field *raw, unsigned at,
+                                             const struct described_field *field,
+                                             struct described_frame *made)
+{
+    uint32_t bits = (uint32_t)(((UINT64_C(1) << raw->bits) - 1) << at);
+
+    if (raw->order == 1 || raw->type == RAW_DESCRIBED_FLOAT || raw->checksum) {
+        return yaml_error(l->error, &raw->mark,
+                          "found a field of the identifier that is big-endian, a float or a "
+                          "checksum, expected a whole number, whose bits count from the least "
+                          "significant on");
+    }
+    for (unsigned number = 0; number <= made->most; number++) {
+        if ((made->base + made->step * number) & bits) {
+            return yaml_error(l->error, &raw->mark,
+                              "found field \"%s\" in bits of the identifier that id or its number "
+                              "%u fills (0x%x), expected these to be 0 there",
+                              raw->name, number, (unsigned)(made->base + made->step * number));
+        }
+    }
+    if (field->meaning != DESCRIBED_CONSTANT) {
+        made->mask |= bits;
+    }
+    return ERROR_NONE;
+}
+
+/* Lays out the fields of the identifier behind those of the data in the list of fields. */
+static enum error_code described_lay_out_id(struct described_loader *l,
+                                            const struct raw_described_frame *raw,
+                                            struct described_frame *made)
+{
+    struct described_plan plan = {
+        .layout = arena_alloc(l->arena, 2 * raw->nid_field + 3, sizeof *plan.layout),
+        .other = made->layout,
+        .field = made->field,
+        .nfield = made->ndata,
+        .bits = raw->extended ? 29 : 11,
+    };
+    uint32_t constant = 0;
+    enum error_code code = ERROR_NONE;
+
+    if (!plan.layout) {
+        return described_no_memory(l);
+    }
+    if (raw->repeat > 1 || raw->remote) {
+        return yaml_error(l->error, &raw->id_fields_mark,
+                          "found id_fields of a frame with repeat or remote, expected none");
+    }
+    for (size_t i = 0; i < raw->nid_field && !code; i++) {
+        const struct raw_described_field *field = &raw->id_field[i];
+
+        code = described_add_field(l, raw, field, &plan);
+        if (!code) {
+            unsigned at = plan.bit - (unsigned)field->bits;
+            const struct described_field *last = &plan.field[plan.nfield - 1];
+
+            code = described_place_in_id(l, field, at, last, made);
+            constant |= last->meaning == DESCRIBED_CONSTANT
+                            ? (uint32_t)(last->constant & ((INT64_C(1) << field->bits) - 1)) << at
+                            : 0;
+        }
+    }
+    if (!code) {
+        described_add_gap(&plan, 32 - plan.bit);
+        made->base |= constant;
+        made->id_layout = plan.layout;
+        made->nfield = plan.nfield;
+    }
+    return code;
+}
+
 enum error_code described_lay_out(struct described_loader *l, const struct raw_described_frame *raw,
                                   struct described_frame *made)
 {
+    size_t most = raw->payload_given                   ? DESCRIBED_LENGTH_MAX
+                  : raw->nfield < DESCRIBED_FIELDS_MAX ? raw->nfield
+                                                       : DESCRIBED_FIELDS_MAX;
     struct described_plan plan = {
-        .layout = arena_alloc(l->arena, 3 * (FIELDS_MAX + 1), sizeof *plan.layout),
-        .field = arena_alloc(l->arena, FIELDS_MAX, sizeof *plan.field),
+        .layout = arena_alloc(l->arena, 3 * most + 2 + GAPS_MAX, sizeof *plan.layout),
+        .field = arena_alloc(l->arena, DESCRIBED_FIELDS_MAX, sizeof *plan.field),
+        .bits = 8 * (raw->fd ? DESCRIBED_LENGTH_MAX : DESCRIBED_CLASSIC_MAX),
     };
     enum error_code code = ERROR_NONE;
 
@@ -306,30 +496,18 @@ enum error_code described_lay_out(struct described_loader *l, const struct raw_d
     for (size_t i = 0; i < raw->nfield && !code; i++) {
         code = described_add_field(l, raw, &raw->field[i], &plan);
     }
+    code = code ? code : described_measure_length(l, raw, made, plan.bit);
     if (code) {
         return code;
     }
-
-    /* The length: what the fields take, or more */
-    made->length = (uint8_t)((plan.bit + 7) / 8);
-    if (raw->length_given && raw->length < made->length) {
-        return yaml_error(l->error, &raw->length_mark,
-                          "found length %d, expected at least the %d bytes of the fields",
-                          (int)raw->length, made->length);
-    }
-    made->length = raw->length_given ? (uint8_t)raw->length : made->length;
-    if (raw->repeat * made->length > DESCRIBED_LENGTH_MAX ||
-        (raw->repeat > 1) != (raw->by == DESCRIBED_BY_GROUP) ||
-        (raw->by == DESCRIBED_BY_GROUP && (raw->from == 0 || made->length == 0))) {
-        return yaml_error(l->error, &raw->repeat_mark,
-                          "found repeat %d, expected it of a frame from the host with by: group, "
-                          "8 bytes in all",
-                          (int)raw->repeat);
-    }
     described_add_gap(&plan, 8u * made->length - plan.bit);
     made->repeats = (uint8_t)raw->repeat;
-    made->nfield = plan.nfield;
+    made->nfield = made->ndata = plan.nfield;
     made->layout = plan.layout;
     made->field = plan.field;
-    return described_check_deflection(l, raw, made);
+    if (raw->nid_field > 0) {
+        code = described_lay_out_id(l, raw, made);
+    }
+    code = code ? code : described_find_checks(l, raw, made);
+    return code ? code : described_check_deflection(l, raw, made);
 }

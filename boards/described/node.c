@@ -35,6 +35,7 @@ bool described_node_power_up(struct described_node *node)
         }
     }
     described_node_find_slot(node);
+    described_bus_forget_counts(described_bus_of(node->board.bus), node);
     described_node_set_period(
         node, node->protocol->period_settable && !config->transmit_at_start ? 0 : period_ms);
     return first;
@@ -63,14 +64,6 @@ static bool described_node_due(struct described_node *node)
 static uint32_t described_node_faults(const struct described_node *node, unsigned axis)
 {
     return node->ops->faults(node, axis);
-}
-
-/* Counts that wrap where others saturate. */
-static int64_t described_wrap(const struct field *layout, uint32_t count)
-{
-    unsigned bits = layout->type & FIELD_BITS_MASK;
-
-    return bits < 32 ? count & ((UINT32_C(1) << bits) - 1) : count;
 }
 
 static int64_t described_echo(const struct described_frame *request, const int64_t *values,
@@ -129,48 +122,70 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
     return field->meaning == DESCRIBED_COMMANDS ? described_wrap(layout, (uint32_t)count) : count;
 }
 
-static void described_node_fill(const struct described_node *node, unsigned axis,
-                                const struct described_frame *frame,
-                                const struct described_frame *request, const int64_t *values,
-                                uint8_t *data)
+/* Fills the counts of the fields of one layout, which begin at the index first. */
+static void described_node_count_fields(const struct described_node *node, unsigned axis,
+                                        const struct described_frame *frame,
+                                        const struct field *layout, size_t first, size_t end,
+                                        const struct described_frame *request,
+                                        const int64_t *values, int64_t *counts)
 {
-    int64_t counts[FIELDS_MAX] = {0};
-    const struct field *layout = frame->layout;
-
     /* A frame that tells of several axes says with each field which */
-    for (size_t i = 0; i < frame->nfield; layout++) {
+    for (size_t i = first; i < end; layout++) {
         if (!(layout->type & FIELD_PADDING)) {
             unsigned of = axis + frame->field[i].axis;
 
-            if (of < node->axes || of == 0) {
-                counts[i] =
-                    described_node_count(node, of, layout, &frame->field[i], request, values);
-            }
+            counts[i] =
+                of < node->axes || of == 0
+                    ? described_node_count(node, of, layout, &frame->field[i], request, values)
+                    : 0;
             i++;
         }
     }
-    fields_encode(frame->layout, counts, data);
 }
 
-static uint32_t described_node_id(const struct described_node *node, unsigned axis,
-                                  const struct described_frame *frame)
+/* Writes a frame about an axis, as an answer when request is one; returns the identifier. */
+static uint32_t described_node_fill(struct described_node *node, unsigned axis, size_t index,
+                                    const struct described_frame *request, const int64_t *values,
+                                    uint8_t *data)
 {
-    return described_id(frame, frame->by == DESCRIBED_BY_ADDRESS ? node->board.address
-                               : frame->by == DESCRIBED_BY_SLOT  ? node->first_slot + axis
-                                                                 : 0);
+    const struct described_frame *frame = &node->protocol->frame[index];
+    unsigned number = frame->by == DESCRIBED_BY_ADDRESS ? node->board.address
+                      : frame->by == DESCRIBED_BY_SLOT  ? node->first_slot + axis
+                                                        : 0;
+    int64_t counts[DESCRIBED_FIELDS_MAX];
+
+    described_node_count_fields(node, axis, frame, frame->layout, 0, frame->ndata, request, values,
+                                counts);
+    described_node_count_fields(node, axis, frame, frame->id_layout, frame->ndata, frame->nfield,
+                                request, values, counts);
+    if (frame->counter >= 0) {
+        counts[frame->counter] =
+            described_wrap(described_layout(frame, (size_t)frame->counter),
+                           node->report[frame->by == DESCRIBED_BY_SLOT ? axis : 0][index].sent++);
+    }
+    return described_encode(frame, number, counts, data);
+}
+
+/* Queues a frame as an answer. */
+static void described_node_queue(struct described_node *node, unsigned axis, size_t index,
+                                 const struct described_frame *request, const int64_t *values)
+{
+    const struct described_frame *frame = &node->protocol->frame[index];
+    uint8_t data[DESCRIBED_LENGTH_MAX];
+    uint32_t id;
+
+    memset(data, 0, frame->length);
+    id = described_node_fill(node, axis, index, request, values, data);
+    board_queue_as(&node->board, id, frame->flags, frame->length, data);
 }
 
 void described_node_reply(struct described_node *node, unsigned axis,
                           const struct described_frame *request, const int64_t *values)
 {
     unsigned kind = node->ops->kind >> 1; /* 0, 1, 2 */
-    const struct described_frame *frame;
-    uint8_t data[DESCRIBED_LENGTH_MAX] = {0};
 
     if (request->reply[kind] >= 0) {
-        frame = &node->protocol->frame[request->reply[kind]];
-        described_node_fill(node, axis, frame, request, values, data);
-        board_queue(&node->board, described_node_id(node, axis, frame), frame->length, data);
+        described_node_queue(node, axis, (size_t)request->reply[kind], request, values);
     }
 }
 
@@ -179,12 +194,10 @@ void described_node_announce(struct described_node *node)
     for (size_t i = 0; i < node->protocol->nframe; i++) {
         const struct described_frame *frame = &node->protocol->frame[i];
         unsigned count = frame->by == DESCRIBED_BY_SLOT ? node->axes : 1;
-        uint8_t data[DESCRIBED_LENGTH_MAX] = {0};
 
         for (unsigned axis = 0; frame->on_restart && frame->of & node->ops->kind && axis < count;
              axis++) {
-            described_node_fill(node, axis, frame, NULL, NULL, data);
-            board_queue(&node->board, described_node_id(node, axis, frame), frame->length, data);
+            described_node_queue(node, axis, i, NULL, NULL);
         }
     }
 }
@@ -203,12 +216,15 @@ static void described_node_send(struct described_node *node, unsigned axis, size
                                 struct frame_sink *sink)
 {
     const struct described_frame *frame = &node->protocol->frame[index];
-    uint8_t data[DESCRIBED_LENGTH_MAX] = {0};
+    struct described_report *report = &node->report[axis][index];
+    uint8_t data[DESCRIBED_LENGTH_MAX];
+    uint32_t id;
 
-    node->report[axis][index] =
-        (struct described_report){node->ops->state(node, axis), described_node_faults(node, axis)};
-    described_node_fill(node, axis, frame, NULL, NULL, data);
-    board_send(&node->board, sink, described_node_id(node, axis, frame), frame->length, data);
+    report->state = node->ops->state(node, axis);
+    report->faults = described_node_faults(node, axis);
+    memset(data, 0, frame->length);
+    id = described_node_fill(node, axis, index, NULL, NULL, data);
+    board_send_as(&node->board, sink, id, frame->flags, frame->length, data);
 }
 
 static bool described_node_has_changed(const struct described_node *node, unsigned axis,

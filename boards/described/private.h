@@ -23,6 +23,8 @@ struct described_bus {
     struct board_bus bus;
     struct described_slot slot[DESCRIBED_SLOTS];
     unsigned slots;
+    /* Of frames from the host with a counter: the last count and 1, by number; 0: none yet */
+    uint32_t heard[DESCRIBED_FRAMES_MAX][DESCRIBED_SLOTS];
 };
 
 struct described_node;
@@ -38,10 +40,10 @@ struct described_node_ops {
     int (*state)(const struct described_node *node, unsigned axis);
 };
 
-/* What an axis, or a sensor, was when a frame last told of it. */
+/* What an axis, or a sensor, was when a frame last told of it, and how many frames have counted. */
 struct described_report {
     int state;
-    uint32_t faults;
+    uint32_t faults, sent;
 };
 
 struct described_node {
@@ -71,6 +73,10 @@ static inline struct described_node *described_node_of(const struct board *board
 
 /* Settings of the first power-up, or none of before. Returns true at the first. */
 bool described_node_power_up(struct described_node *node);
+
+/* Forgets the counts of the frames that the host has sent to a board: after its restart any may
+ * come (bus.c). */
+void described_bus_forget_counts(struct described_bus *bus, const struct described_node *node);
 
 /* After a restart: frames that say so. */
 void described_node_announce(struct described_node *node);

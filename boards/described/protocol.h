@@ -2,8 +2,8 @@
 /*
  * A protocol that a file describes (docs/own-boards.md): its frames with their fields, the states
  * of an axis and what our host has to send. The table is read once (described_load) and immutable
- * from then on; boards, host, DBC and `coman-hil protocol` all work from it. Classic CAN, 11-bit
- * identifiers.
+ * from then on; boards, host, DBC and `coman-hil protocol` all work from it. Classic CAN and CAN
+ * FD, identifiers of 11 and of 29 bits, fields in the data and in the identifier.
  *
  * Units: SI, angles at the link side of the gear. What a field carries is value = count * scale +
  * offset in the unit of its meaning. Memory is the arena's of described_load. RT-safe but for
@@ -15,6 +15,7 @@
 #include "base/arena.h"
 #include "base/error.h"
 #include "boards/field.h"
+#include "canbus/frame.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -26,9 +27,13 @@ enum {
     DESCRIBED_LAWS_MAX = 8,
     DESCRIBED_LIST_MAX = 8, /* frames of one step of the host */
     DESCRIBED_ADDRESS_MAX = 31,
-    DESCRIBED_SLOTS = 32, /* axes of a bus */
-    DESCRIBED_AXES = 4,   /* of a motor board at most */
-    DESCRIBED_LENGTH_MAX = 8,
+    DESCRIBED_SLOTS = 32,      /* axes of a bus */
+    DESCRIBED_AXES = 4,        /* of a motor board at most */
+    DESCRIBED_FIELDS_MAX = 64, /* of a frame, in its data and its identifier together */
+    DESCRIBED_CLASSIC_MAX = 8, /* bytes of a frame */
+    DESCRIBED_LENGTH_MAX = 64, /* of a CAN FD frame */
+    DESCRIBED_STANDARD_ID_MAX = 0x7ff,
+    DESCRIBED_EXTENDED_ID_MAX = 0x1fffffff,
     DESCRIBED_PERIOD_MAX_MS = 255, /* of telemetry that a host may ask for */
 };
 
@@ -79,6 +84,8 @@ enum described_meaning {
     DESCRIBED_STATE,
     DESCRIBED_LAW,
     DESCRIBED_TELEMETRY_PERIOD, /* s */
+    DESCRIBED_COUNTER,          /* one more with each frame of its kind, number and axis */
+    DESCRIBED_CHECKSUM,         /* of the other bytes: struct described_frame */
     /* targets */
     DESCRIBED_SET_POINT, /* in the unit of the state's law, by the state's set_point_scale */
     DESCRIBED_TO_VOLTAGE,
@@ -150,6 +157,13 @@ enum described_fault {
 /* "under-voltage", ... by enum described_fault; NULL from there on */
 extern const char *const described_fault_names[32];
 
+/* How the byte of a checksum comes of the other bytes of the data, in their order. */
+enum described_checksum {
+    DESCRIBED_NO_CHECKSUM,
+    DESCRIBED_XOR,            /* exclusive or */
+    DESCRIBED_CRC8_SAE_J1850, /* polynomial 0x1d, begins with 0xff, inverted at the end */
+};
+
 struct described_field {
     enum described_meaning meaning;
     int64_t constant; /* count of DESCRIBED_CONSTANT; field of the request of DESCRIBED_ECHO */
@@ -161,15 +175,21 @@ struct described_field {
 struct described_frame {
     const char *name;
     bool from_host, remote;
-    unsigned of; /* enum described_kind */
+    uint8_t flags; /* FRAME_EXTENDED, FRAME_FD, FRAME_BRS, FRAME_REMOTE (canbus/frame.h) */
+    unsigned of;   /* enum described_kind */
     enum described_by by;
-    uint16_t base, step;
+    uint32_t base, step;
+    uint32_t mask;  /* bits of the identifier that its fields fill, constant ones aside */
     uint8_t most;   /* number */
     uint8_t length; /* without repetition */
     uint8_t repeats;
-    size_t nfield;
-    const struct field *layout;    /* with gaps as padding, ends with FIELD_END */
-    struct described_field *field; /* those of layout without padding */
+    size_t nfield, ndata;          /* in all, of the data */
+    const struct field *layout;    /* of the data; with gaps as padding, ends with FIELD_END */
+    const struct field *id_layout; /* of the identifier, from bit 0 on, 32 bits; NULL: no fields */
+    struct described_field *field; /* those of layout, then of id_layout, without padding */
+    int counter;                   /* index of the field that counts frames; -1: none */
+    enum described_checksum checksum;
+    uint8_t checksum_byte; /* where it is in the data */
 
     /* From boards */
     int64_t period_ns;  /* 0: as below */
@@ -255,25 +275,48 @@ double described_value(const struct field *layout, const struct described_field 
 /* The entry of a layout of a field, padding aside. */
 const struct field *described_layout(const struct described_frame *frame, size_t field);
 
+/* The identifier of a frame with a number; bits of fields in it are 0. */
 static inline uint32_t described_id(const struct described_frame *frame, unsigned number)
 {
-    return frame->base + (uint32_t)frame->step * number;
+    return frame->base + frame->step * number;
 }
 
-/* Whether an identifier is one of a frame, and its number. */
-bool described_number(const struct described_frame *frame, uint32_t id, unsigned *number);
+/* Whether an identifier, of 29 bits when extended, is one of a frame, and its number. */
+bool described_number(const struct described_frame *frame, uint32_t id, bool extended,
+                      unsigned *number);
+
+/* Writes the counts of all fields into data, which is zero before, closes it with the checksum and
+ * returns the identifier. */
+uint32_t described_encode(const struct described_frame *frame, unsigned number,
+                          const int64_t *counts, uint8_t *data);
+
+/* A checksum of length bytes, the one at the index skip left out. */
+uint8_t described_checksum(enum described_checksum checksum, const uint8_t *data, size_t length,
+                           size_t skip);
+
+/* What DBC and pages say of a checksum; "" = none. */
+const char *described_checksum_name(enum described_checksum checksum);
+
+/* A count that wraps where others saturate: what the bits of a field hold of it. */
+int64_t described_wrap(const struct field *layout, uint32_t count);
+
+/* Whether a receiver tells frames of two rows of one protocol with one identifier apart: by
+ * direction and remote flag, by length, or because not all of b match the constants of a, which
+ * comes first in the file. Two rows from opposite sides are told apart only by the remote flag. */
+bool described_told_apart(const struct described_frame *a, const struct described_frame *b);
 
 /* How far a frame on the bus is this one. */
 enum described_match {
-    DESCRIBED_OTHER,
-    DESCRIBED_BAD_LENGTH,
+    DESCRIBED_BAD_LENGTH, /* or the wrong format of CAN */
     DESCRIBED_BAD_CONSTANT,
+    DESCRIBED_BAD_CHECKSUM,
     DESCRIBED_IS
 };
 
-/* Compares all but the identifier; values receives FIELDS_MAX counts of the first repetition. */
-enum described_match described_match_data(const struct described_frame *frame, const uint8_t *data,
-                                          uint8_t len, int64_t *values);
+/* Compares all but the fixed part of the identifier; values, which holds DESCRIBED_FIELDS_MAX,
+ * receives the counts of the fields, of the first repetition. */
+enum described_match described_match_frame(const struct described_frame *frame,
+                                           const struct bus_frame *sent, int64_t *values);
 
 /* The state with a value, that a host may command when commanded; -1 = none. */
 int described_find_state(const struct described_state *state, size_t count, int64_t value,

@@ -14,6 +14,8 @@ static const struct yaml_enum type_names[] = {{"unsigned", RAW_DESCRIBED_UNSIGNE
                                               {"float", RAW_DESCRIBED_FLOAT},
                                               {NULL, 0}};
 static const struct yaml_enum order_names[] = {{"little", 0}, {"big", 1}, {NULL, 0}};
+static const struct yaml_enum checksum_names[] = {
+    {"xor", DESCRIBED_XOR}, {"crc8_sae_j1850", DESCRIBED_CRC8_SAE_J1850}, {NULL, 0}};
 static const struct yaml_enum from_names[] = {{"board", 0}, {"host", 1}, {NULL, 0}};
 static const struct yaml_enum by_names[] = {{"none", DESCRIBED_BY_NONE},
                                             {"address", DESCRIBED_BY_ADDRESS},
@@ -114,8 +116,8 @@ static const struct yaml_enum source_names[] = {
 static const struct yaml_field field_fields[] = {
     {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
     {"bits", YAML_INT, true, AT(bits), .min = 1, .max = 32, .mark_offset = AT(bits_mark)},
-    {"at_bit", YAML_INT, false, AT(at_bit), .min = 0, .max = 63, .mark_offset = AT(at_mark),
-     .given_offset = AT(at_given)},
+    {"at_bit", YAML_INT, false, AT(at_bit), .min = 0, .max = 8 * DESCRIBED_LENGTH_MAX - 1,
+     .mark_offset = AT(at_mark), .given_offset = AT(at_given)},
     {"type", YAML_ENUM, false, AT(type), .names = type_names},
     {"order", YAML_ENUM, false, AT(order), .names = order_names},
     {"scale", YAML_REAL, false, AT(scale), .min = -1e12, .max = 1e12, .mark_offset = AT(scale_mark),
@@ -130,6 +132,9 @@ static const struct yaml_field field_fields[] = {
      .given_offset = AT(target_given)},
     {"value", YAML_INT, false, AT(value), .min = INT32_MIN, .max = UINT32_MAX,
      .mark_offset = AT(value_mark), .given_offset = AT(value_given)},
+    {"counter", YAML_BOOL, false, .offset = AT(counter), .mark_offset = AT(counter_mark)},
+    {"checksum", YAML_ENUM, false, AT(checksum), .names = checksum_names,
+     .mark_offset = AT(checksum_mark)},
     {"host_value", YAML_REAL, false, AT(host), .min = -1e12, .max = 1e12},
     {"axis", YAML_INT, false, AT(axis), .min = 0, .max = DESCRIBED_AXES - 1},
     {"values", YAML_REAL_DICT, false, AT(entry), .count_offset = AT(nentry),
@@ -149,10 +154,17 @@ static const struct yaml_schema field_schema = {
 static const struct yaml_field frame_fields[] = {
     {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
     {"from", YAML_ENUM, true, AT(from), .names = from_names},
-    {"id", YAML_INT, true, AT(id), .min = 0, .max = 0x7ff, .mark_offset = AT(id_mark)},
+    {"id", YAML_INT, true, AT(id), .min = 0, .max = DESCRIBED_EXTENDED_ID_MAX,
+     .mark_offset = AT(id_mark)},
+    {"extended", YAML_BOOL, false, .offset = AT(extended)},
+    {"id_fields", YAML_LIST, false, AT(id_field), AT(nid_field), .schema = &field_schema,
+     .mark_offset = AT(id_fields_mark)},
+    {"fd", YAML_BOOL, false, .offset = AT(fd)},
+    {"bit_rate_switch", YAML_BOOL, false, .offset = AT(brs), .mark_offset = AT(brs_mark),
+     .given_offset = AT(brs_given)},
     {"by", YAML_ENUM, false, AT(by), .names = by_names},
-    {"step", YAML_INT, false, AT(step), .min = 1, .max = 0x7ff, .mark_offset = AT(step_mark),
-     .given_offset = AT(step_given)},
+    {"step", YAML_INT, false, AT(step), .min = 1, .max = DESCRIBED_EXTENDED_ID_MAX,
+     .mark_offset = AT(step_mark), .given_offset = AT(step_given)},
     {"of", YAML_ENUM, false, AT(of), .names = of_names, .mark_offset = AT(of_mark),
      .given_offset = AT(of_given)},
     {"remote", YAML_BOOL, false, .offset = AT(remote)},
@@ -161,7 +173,7 @@ static const struct yaml_field frame_fields[] = {
     {"repeat", YAML_INT, false, AT(repeat), .min = 1, .max = DESCRIBED_LENGTH_MAX,
      .mark_offset = AT(repeat_mark)},
     {"fields", YAML_LIST, false, AT(field), AT(nfield), .schema = &field_schema},
-    {"payload", YAML_STRING, false, AT(payload), .min = 2, .max = 23,
+    {"payload", YAML_STRING, false, AT(payload), .min = 2, .max = 3 * DESCRIBED_LENGTH_MAX - 1,
      .mark_offset = AT(payload_mark), .given_offset = AT(payload_given)},
     {"period_s", YAML_REAL, false, AT(period_s), .min = 0.001, .max = 60.0,
      .mark_offset = AT(period_mark), .given_offset = AT(period_given)},
@@ -174,7 +186,7 @@ static const struct yaml_field frame_fields[] = {
     {"zero", YAML_BOOL, false, .offset = AT(zero)},
 };
 #undef STRUCT
-static const struct raw_described_frame frame_defaults = {.step = 1, .repeat = 1};
+static const struct raw_described_frame frame_defaults = {.step = 1, .repeat = 1, .brs = true};
 static const struct yaml_schema frame_schema = {
     .what = "a frame",
     .size = sizeof(struct raw_described_frame),
@@ -186,7 +198,8 @@ static const struct yaml_schema frame_schema = {
 #define STRUCT raw_described_state
 static const struct yaml_field state_fields[] = {
     {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
-    {"value", YAML_INT, false, AT(value), .min = 0, .max = UINT32_MAX},
+    {"value", YAML_INT, false, AT(value), .min = 0, .max = UINT32_MAX,
+     .mark_offset = AT(value_mark)},
     {"law", YAML_ENUM, true, AT(law), .names = law_names},
     {"set_point_scale", YAML_REAL, false, AT(set_point_scale), .min = -1e12, .max = 1e12},
 };

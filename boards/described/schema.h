@@ -12,11 +12,12 @@
 
 struct raw_described_field {
     struct yaml_mark mark, bits_mark, at_mark, scale_mark, source_mark, target_mark, value_mark,
-        range_mark, values_mark;
+        range_mark, values_mark, counter_mark, checksum_mark;
     const char *name;
     int64_t bits, at_bit, value, axis;
     bool at_given, value_given, source_given, target_given, range_given, scale_given, offset_given;
-    int type, order; /* enum described_type; 1 = big-endian */
+    bool counter;
+    int type, order, checksum; /* enum described_type; 1 = big-endian; enum described_checksum */
     double scale, offset, range[2], host;
     int source, target; /* enum described_meaning */
     struct yaml_real_entry *entry;
@@ -25,19 +26,19 @@ struct raw_described_field {
 
 struct raw_described_frame {
     struct yaml_mark mark, id_mark, length_mark, payload_mark, reply_mark, enter_mark, of_mark,
-        period_mark, repeat_mark, step_mark;
+        period_mark, repeat_mark, step_mark, brs_mark, id_fields_mark;
     const char *name, *payload, *reply, *enter;
     int from, by, of;
     int64_t id, step, length, repeat;
-    bool remote, telemetry, on_change, on_restart, zero;
-    bool step_given, length_given, payload_given, of_given, period_given;
+    bool remote, telemetry, on_change, on_restart, zero, extended, fd, brs;
+    bool step_given, length_given, payload_given, of_given, period_given, brs_given;
     double period_s, spread_s;
-    struct raw_described_field *field;
-    size_t nfield;
+    struct raw_described_field *field, *id_field;
+    size_t nfield, nid_field;
 };
 
 struct raw_described_state {
-    struct yaml_mark mark;
+    struct yaml_mark mark, value_mark;
     const char *name;
     int64_t value;
     int law;

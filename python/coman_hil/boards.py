@@ -33,7 +33,7 @@ class FocMotor:
 
 def frame_text(message: Message, data: bytes) -> str:
     """What the gateway is told to send a frame; FD frames go with the fast rate."""
-    words = f"fdsend {message.identifier:03X} 1" if message.fd else f"send {message.identifier:03X}"
+    words = f"fdsend {message.word} 1" if message.fd else f"send {message.word}"
     return f"< {words} {len(data)} {data.hex(' ')} {message.bus} >".replace("  ", " ")
 
 

@@ -108,7 +108,8 @@ class Signal:
 
 @dataclass(eq=False)
 class Message:
-    """The frames of an identifier. sender: the node, "host" = the controller."""
+    """The frames of an identifier. sender: the node, "host" = the controller. extended: the
+    identifier has 29 bits; mask: those of its bits that carry values, which are 0 here."""
 
     bus: str
     name: str
@@ -117,6 +118,18 @@ class Message:
     sender: str
     fd: bool
     signals: dict[str, Signal] = field(default_factory=dict)
+    extended: bool = False
+    mask: int = 0
+
+    @property
+    def word(self) -> str:
+        """The identifier as the gateway writes it: 8 digits when it is extended, else 3."""
+        return f"{self.identifier:08X}" if self.extended else f"{self.identifier:03X}"
+
+    def has(self, word: str) -> bool:
+        """Whether a frame with this identifier is one of the message."""
+        return (len(word) == 8) == self.extended and \
+            int(word, 16) & ~self.mask == self.identifier
 
     @property
     def kind(self) -> str:
@@ -174,8 +187,15 @@ class Bus:
     interface: str
     protocol: str
     messages: dict[str, Message] = field(default_factory=dict)
-    by_identifier: dict[int, Message] = field(default_factory=dict)
+    by_identifier: dict[int, Message] = field(default_factory=dict)     # of 11 bits
     boards: dict[str, str] = field(default_factory=dict)
+
+    def find(self, identifier: int, extended: bool = False) -> Message | None:
+        """The message that a frame is; None: of no message."""
+        if not extended:
+            return self.by_identifier.get(identifier)
+        word = f"{identifier:08X}"
+        return next((m for m in self.messages.values() if m.has(word)), None)
 
     def message(self, name: str) -> Message:
         try:
@@ -244,9 +264,13 @@ def parse_bus(text: str) -> tuple[str, Bus]:
         bus.boards[node.name] = node.comment or ""
     for frame in matrix.frames:
         message = Message(name, frame.name, frame.arbitration_id.id, frame.size,
-                          frame.transmitters[0], frame.is_fd)
+                          frame.transmitters[0], frame.is_fd,
+                          extended=bool(frame.arbitration_id.extended),
+                          mask=int(frame.attributes.get("IdentifierMask", 0)))
         message.signals = {s.name: _signal_of(s) for s in frame.signals}
-        bus.messages[message.name] = bus.by_identifier[message.identifier] = message
+        bus.messages[message.name] = message
+        if not message.extended:
+            bus.by_identifier[message.identifier] = message
     _parsed[text] = rig, bus
     return rig, bus
 

@@ -44,7 +44,7 @@ class Names(Dict[str, T], Generic[T]):
 
 def _sources(bus: Bus, about: str) -> list[Source]:
     """Every signal of the boards about a joint, but for answers to questions."""
-    return [((bus.name, f"{m.identifier:03X}"), s, m)
+    return [((bus.name, m.word), s, m)
             for m in bus.messages.values() if m.sender != HOST
             for s in m.signals.values() if s.about == about and s.selector is None]
 
@@ -168,7 +168,7 @@ class ForceSensor:
 
     def __init__(self, name: str, bus: Bus, board: str, latest: Latest) -> None:
         self.name, self.bus, self._latest = name, bus.name, latest
-        self._found = {s.name: ((bus.name, f"{m.identifier:03X}"), s, m)
+        self._found = {s.name: ((bus.name, m.word), s, m)
                        for m in bus.board_messages(board) for s in m.signals.values()
                        if s.selector is None}
 

@@ -151,7 +151,7 @@ class Simulator:
             raise SimulatorError(f"no bus of rig {self.rig} has a STEP message")
         bus, self._step_message = step
         self._done_message = bus.message("DONE")
-        self._done_key = (bus.name, f"{self._done_message.identifier:03X}")
+        self._done_key = (bus.name, self._done_message.word)
 
     def close(self) -> None:
         """Ends the process; `with` does it."""
@@ -305,9 +305,8 @@ class Simulator:
         """The values of the frames of a message that came during the last step, in their units,
         those that have names by name."""
         found = self.buses.bus(bus).message(message)
-        word = f"{found.identifier:03X}"
         return [found.decode(bytes.fromhex(frame[4])) for frame in self._frames
-                if frame[5] == bus and frame[1] == word]
+                if frame[5] == bus and found.has(frame[1])]
 
     # ---- motors ----
 

@@ -10,13 +10,14 @@
 #include "tests/fuzz/fuzz.h"
 #include "tests/unit/boards/board_bench.h"
 
-enum { MEMORY = 16 << 20, TICKS_MAX = 200, IDS = 0x800 };
+enum { MEMORY = 16 << 20, TICKS_MAX = 200, MESSAGES_MAX = 1024 };
 
 struct described_run {
     struct board_bench base;
     struct boards_bus_config bus[BENCH_BUSES];
     const struct described_protocol *protocol;
-    uint8_t length[IDS]; /* of frames from boards, plus 1; 0: there is none */
+    struct message message[MESSAGES_MAX]; /* from boards */
+    size_t nmessage;
     int ticks;
 };
 
@@ -24,13 +25,15 @@ struct described_run {
 
 static void check_fields(const struct described_frame *frame)
 {
-    uint8_t data[DESCRIBED_LENGTH_MAX] = {0};
-    int64_t counts[FIELDS_MAX] = {0}, again[FIELDS_MAX] = {0};
+    int64_t counts[DESCRIBED_FIELDS_MAX] = {0}, again[DESCRIBED_FIELDS_MAX] = {0};
+    struct bus_frame sent = {.flags = frame->flags, .len = frame->length};
+    unsigned number;
 
     fuzz_require(frame->length * frame->repeats <= DESCRIBED_LENGTH_MAX, "%d bytes", frame->length);
     fuzz_require(fields_bits(frame->layout) == 8u * frame->length, "%zu bits of %d bytes",
                  fields_bits(frame->layout), frame->length);
-    fuzz_require(fields_count(frame->layout) == frame->nfield, "%zu fields", frame->nfield);
+    fuzz_require(fields_count(frame->layout) + fields_count(frame->id_layout) == frame->nfield,
+                 "%zu fields", frame->nfield);
     for (size_t i = 0; i < frame->nfield; i++) {
         const struct field *layout = described_layout(frame, i);
         const struct described_field *field = &frame->field[i];
@@ -42,10 +45,19 @@ static void check_fields(const struct described_frame *frame)
                          (counts[i] >= field_lowest(layout) && counts[i] <= field_highest(layout)),
                      "count %lld of %s", (long long)counts[i], layout->name);
     }
-    fields_encode(frame->layout, counts, data);
-    if (!frame->remote && frame->length > 0) {
-        fuzz_require(described_match_data(frame, data, frame->length, again) == DESCRIBED_IS,
-                     "%s is not itself", frame->name);
+    sent.id = described_encode(frame, frame->most, counts, sent.data);
+    fuzz_require(described_number(frame, sent.id, frame->flags & FRAME_EXTENDED, &number) &&
+                     number == frame->most,
+                 "%s has another number", frame->name);
+    if (!frame->remote && frame->length > 0 && frame->repeats == 1) {
+        fuzz_require(frame_valid(&sent), "%s is no frame", frame->name);
+        fuzz_require(described_match_frame(frame, &sent, again) == DESCRIBED_IS, "%s is not itself",
+                     frame->name);
+        if (frame->checksum) {
+            int field = described_find_field(frame, DESCRIBED_CHECKSUM);
+
+            counts[field] = sent.data[frame->checksum_byte];
+        }
         fuzz_require(!memcmp(counts, again, sizeof counts), "%s reads otherwise", frame->name);
     }
 }
@@ -54,11 +66,28 @@ static bool list_message(void *context, const struct message *message)
 {
     struct described_run *run = context;
 
-    fuzz_require(message->id < IDS, "id 0x%x", (unsigned)message->id);
+    fuzz_require(message->id <= (message->extended ? 0x1fffffffu : 0x7ffu), "id 0x%x",
+                 (unsigned)message->id);
+    fuzz_require(run->nmessage < MESSAGES_MAX, "too many messages");
     if (!message->from_host) {
-        run->length[message->id] = (uint8_t)(message->length + 1);
+        run->message[run->nmessage++] = *message;
     }
     return true;
+}
+
+/* Whether a board of the list sends such a frame. */
+static bool is_listed(const struct described_run *run, const struct bus_frame *frame)
+{
+    for (size_t i = 0; i < run->nmessage; i++) {
+        const struct message *m = &run->message[i];
+
+        if ((frame->id & ~m->id_mask) == m->id && frame->len == m->length &&
+            !(frame->flags & FRAME_EXTENDED) == !m->extended &&
+            !(frame->flags & FRAME_FD) == !m->fd) {
+            return true;
+        }
+    }
+    return false;
 }
 
 /* ---- the boards ---- */
@@ -71,6 +100,9 @@ static void start(struct described_run *run, struct arena *arena)
     bench_configure(base);
     run->bus[0] =
         (struct boards_bus_config){.personality = BOARD_DESCRIBED, .described = run->protocol};
+    for (size_t i = 0; i < run->protocol->nframe; i++) {
+        run->bus[0].fd = run->bus[0].fd || run->protocol->frame[i].flags & FRAME_FD;
+    }
     base->config.bus = run->bus;
     base->config.nboard = run->protocol->address_max < 3 ? 1 : 3;
     base->board[1] = base->board[3];
@@ -100,7 +132,7 @@ static void tick(struct described_run *run)
     for (size_t i = 0; i < base->count[0]; i++) {
         const struct bus_frame *frame = &base->frame[0][i];
 
-        fuzz_require(frame_valid(frame) && frame->id < IDS && run->length[frame->id] > 0,
+        fuzz_require(frame_valid(frame) && is_listed(run, frame),
                      "no such message: id 0x%x length %d", (unsigned)frame->id, frame->len);
     }
     while (boards_next_event(base->boards, &event)) {
@@ -109,23 +141,31 @@ static void tick(struct described_run *run)
     run->ticks++;
 }
 
-/* A frame of the host's with its constants, or any. */
+/* A frame of the host's with its constants and its checksum, sometimes with a bit that is wrong. */
 static void receive(struct described_run *run, struct fuzz_bytes *bytes)
 {
     const struct described_frame *row =
         &run->protocol->frame[fuzz_u8(bytes) % run->protocol->nframe];
-    struct bus_frame frame = {.id = described_id(row, fuzz_u8(bytes) & 3),
-                              .len = (uint8_t)(row->length * row->repeats)};
-    int64_t counts[FIELDS_MAX];
+    const uint8_t how = fuzz_u8(bytes);
+    struct bus_frame frame = {.id = fuzz_u32(bytes), .flags = row->flags};
+    int64_t counts[DESCRIBED_FIELDS_MAX];
 
+    frame.len = row->flags & FRAME_FD ? frame_fd_length(row->length * row->repeats)
+                                      : (uint8_t)(row->length * row->repeats);
     fuzz_copy(bytes, frame.data, frame.len);
     fields_decode(row->layout, frame.data, row->length, counts);
+    if (row->id_layout) {
+        uint8_t bits[4];
+
+        put_u32_le(bits, frame.id);
+        fields_decode(row->id_layout, bits, sizeof bits, counts + row->ndata);
+    }
     for (size_t i = 0; i < row->nfield; i++) {
         counts[i] =
             row->field[i].meaning == DESCRIBED_CONSTANT ? row->field[i].constant : counts[i];
     }
-    fields_encode(row->layout, counts, frame.data);
-    frame.flags = row->remote ? FRAME_REMOTE : 0;
+    frame.id = described_encode(row, how & 3, counts, frame.data);
+    frame.data[how >> 2 & 7] ^= how >> 5 == 7 ? 1 << (how & 7) : 0;
     boards_receive(run->base.boards, run->base.now_ns, 0, &frame);
 }
 

@@ -50,7 +50,7 @@ def test_each_joint_has_its_own_voltage():
     from coman_hil import Simulator
     others = {RIGS / f"coman-{kind}.yaml" for kind in
               ("bench", "cia402", "described", "foc-leg", "mini-cheetah", "odrive",
-               "rest-bus")}
+               "rest-bus", "robstride")}
     others |= {RIGS / "hyq.yaml", RIGS / "hyq-leg.yaml"}
     for path in sorted(set(RIGS.glob("*.yaml")) - others):
         with Simulator(path, hold="always") as sim:

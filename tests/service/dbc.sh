@@ -17,13 +17,13 @@ export_rig() { # RIG BUSES
     result $? "$1: a file for each of $2 buses" "$(head -n 1 "$work/out")"
 }
 
-judge() { # RIG LEAST TESTS
+judge() { # RIG LEAST TESTS [LAG PERIOD]
     timeout -k 5 100 "$hil" run "$HIL_SOURCE_DIR/config/rigs/$1.yaml" --transport local \
         --clock free --task squat \
-        --duration 0.5 --record-period 1 --quiet --record "$work/record-$1" >"$work/out" 2>&1 \
-        </dev/null
+        --duration 0.5 --record-period "${5:-1}" --quiet --record "$work/record-$1" \
+        >"$work/out" 2>&1 </dev/null
     /usr/bin/python3 "$HIL_SOURCE_DIR/tests/service/dbc_judge.py" "$1" "$work/$1" \
-        "$work/record-$1" $((number + 1)) "$2" \
+        "$work/record-$1" $((number + 1)) "$2" "${4:-0}" \
         2>"$work/err" || { failed=1 && tail -n 1 "$work/err" | sed 's/^/# /'; }
     number=$((number + $3))
 }
@@ -32,12 +32,13 @@ if ! /usr/bin/python3 -c 'import canmatrix.formats' 2>/dev/null; then
     echo "1..0 # SKIP python3-canmatrix is not installed"
     exit 0
 fi
-echo 1..26
+echo 1..30
 export_rig coman 5
 export_rig coman-foc 10
 export_rig coman-compact 9
 export_rig coman-fd 2
 export_rig coman-cia402 8
+export_rig coman-robstride 10
 for channel in '986 fx "l_leg_ft"' '986 fy "l_leg_ft"' '986 fz "l_leg_ft"' '987 mx "l_leg_ft"' \
     '987 my "l_leg_ft"' '987 mz "l_leg_ft"' '970 LHipSag_torque "LHipSag"' \
     '971 LAnkSag_torque "LAnkSag"'; do
@@ -59,4 +60,5 @@ judge coman-foc 10000 3
 judge coman-compact 20000 3
 judge coman-fd 20000 3
 judge coman-cia402 20000 3
+judge coman-robstride 8000 3 0.002 2
 exit $failed

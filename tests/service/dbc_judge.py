@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Holds a recorded run against its DBC files, read and decoded by canmatrix, which knows nothing of
-us: dbc_judge.py RIG FOLDER RECORD FIRST_NUMBER LEAST.
+us: dbc_judge.py RIG FOLDER RECORD FIRST_NUMBER LEAST [LAG]. Answers to commands tell what was LAG s
+before.
 
 Every frame must be of a message and have its sender's length; what boards say of a joint (the
 signal's comment) must be what the plant had, to within half of the last bit of signal and encoder.
@@ -18,6 +19,7 @@ import canmatrix.formats
 import tap
 
 rig, folder, record, first, least = sys.argv[1:4] + [int(x) for x in sys.argv[4:6]]
+lag_s = float(sys.argv[6]) if len(sys.argv) > 6 else 0
 tap.begin(first)
 # signals by name without the joint: the columns that are added up, with their factors
 STATE = {
@@ -54,18 +56,25 @@ def quantity(frame, signal):
 
 with open(record + "/signals.csv") as file:
     rows = {round(float(r["time_s"]) * 1e6): r for r in csv.DictReader(file)}
-buses = {}
+buses, masked = {}, {}
 for path in glob.glob(f"{folder}/{rig}-*.dbc"):
     matrix = canmatrix.formats.loadp_flat(path)
     interface = re.search(r'CM_ "Rig \S+, bus \S+ on (\w+):', open(path).read()).group(1)
-    buses[interface] = {f.arbitration_id.id: f for f in matrix.frames}
+    # 29-bit identifiers by the bits that carry no values
+    buses[interface] = {(f.arbitration_id.id, bool(f.arbitration_id.extended)): f
+                        for f in matrix.frames}
+    masked[interface] = [(int(f.attributes.get("IdentifierMask", 0)), f) for f in matrix.frames
+                         if int(f.attributes.get("IdentifierMask", 0))]
 
 frames, strange, compared, worst, wrong = 0, set(), {}, 0.0, []
 with open(record + "/candump.log") as log:
     for line in log:
         time, bus, id_hex, fd, data = re.fullmatch(
-            r"\((\S+)\) (\S+) ([0-9A-F]{3})#(#[0-9A-F])?(\S*)\n", line).groups()
-        frame = buses[bus].get(int(id_hex, 16))
+            r"\((\S+)\) (\S+) ([0-9A-F]{3}|[0-9A-F]{8})#(#[0-9A-F])?(\S*)\n", line).groups()
+        number, extended = int(id_hex, 16), len(id_hex) == 8
+        frame = buses[bus].get((number, extended)) or next(
+            (f for mask, f in masked[bus] if bool(f.arbitration_id.extended) == extended
+             and number & ~mask == f.arbitration_id.id), None)
         frames += 1
         data = bytes.fromhex(data)
         from_host = frame is not None and "host" in frame.transmitters
@@ -76,7 +85,7 @@ with open(record + "/candump.log") as log:
             if not from_host and not frame.is_multiplexed and not frame.name.endswith("ORCE"):
                 strange.add(line)
             continue
-        row = rows.get(round(float(time) * 1e6))
+        row = rows.get(round((float(time) - lag_s) * 1e6))
         if not row:
             continue
         values = frame.decode(data)
@@ -91,7 +100,9 @@ with open(record + "/candump.log") as log:
             coarse = ENCODER.get(what, 0)
             # a deflection is the difference of two rounded numbers
             allowed = (1.01 if what == "deflection"
-                       else 0.505) * step + (coarse / 2 if step < 0.99 * coarse else 0)
+                       else 0.505) * step
+            if abs(step - coarse) > 0.01 * coarse:
+                allowed += coarse / 2
             compared[what] = compared.get(what, 0) + 1
             worst = max(worst, error / allowed)
             if error > allowed:

@@ -69,16 +69,21 @@ export function encode(message, values) {
   return data.subarray(0, last);
 }
 
+const key = (frame) => (frame.extended ? 2 ** 29 : 0) + frame.id;
+
 export class Database {
   #byBus = [];
 
   constructor(buses) {
     this.buses = buses;
-    this.#byBus = buses.map((messages) => new Map(messages.map((m) => [m.id, m])));
+    this.#byBus = buses.map((messages) => new Map(messages.map((m) => [key(m), m])));
   }
 
+  /* Identifiers with values in them are found by the rest of their bits. */
   find(bus, frame) {
-    return frame.extended ? undefined : this.#byBus[bus]?.get(frame.id);
+    return this.#byBus[bus]?.get(key(frame)) ?? (frame.extended
+      ? this.buses[bus]?.find((m) => m.mask && m.extended && (frame.id & ~m.mask) === m.id)
+      : undefined);
   }
 }
 

@@ -169,8 +169,9 @@ static void lockstep_ids_keep_clear_of_cia402_nodes(void **state)
 static void fd_belongs_to_compact_and_has_a_data_bitrate(void **state)
 {
     (void)state;
-    refused("  - {name: left, interface: can0, fd: true, data_bitrate: 2000000, boards: []}\n",
-            "28:39: found fd on bus \"left\", expected it with personality compact only");
+    refused(
+        "  - {name: left, interface: can0, fd: true, data_bitrate: 2000000, boards: []}\n",
+        "28:39: found fd on bus \"left\", expected it with personality compact or described only");
     refused("  - {name: left, interface: can0, personality: compact, fd: true, boards: []}\n",
             "28:5: found fd without data_bitrate on bus \"left\", expected fd: true and a "
             "data_bitrate of at least the bitrate together");
@@ -283,10 +284,13 @@ static void cia402_loads_are_those_of_counted_bits(void **state)
 }
 
 /* Frames as compact's above, and 135 bits of each command, 115 of each answer a millisecond; of
- * ODrive's 135 bits of each command, and every 2, 10, 100 and 100 ms from each drive. */
+ * ODrive's 135 bits of each command, and every 2, 10, 100 and 100 ms from each drive; of
+ * RobStride's 160 bits of each command and as many of its answer, with identifiers of 29 bits,
+ * every 2 ms. */
 static void described_loads_are_those_of_counted_bits(void **state)
 {
     const double cheetah = 13.5 + 11.5, odrive = 13.5 + 13.5 / 2 + 1.35 + 0.27;
+    const double robstride = (16.0 + 16.0) / 2;
     const struct expected_load of_cheetah[] = {
         {"torso", 3 * cheetah},         {"left_hip", 3 * cheetah},
         {"left_shank", 3 * cheetah},    {"right_hip", 3 * cheetah},
@@ -302,9 +306,18 @@ static void described_loads_are_those_of_counted_bits(void **state)
         {"right_forearm", 2 * odrive}, {"sensors", 4 * (11.5 + 0.27)},
     };
 
+    const struct expected_load of_robstride[] = {
+        {"torso", 3 * robstride},         {"left_hip", 3 * robstride},
+        {"left_shank", 3 * robstride},    {"right_hip", 3 * robstride},
+        {"right_shank", 3 * robstride},   {"left_shoulder", 2 * robstride},
+        {"left_forearm", 2 * robstride},  {"right_shoulder", 2 * robstride},
+        {"right_forearm", 2 * robstride}, {"sensors", 4 * (11.5 + 0.27)},
+    };
+
     (void)state;
     CHECK_LOADS("coman-mini-cheetah.yaml", of_cheetah);
     CHECK_LOADS("coman-odrive.yaml", of_odrive);
+    CHECK_LOADS("coman-robstride.yaml", of_robstride);
 }
 
 /* A file that describes a protocol is needed, is looked for beside the rig, and says which boards
@@ -360,6 +373,65 @@ static void a_described_bus_has_its_protocol(void **state)
                        "32:21: found id 0x6fc, which belongs to frame A of protocol own, "
                        "expected another");
     snprintf(path, sizeof path, "%s/config/rigs/own.yaml", tree);
+    assert_int_equal(unlink(path), 0);
+}
+
+/* Host frames at 0x10 and board frames at 0x11, each by address: the command to board 2 has the
+ * identifier that board 1 sends. Boards 1 and 3 do not meet. */
+static void boards_of_a_described_bus_do_not_share_identifiers(void **state)
+{
+    static const char protocol[] =
+        "name: two\nstates: [{name: idle, law: \"off\"}]\nframes:\n"
+        "  - {name: A, from: host, id: 0x10, by: address}\n"
+        "  - {name: B, from: board, id: 0x11, by: address, period_s: 0.01}\n";
+    static const char buses[] =
+        "  - {name: left, interface: can0, personality: described, protocol: two.yaml,\n"
+        "     boards: [{kind: motor, address: 1, axes: [hip]},\n"
+        "     {kind: motor, address: %d, axes: [knee]}]}\n";
+    char text[512], path[128];
+
+    (void)state;
+    assert_int_equal(write_file("config/rigs/two.yaml", protocol, sizeof protocol - 1), 0);
+    snprintf(text, sizeof text, buses, 3);
+    assert_int_equal(load_buses(text)->boards.nboard, 2);
+    snprintf(text, sizeof text, buses, 2);
+    refused(text,
+            "30:29: found board left/0x02, whose frame A has the identifier 0x12 that frame B of "
+            "board left/0x01 (line 29) has too, expected other addresses, or identifiers of their "
+            "own in protocol two");
+    snprintf(path, sizeof path, "%s/config/rigs/two.yaml", tree);
+    assert_int_equal(unlink(path), 0);
+}
+
+static void a_bus_with_described_fd_frames_is_one_of_can_fd(void **state)
+{
+    static const char protocol[] = "name: long\nstates: [{name: idle, law: \"off\"}]\nframes:\n"
+                                   "  - {name: A, from: board, id: 0x100, by: address, fd: true, "
+                                   "length: 48, period_s: 0.01}\n";
+    const struct rig *rig;
+    double telemetry, command;
+    char path[128];
+
+    (void)state;
+    assert_int_equal(write_file("config/rigs/long.yaml", protocol, sizeof protocol - 1), 0);
+    refused(
+        "  - {name: left, interface: can0, personality: described, protocol: long.yaml,\n"
+        "     boards: [{kind: motor, address: 1, axes: [hip]}]}\n",
+        "28:5: found bus \"left\" of classic CAN, expected fd: true and a data_bitrate: frame A of "
+        "protocol long is a CAN FD one");
+    rig = load_buses(
+        "  - {name: left, interface: can0, personality: described, protocol: long.yaml,\n"
+        "     fd: true, data_bitrate: 8000000,\n"
+        "     boards: [{kind: motor, address: 1, axes: [hip]}]}\n"
+        "  - {name: right, interface: can1,\n"
+        "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n");
+    assert_true(rig->bus[0].fd && rig->boards.bus[0].fd && rig->host_bus[0].fd);
+
+    /* 98.9 us as in the study below, every 10 ms */
+    rig_bus_load(rig, 0, 1000000, &telemetry, &command);
+    assert_true(fabs(telemetry - 9890.0) < 10.0);
+    assert_true(command == 0.0);
+    snprintf(path, sizeof path, "%s/config/rigs/long.yaml", tree);
     assert_int_equal(unlink(path), 0);
 }
 
@@ -463,6 +535,8 @@ int main(void)
         TEST(cia402_loads_are_those_of_counted_bits),
         TEST(described_loads_are_those_of_counted_bits),
         TEST(a_described_bus_has_its_protocol),
+        TEST(boards_of_a_described_bus_do_not_share_identifiers),
+        TEST(a_bus_with_described_fd_frames_is_one_of_can_fd),
         TEST(fd_loads_are_those_of_the_protocol_study),
         TEST(inertial_boards_load_their_buses),
         TEST(one_inertial_board_where_the_robot_has_the_sensor),

@@ -76,6 +76,73 @@ static const struct {
            "      - {name: x, bits: 4}\n      - {name: x, bits: 4}\n",
      "toy.yaml:11:9: found field \"x\" again"},
     {FRAME "  - {name: A b, from: host, id: 1}\n", "toy.yaml:6:5: found the name \"A b\""},
+    /* identifiers that are of two frames on every bus */
+    {FRAME "  - {name: A, from: host, id: 0x10, by: address}\n"
+           "  - {name: B, from: board, id: 0x10, by: address}\n",
+     "toy.yaml:7:32: found identifier 0x11 of frame \"B\" from the board, which frame \"A\" (line "
+     "6) "
+     "from the host has"},
+    {FRAME
+     "  - {name: A, from: host, id: 0x12}\n  - {name: B, from: board, id: 0x10, by: address}\n",
+     "toy.yaml:7:32: found identifier 0x12 of frame \"B\""},
+    {FRAME "  - {name: A, from: board, id: 0x10, by: address, step: 2}\n"
+           "  - {name: B, from: board, id: 0x12, by: address}\n",
+     "toy.yaml:7:32: found identifier 0x14 of frame \"B\" again, which frame \"A\" (line 6)"},
+    {FRAME "  - {name: A, from: host, id: 1, length: 1}\n"
+           "  - {name: B, from: host, id: 1, payload: \"ff\"}\n",
+     "toy.yaml:7:31: found identifier 0x1 of frame \"B\" again"},
+    {FRAME "  - {name: A, from: host, id: 1, remote: true}\n"
+           "  - {name: B, from: host, id: 1, remote: true, length: 1}\n",
+     "toy.yaml:7:31: found identifier 0x1 of frame \"B\" again"},
+    {FRAME "  - name: A\n    from: host\n    id: 0x1000000\n    by: address\n    extended: true\n"
+           "    id_fields:\n      - {name: x, at_bit: 8, bits: 16, target: torque}\n"
+           "  - {name: B, from: board, id: 0x100ff00, extended: true, by: address}\n",
+     "toy.yaml:13:32: found identifier 0x100ff01 of frame \"B\" from the board"},
+    /* two names for one value */
+    {"name: toy\nstates:\n  - {name: idle, law: \"off\"}\n  - {name: run, value: 1, law: voltage}\n"
+     "  - {name: walk, value: 1, law: current}\nframes:\n  - name: A\n    from: host\n    id: 1\n"
+     "    fields:\n      - {name: x, bits: 8, target: state}\n",
+     "toy.yaml:5:25: found value 1 of \"walk\", which \"run\" (line 4) has"},
+    {FRAME "  - name: A\n    from: host\n    id: 1\n    fields:\n"
+           "      - {name: x, bits: 8, target: state, values: {a: 1, b: 1}}\n",
+     "toy.yaml:10:58: found 1 for \"b\", which \"a\" has"},
+    /* 29 bits, CAN FD, counters and checksums */
+    {FRAME "  - {name: A, from: host, id: 0x800}\n",
+     "toy.yaml:6:31: found ids up to 0x800, expected them within 0x7ff"},
+    {FRAME "  - {name: A, from: host, id: 0x1ffffffe, by: address, extended: true}\n",
+     "toy.yaml:6:31: found ids up to 0x2000001d, expected them within 0x1fffffff"},
+    {FRAME "  - name: A\n    from: host\n    id: 0\n    by: address\n    extended: true\n"
+           "    id_fields:\n      - {name: x, at_bit: 4, bits: 8}\n",
+     "toy.yaml:12:9: found field \"x\" in bits of the identifier that id or its number 16"},
+    {FRAME "  - name: A\n    from: host\n    id: 0\n    extended: true\n"
+           "    id_fields:\n      - {name: x, at_bit: 24, bits: 6}\n",
+     "toy.yaml:11:9: found field \"x\" as the 1th or beyond bit 28"},
+    {FRAME "  - name: A\n    from: host\n    id: 0\n    extended: true\n"
+           "    id_fields:\n      - {name: x, bits: 8, checksum: xor}\n",
+     "toy.yaml:11:9: found a field of the identifier that is big-endian"},
+    {FRAME "  - {name: A, from: host, id: 1, length: 9}\n",
+     "toy.yaml:6:42: found length 9, expected at most 8, or fd: true"},
+    {FRAME "  - {name: A, from: host, id: 1, fd: true, length: 9}\n",
+     "toy.yaml:6:52: found length 9, expected one of CAN FD"},
+    {FRAME "  - {name: A, from: host, id: 1, bit_rate_switch: false}\n",
+     "toy.yaml:6:51: found bit_rate_switch without fd: true"},
+    {FRAME "  - {name: A, from: host, id: 1, fd: true, remote: true}\n",
+     "toy.yaml:6:5: found fd beside remote"},
+    {FRAME "  - name: A\n    from: host\n    id: 1\n    fields:\n"
+           "      - {name: x, bits: 7, checksum: xor}\n",
+     "toy.yaml:10:38: found checksum of field \"x\", expected one of a frame, a byte of its own"},
+    {FRAME "  - name: A\n    from: host\n    id: 1\n    fields:\n"
+           "      - {name: x, bits: 8, checksum: crc7}\n",
+     "toy.yaml:10:38: "},
+    {FRAME "  - name: A\n    from: host\n    id: 1\n    fields:\n"
+           "      - {name: x, bits: 4, counter: true}\n      - {name: y, bits: 4, counter: true}\n",
+     "toy.yaml:6:5: found two counters in frame \"A\""},
+    {FRAME "  - name: A\n    from: host\n    id: 1\n    by: group\n    repeat: 2\n    fields:\n"
+           "      - {name: x, bits: 8, counter: true}\n",
+     "toy.yaml:10:13: found repeat beside a counter or a checksum"},
+    {FRAME "  - name: A\n    from: host\n    id: 1\n    fields:\n"
+           "      - {name: x, bits: 8, counter: true, target: voltage}\n",
+     "toy.yaml:10:9: found field \"x\" of a frame from the host"},
     {"name: \"a\\\"b\"\nstates: []\nframes: []\n", "toy.yaml:1:1: found the name \"a"},
 };
 
@@ -113,7 +180,8 @@ static void fields_lie_where_the_file_says(void **state)
     static const double values[] = {7.0, 0xcb, 10.0, -1024.0};
     const struct described_protocol *protocol;
     const struct described_frame *frame;
-    int64_t counts[FIELDS_MAX];
+    int64_t counts[DESCRIBED_FIELDS_MAX];
+    struct bus_frame sent = frame_make(0x101, 8, data);
     uint8_t again[8] = {0};
     struct error error;
     unsigned number;
@@ -123,11 +191,12 @@ static void fields_lie_where_the_file_says(void **state)
         fail_msg("%s", error.text);
     }
     frame = &protocol->frame[0];
-    assert_true(described_number(frame, 0x11f, &number));
+    assert_true(described_number(frame, 0x11f, false, &number));
     assert_int_equal(number, 31);
-    assert_false(described_number(frame, 0x100, &number));
-    assert_false(described_number(frame, 0x120, &number));
-    assert_int_equal(described_match_data(frame, data, 8, counts), DESCRIBED_IS);
+    assert_false(described_number(frame, 0x11f, true, &number));
+    assert_false(described_number(frame, 0x100, false, &number));
+    assert_false(described_number(frame, 0x120, false, &number));
+    assert_int_equal(described_match_frame(frame, &sent, counts), DESCRIBED_IS);
     for (size_t i = 0; i < ARRAY_COUNT(values); i++) {
         assert_true(fabs(described_value(described_layout(frame, i), &frame->field[i], counts[i]) -
                          values[i]) < 1e-9);
@@ -136,9 +205,115 @@ static void fields_lie_where_the_file_says(void **state)
     }
     fields_encode(frame->layout, counts, again);
     assert_memory_equal(again, data, 8);
-    assert_int_equal(described_match_data(frame, data, 7, counts), DESCRIBED_BAD_LENGTH);
-    again[6] = 0xa4;
-    assert_int_equal(described_match_data(frame, again, 8, counts), DESCRIBED_BAD_CONSTANT);
+    sent.len = 7;
+    assert_int_equal(described_match_frame(frame, &sent, counts), DESCRIBED_BAD_LENGTH);
+    sent.len = 8;
+    sent.flags = FRAME_FD;
+    assert_int_equal(described_match_frame(frame, &sent, counts), DESCRIBED_BAD_LENGTH);
+    sent.flags = 0;
+    sent.data[6] = 0xa4;
+    assert_int_equal(described_match_frame(frame, &sent, counts), DESCRIBED_BAD_CONSTANT);
+}
+
+static const struct described_protocol *read_protocol(const char *text)
+{
+    const struct described_protocol *protocol;
+    struct error error;
+
+    if (described_read_text("toy.yaml", text, strlen(text), &arena, &protocol, &error)) {
+        fail_msg("%s", error.text);
+    }
+    return protocol;
+}
+
+/* Priority, parameter group and source address as J1939 lays them out: PGN 61444 (0xf004) of
+ * address 3 with priority 3 is 0x0cf00403, as in SAE J1939-71. */
+static void fields_lie_in_the_identifier(void **state)
+{
+    static const char text[] = FRAME
+        "  - name: A\n    from: host\n    id: 0x00f00000\n    by: address\n    extended: true\n"
+        "    id_fields:\n      - {name: group, at_bit: 8, bits: 8, value: 4}\n"
+        "      - {name: priority, at_bit: 26, bits: 3, host_value: 3}\n"
+        "    fields:\n      - {name: x, bits: 8, target: voltage}\n";
+    const struct described_frame *frame = &read_protocol(text)->frame[0];
+    struct bus_frame sent = {.id = 0x0cf00403, .flags = FRAME_EXTENDED, .len = 1, .data = {7}};
+    int64_t counts[DESCRIBED_FIELDS_MAX];
+    uint8_t data[8] = {0};
+    unsigned number;
+
+    (void)state;
+    assert_int_equal(frame->flags, FRAME_EXTENDED);
+    assert_int_equal(frame->mask, 0x1c000000);
+    assert_true(described_number(frame, sent.id, true, &number));
+    assert_int_equal(number, 3);
+    assert_false(described_number(frame, sent.id, false, &number));
+    assert_false(described_number(frame, 0x0cf00503, true, &number));
+    assert_int_equal(described_match_frame(frame, &sent, counts), DESCRIBED_IS);
+    assert_int_equal(counts[0], 7);
+    assert_int_equal(counts[1], 4);
+    assert_int_equal(counts[2], 3);
+    assert_int_equal(described_encode(frame, 3, counts, data), sent.id);
+    assert_int_equal(data[0], 7);
+}
+
+/* The published check values of the digits 1 to 9. */
+static void checksums_are_those_of_the_standards(void **state)
+{
+    static const uint8_t digits[] = "1234567890";
+
+    (void)state;
+    assert_int_equal(described_checksum(DESCRIBED_CRC8_SAE_J1850, digits, 9, 9), 0x4b);
+    assert_int_equal(described_checksum(DESCRIBED_XOR, digits, 9, 9), 0x31);
+
+    /* A byte that is left out is as if it were not there */
+    assert_int_equal(described_checksum(DESCRIBED_CRC8_SAE_J1850, digits, 10, 9), 0x4b);
+}
+
+/* A frame of ten bytes and its checksum has the next length of CAN FD. */
+static void a_long_frame_is_one_of_can_fd(void **state)
+{
+    static const char text[] = FRAME
+        "  - name: A\n    from: host\n    id: 1\n    fd: true\n    fields:\n"
+        "      - {name: crc, bits: 8, checksum: crc8_sae_j1850}\n"
+        "      - {name: x, bits: 32, target: voltage}\n      - {name: y, bits: 32, at_bit: 56}\n";
+    const struct described_frame *frame = &read_protocol(text)->frame[0];
+    struct bus_frame sent = {.id = 1, .flags = FRAME_FD | FRAME_BRS, .len = 12};
+    int64_t counts[DESCRIBED_FIELDS_MAX] = {0, 0x01020304, 0x05060708};
+
+    (void)state;
+    assert_int_equal(frame->length, 12);
+    assert_int_equal(frame->flags, FRAME_FD | FRAME_BRS);
+    assert_int_equal(described_encode(frame, 0, counts, sent.data), 1);
+    assert_memory_equal(sent.data + 1, "\4\3\2\1\0\0\10\7\6\5", 10);
+    assert_int_equal(described_match_frame(frame, &sent, counts), DESCRIBED_IS);
+    assert_int_equal(counts[2], 0x05060708);
+    sent.data[11] ^= 1; /* padding is under the checksum too */
+    assert_int_equal(described_match_frame(frame, &sent, counts), DESCRIBED_BAD_CHECKSUM);
+}
+
+/* What one board tells apart: frames by constants, the special one first, and by length; a remote
+ * frame from the data that answers it; kinds of boards. What depends on addresses is the rig's. */
+static void identifiers_are_shared_where_frames_are_told_apart(void **state)
+{
+    static const char *const good[] = {
+        FRAME "  - {name: A, from: host, id: 1, payload: \"ff\"}\n"
+              "  - {name: B, from: host, id: 1, length: 1}\n",
+        FRAME "  - {name: A, from: host, id: 1, length: 2}\n"
+              "  - {name: B, from: host, id: 1, length: 1}\n",
+        FRAME "  - {name: A, from: host, id: 1, remote: true}\n"
+              "  - {name: B, from: board, id: 1}\n",
+        FRAME "  - {name: A, from: board, id: 1, by: address}\n"
+              "  - {name: B, from: board, id: 1, by: address, of: ft}\n",
+        FRAME "  - {name: A, from: host, id: 0x10, by: address}\n"
+              "  - {name: B, from: board, id: 0x11, by: address}\n",
+        FRAME "  - {name: A, from: host, id: 1}\n"
+              "  - {name: B, from: board, id: 1, extended: true}\n",
+    };
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_COUNT(good); i++) {
+        read_protocol(good[i]);
+    }
 }
 
 static const struct limit limits[] = {
@@ -156,23 +331,24 @@ static const struct limit limits[] = {
     {"gains.position_per_s", 0, 1e6},
     {"gains.velocity_nm_s_rad", 0, 1e6},
     {"gains.velocity_nm_rad", 0, 1e6},
-    {"frames[].id", 0, 0x7ff},
-    {"frames[].step", 1, 0x7ff},
-    {"frames[].length", 0, 8},
-    {"frames[].repeat", 1, 8},
-    {"frames[].payload", 2, 23},
+    {"frames[].id", 0, 0x1fffffff},
+    {"frames[].step", 1, 0x1fffffff},
+    {"frames[].length", 0, 64},
+    {"frames[].repeat", 1, 64},
+    {"frames[].payload", 2, 191},
     {"frames[].period_s", 0.001, 60},
     {"frames[].spread_s", 0, 1},
     {"frames[].reply", 1, 31},
     {"frames[].enter", 1, 31},
-    {"frames[].fields[].bits", 1, 32},
-    {"frames[].fields[].at_bit", 0, 63},
-    {"frames[].fields[].scale", -1e12, 1e12},
-    {"frames[].fields[].offset", -1e12, 1e12},
-    {"frames[].fields[].range", -1e12, 1e12},
+    {"*.bits", 1, 32},
+    {"*.at_bit", 0, 511},
+    {"*.scale", -1e12, 1e12},
+    {"*.offset", -1e12, 1e12},
+    {"*.range", -1e12, 1e12},
     {"frames[].fields[].value", INT32_MIN, UINT32_MAX},
-    {"frames[].fields[].host_value", -1e12, 1e12},
-    {"frames[].fields[].axis", 0, 3},
+    {"frames[].id_fields[].value", INT32_MIN, UINT32_MAX},
+    {"*.host_value", -1e12, 1e12},
+    {"*.axis", 0, 3},
     {"host.on_state", 1, 31},
     {"host.off_state", 1, 31},
 };
@@ -189,6 +365,11 @@ int main(void)
         cmocka_unit_test_setup_teardown(what_is_wrong_is_refused_with_its_place, open_arena,
                                         close_arena),
         cmocka_unit_test_setup_teardown(fields_lie_where_the_file_says, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(fields_lie_in_the_identifier, open_arena, close_arena),
+        cmocka_unit_test(checksums_are_those_of_the_standards),
+        cmocka_unit_test_setup_teardown(a_long_frame_is_one_of_can_fd, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(identifiers_are_shared_where_frames_are_told_apart,
+                                        open_arena, close_arena),
         cmocka_unit_test_setup_teardown(every_limit_of_a_protocol_file_holds, open_arena,
                                         close_arena),
     };

@@ -1,0 +1,108 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Whether the boards that a rig puts on a bus of a described protocol have identifiers of their
+ * own. What is wrong on every bus the protocol's file is refused for (boards/described/load_ids.c);
+ * here are the numbers that the rig gives: addresses, and the slots of axes.
+ */
+#include "boards/described/protocol.h"
+#include "boards/messages.h"
+#include "rig/builder_private.h"
+
+struct id_check {
+    struct rig_builder *b;
+    size_t bus;
+    size_t outer, inner; /* messages so far, of the walk and of the one within */
+    struct message message;
+    enum error_code code;
+};
+
+static const struct described_frame *message_row(const struct id_check *check,
+                                                 const struct message *message)
+{
+    const struct described_protocol *protocol = check->b->bus[check->bus].described;
+    size_t i = 0;
+
+    while (protocol->frame[i].layout != message->fields) {
+        i++;
+    }
+    return &protocol->frame[i];
+}
+
+/* The board that sends a message or is its only receiver; NULL: none. */
+static const struct board_config *message_board(const struct id_check *check,
+                                                const struct message *message)
+{
+    int board = message->from_host ? message->receiver : message->sender;
+
+    return board == MESSAGE_NO_BOARD ? NULL : &check->b->rig->boards.board[board];
+}
+
+/* Whether two messages of one identifier cannot be told apart, or would meet on the wire. */
+static bool messages_collide(const struct id_check *check, const struct message *x,
+                             const struct message *y)
+{
+    const struct described_frame *a = message_row(check, x), *b = message_row(check, y);
+
+    if (x->extended != y->extended || ((x->id ^ y->id) & ~(x->id_mask | y->id_mask))) {
+        return false;
+    }
+
+    /* Drives that all answer with one identifier say in the data who they are */
+    if (!x->from_host && !y->from_host && x->sender != y->sender) {
+        return described_find_field(a, DESCRIBED_ADDRESS) < 0 ||
+               described_find_field(b, DESCRIBED_ADDRESS) < 0;
+    }
+    return a <= b ? !described_told_apart(a, b) : !described_told_apart(b, a);
+}
+
+/* Where a board stands in the rig's file; the bus itself without one. */
+static const struct yaml_mark *board_mark(const struct id_check *check,
+                                          const struct board_config *board)
+{
+    const struct rig_bus *bus = &check->b->bus[check->bus];
+    const struct raw_bus *raw = &check->b->raw->bus[check->bus];
+
+    return board ? &raw->board[board - check->b->rig->boards.board - bus->first_board].address_mark
+                 : &raw->mark;
+}
+
+static bool check_inner(void *context, const struct message *message)
+{
+    struct id_check *check = context;
+    const struct message *later = &check->message;
+    const struct board_config *x = message_board(check, message), *y = message_board(check, later);
+
+    if (check->inner++ == check->outer) {
+        return false;
+    }
+    if (messages_collide(check, message, later)) {
+        check->code = yaml_error(
+            check->b->error, board_mark(check, y),
+            "found %s%s, whose frame %s has the identifier 0x%x that frame %s of %s%s (line %d) "
+            "has "
+            "too, expected other addresses, or identifiers of their own in protocol %s",
+            y ? "board " : "the axes of the bus", y ? y->name : "", later->name,
+            (unsigned)later->id, message->name, x ? "board " : "all axes", x ? x->name : "",
+            board_mark(check, x)->line, check->b->bus[check->bus].described->name);
+    }
+    return !check->code;
+}
+
+static bool check_outer(void *context, const struct message *message)
+{
+    struct id_check *check = context;
+
+    check->message = *message;
+    check->inner = 0;
+    boards_messages(&check->b->rig->boards, (int)check->bus, check_inner, check);
+    check->outer++;
+    return !check->code;
+}
+
+enum error_code rig_check_described_ids(struct rig_builder *b, size_t bus)
+{
+    struct id_check check = {.b = b, .bus = bus};
+
+    boards_messages(&b->rig->boards, (int)bus, check_outer, &check);
+    return check.code;
+}
