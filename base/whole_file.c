@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Files under a temporary name until they are complete. */
+/* Files under a temporary name until they are complete, files that grow, and folders. */
 #include "base/whole_file.h"
 
 #include <errno.h>
@@ -57,9 +57,10 @@ static int whole_file_create(struct whole_file *file)
 }
 
 /* Opens a pipe or a device of characters; -1 where it has become something else. */
-static int whole_file_open_device(struct whole_file *file)
+static int whole_file_open_device(const struct whole_file *file, int flags)
 {
-    int descriptor = openat(file->folder, whole_file_name(file->path), O_WRONLY | O_CLOEXEC);
+    int descriptor =
+        openat(file->folder, whole_file_name(file->path), O_WRONLY | O_CLOEXEC | flags);
     struct stat there;
 
     if (descriptor >= 0 &&
@@ -69,6 +70,12 @@ static int whole_file_open_device(struct whole_file *file)
         return -1;
     }
     return descriptor;
+}
+
+/* Whether another user than this one and root has made the symbolic link. */
+static bool whole_file_is_foreign(const struct stat *link)
+{
+    return S_ISLNK(link->st_mode) && link->st_uid != 0 && link->st_uid != geteuid();
 }
 
 /* Decides whether the path is written in place, and refuses what can be no file. */
@@ -83,7 +90,7 @@ static enum error_code whole_file_look(struct whole_file *file, struct error *er
     }
     file->in_place = found && (S_ISFIFO(there.st_mode) || S_ISCHR(there.st_mode));
     if (file->in_place && !fstatat(file->folder, name, &link, AT_SYMLINK_NOFOLLOW) &&
-        S_ISLNK(link.st_mode) && link.st_uid != 0 && link.st_uid != geteuid()) {
+        whole_file_is_foreign(&link)) {
         return error_set(error, ERROR_INPUT,
                          "%s: found a symbolic link of another user, expected a file: what it "
                          "points to is not written",
@@ -92,22 +99,29 @@ static enum error_code whole_file_look(struct whole_file *file, struct error *er
     return ERROR_NONE;
 }
 
-enum error_code whole_file_open(struct whole_file *file, const char *path, struct error *error)
+/* Opens the folder and looks at what has the name now. */
+static enum error_code whole_file_begin(struct whole_file *file, const char *path,
+                                        struct error *error)
 {
     enum error_code code;
-    int descriptor;
 
     *file = (struct whole_file){.path = path};
     code = whole_file_open_folder(file, error);
-    if (code) {
-        return code;
-    }
-    code = whole_file_look(file, error);
-    if (code) {
+    if (!code && (code = whole_file_look(file, error))) {
         close(file->folder);
+    }
+    return code;
+}
+
+enum error_code whole_file_open(struct whole_file *file, const char *path, struct error *error)
+{
+    enum error_code code = whole_file_begin(file, path, error);
+    int descriptor;
+
+    if (code) {
         return code;
     }
-    descriptor = file->in_place ? whole_file_open_device(file) : whole_file_create(file);
+    descriptor = file->in_place ? whole_file_open_device(file, 0) : whole_file_create(file);
     file->out = descriptor >= 0 ? fdopen(descriptor, "w") : NULL;
     if (!file->out) {
         code = error_set_errno(error, errno, "cannot write %s", path);
@@ -140,4 +154,94 @@ enum error_code whole_file_close(struct whole_file *file, enum error_code code, 
     }
     close(file->folder);
     return code;
+}
+
+/* ---- files that grow ---- */
+
+/* Creates the file in the place of one that is there; -1 with errno, ELOOP for a link. */
+static int growing_file_create(const struct whole_file *file)
+{
+    const char *name = whole_file_name(file->path);
+    struct stat there;
+
+    if (!fstatat(file->folder, name, &there, AT_SYMLINK_NOFOLLOW)) {
+        if (S_ISLNK(there.st_mode)) {
+            errno = ELOOP;
+            return -1;
+        }
+        if (unlinkat(file->folder, name, 0)) {
+            return -1;
+        }
+    }
+    return openat(file->folder, name, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0664);
+}
+
+enum error_code growing_file_open(const char *path, int *descriptor, struct error *error)
+{
+    struct whole_file file;
+    enum error_code code = whole_file_begin(&file, path, error);
+
+    if (code) {
+        return code;
+    }
+    *descriptor = file.in_place ? whole_file_open_device(&file, O_NONBLOCK | O_NOCTTY)
+                                : growing_file_create(&file);
+    if (*descriptor >= 0) {
+        fcntl(*descriptor, F_SETFL, fcntl(*descriptor, F_GETFL) & ~O_NONBLOCK);
+    } else if (errno == ELOOP) {
+        code = error_set(error, ERROR_INPUT,
+                         "%s: found a symbolic link, expected a file: what it points to is not "
+                         "overwritten",
+                         path);
+    } else if (errno == ENXIO) {
+        code = error_set(error, ERROR_SYSTEM, "cannot open %s: a pipe that nobody reads", path);
+    } else {
+        code = error_set_errno(error, errno, "cannot open %s", path);
+    }
+    close(file.folder);
+    return code;
+}
+
+/* ---- folders ---- */
+
+enum error_code folder_make(const char *path, bool *made, struct error *error)
+{
+    struct stat there;
+    bool fresh = mkdir(path, 0775) == 0;
+
+    if (made) {
+        *made = fresh;
+    }
+    if (!fresh && errno != EEXIST) {
+        return error_set_errno(error, errno, "cannot make the directory %s", path);
+    }
+    if (!fresh && !lstat(path, &there) && whole_file_is_foreign(&there)) {
+        return error_set(error, ERROR_INPUT,
+                         "%s: found a symbolic link of another user, expected a directory: nothing "
+                         "is written where it points to",
+                         path);
+    }
+    return ERROR_NONE;
+}
+
+enum error_code folder_make_all(const char *path, struct error *error)
+{
+    char part[PATH_MAX];
+    size_t length = strlen(path);
+
+    if (length == 0 || length >= sizeof part) {
+        return error_set(error, ERROR_INPUT, "the name of the directory %.40s is %s", path,
+                         length ? "too long" : "empty");
+    }
+    for (size_t i = 1; i < length; i++) {
+        if (path[i] != '/' || path[i - 1] == '/') {
+            continue;
+        }
+        memcpy(part, path, i);
+        part[i] = '\0';
+        if (mkdir(part, 0775) && errno != EEXIST) {
+            return error_set_errno(error, errno, "cannot make the directory %s", part);
+        }
+    }
+    return folder_make(path, NULL, error);
 }

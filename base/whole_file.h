@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A file that is complete or not there at all: written under a random name in the same folder and
- * renamed at the end, so that a full disk or an interrupt leaves the previous file as it was. A
- * symbolic link of that name is replaced, not followed, and the file is never writable by others.
- * A pipe or a device of characters (a terminal, /dev/null) is written in place, also through a link
- * that belongs to this user or to root. Not RT-safe.
+ * Files and folders that a person asks for, and what a stranger may have put in their place.
+ *
+ * A whole file is one that is complete or not there at all: written under a random name in the same
+ * folder and renamed at the end, so that a full disk or an interrupt leaves the previous file as it
+ * was. A symbolic link of that name is replaced, not followed, and the file is never writable by
+ * others. A pipe or a device of characters (a terminal, /dev/null) is written in place, also
+ * through a link that belongs to this user or to root. Not RT-safe.
  */
 #ifndef BASE_WHOLE_FILE_H
 #define BASE_WHOLE_FILE_H
@@ -32,5 +34,20 @@ enum error_code whole_file_open(struct whole_file *file, const char *path, struc
  * the first of these errors. */
 enum error_code whole_file_close(struct whole_file *file, enum error_code code,
                                  struct error *error);
+
+/* Opens a file that others read while it is written, as a log: under its own name from the start.
+ * A file of that name is removed first, so that neither its owner nor another name of it has a part
+ * in the new one; a symbolic link to a file is refused. A pipe or a device is written in place, as
+ * above; nothing waits for the reader of a pipe (ERROR_SYSTEM without one). The descriptor is the
+ * caller's to close. */
+enum error_code growing_file_open(const char *path, int *descriptor, struct error *error);
+
+/* Makes a folder that others can read and cannot write to; one that is there is taken as it is,
+ * unless the path is a symbolic link of another user (ERROR_INPUT). *made, which may be NULL, is
+ * whether it was not there. The folder above it must be there. */
+enum error_code folder_make(const char *path, bool *made, struct error *error);
+
+/* The same with all the folders above it. */
+enum error_code folder_make_all(const char *path, struct error *error);
 
 #endif

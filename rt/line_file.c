@@ -2,8 +2,9 @@
 /* Writes whole lines or records into a file, or ends it. */
 #include "rt/line_file.h"
 
+#include "base/whole_file.h"
+
 #include <errno.h>
-#include <fcntl.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -169,50 +170,6 @@ void line_file_remove(struct line_file *file)
 
 /* ---- opening ---- */
 
-/* A symbolic link is followed where nothing can be overwritten: to a pipe or a device of
- * characters (-1 and ELOOP otherwise). */
-static int line_file_open_link(const char *path)
-{
-    int descriptor = open(path, O_WRONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
-    struct stat info;
-
-    if (descriptor >= 0 && !fstat(descriptor, &info) &&
-        (S_ISFIFO(info.st_mode) || S_ISCHR(info.st_mode))) {
-        return descriptor;
-    }
-    if (descriptor >= 0) {
-        close(descriptor);
-    }
-    errno = descriptor < 0 && errno == ENXIO ? ENXIO : ELOOP;
-    return -1;
-}
-
-static enum error_code line_file_open_descriptor(struct line_file *file, struct error *error)
-{
-    struct stat info;
-
-    /* Does not wait for the reader of a pipe */
-    file->descriptor =
-        open(file->path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NONBLOCK | O_NOFOLLOW, 0666);
-    if (file->descriptor < 0 && errno == ELOOP) {
-        file->descriptor = line_file_open_link(file->path);
-    }
-    if (file->descriptor < 0 && errno == ELOOP) {
-        return error_set(error, ERROR_INPUT,
-                         "%s: found a symbolic link, expected a file: what it points to is not "
-                         "overwritten",
-                         file->path);
-    }
-    if (file->descriptor < 0) {
-        return errno == ENXIO ? error_set(error, ERROR_SYSTEM,
-                                          "cannot open %s: a pipe that nobody reads", file->path)
-                              : error_set_errno(error, errno, "cannot open %s", file->path);
-    }
-    fcntl(file->descriptor, F_SETFL, fcntl(file->descriptor, F_GETFL) & ~O_NONBLOCK);
-    file->regular = fstat(file->descriptor, &info) == 0 && S_ISREG(info.st_mode);
-    return ERROR_NONE;
-}
-
 static enum error_code line_file_write_title(struct line_file *file, const char *title,
                                              struct error *error)
 {
@@ -232,6 +189,7 @@ enum error_code line_file_open(struct line_file *file, const char *directory, co
                                struct arena *arena, struct error *error)
 {
     enum error_code code;
+    struct stat info;
 
     memset(file, 0, sizeof *file);
     file->descriptor = -1;
@@ -246,9 +204,13 @@ enum error_code line_file_open(struct line_file *file, const char *directory, co
     if (!file->buffer) {
         return error_set(error, ERROR_MEMORY, "no memory left for %s", file->path);
     }
-    code = line_file_open_descriptor(file, error);
-    code = code ? code : line_file_write_title(file, title, error);
-    if (code && file->descriptor >= 0) {
+    code = growing_file_open(file->path, &file->descriptor, error);
+    if (code) {
+        return code;
+    }
+    file->regular = fstat(file->descriptor, &info) == 0 && S_ISREG(info.st_mode);
+    code = line_file_write_title(file, title, error);
+    if (code) {
         close(file->descriptor);
         file->descriptor = -1;
     }

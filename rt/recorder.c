@@ -2,6 +2,7 @@
 /* The recorder's rings and files: opened, filled by the loop, reported on and closed. */
 #include "rt/recorder_mcap.h"
 
+#include "base/whole_file.h"
 #include "canbus/candump.h"
 #include "rt/clock.h"
 
@@ -10,7 +11,6 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -57,14 +57,11 @@ static bool directory_is_empty(const char *directory, bool *empty)
 static enum error_code recorder_prepare_directory(const struct recorder_config *config, bool *made,
                                                   struct error *error)
 {
+    enum error_code code = folder_make(config->directory, made, error);
     bool empty = false;
 
-    *made = mkdir(config->directory, 0777) == 0;
-    if (*made) {
-        return ERROR_NONE;
-    }
-    if (errno != EEXIST) {
-        return error_set_errno(error, errno, "cannot make the directory %s", config->directory);
+    if (code || *made) {
+        return code;
     }
     if (!directory_is_empty(config->directory, &empty)) {
         return error_set_errno(error, errno, "cannot record into %s", config->directory);

@@ -9,9 +9,9 @@
 #include "app/cli/ready.h"
 #include "app/cli/rig_command.h"
 #include "app/cli/run_options.h"
-#include "app/cli/summary.h"
 #include "app/control/control.h"
 #include "base/journal.h"
+#include "sim/summary.h"
 
 #include <inttypes.h>
 #include <signal.h>

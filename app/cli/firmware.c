@@ -2,45 +2,25 @@
 /* Downloaded firmware as files beside a recording. */
 #include "app/cli/firmware.h"
 
+#include "base/whole_file.h"
 #include "boards/icub/loader.h"
 
-#include <errno.h>
-#include <fcntl.h>
 #include <stdio.h>
-#include <unistd.h>
-
-static bool firmware_put_words(const uint16_t *image, FILE *out)
-{
-    for (size_t i = 0; i < (size_t)ICUB_MEMORIES * ICUB_MEMORY_WORDS; i++) {
-        putc(image[i] & 0xff, out);
-        putc(image[i] >> 8, out);
-    }
-    return !ferror(out);
-}
 
 static enum error_code firmware_write_file(const char *path, const uint16_t *image,
                                            struct error *error)
 {
-    int descriptor = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0666);
-    FILE *out = descriptor < 0 ? NULL : fdopen(descriptor, "w");
-    bool good;
+    struct whole_file file;
+    enum error_code code = whole_file_open(&file, path, error);
 
-    if (!out) {
-        error_set_errno(error, errno, "cannot open %s", path);
-        if (descriptor >= 0) {
-            close(descriptor);
-        }
-        return error->code;
+    if (code) {
+        return code;
     }
-    good = firmware_put_words(image, out);
-    if (fclose(out) || !good) {
-        int reason = errno;
-
-        /* Half an image would be compared as a whole one */
-        unlink(path);
-        return error_set_errno(error, reason, "cannot write %s", path);
+    for (size_t i = 0; i < (size_t)ICUB_MEMORIES * ICUB_MEMORY_WORDS; i++) {
+        putc(image[i] & 0xff, file.out);
+        putc(image[i] >> 8, file.out);
     }
-    return ERROR_NONE;
+    return whole_file_close(&file, ERROR_NONE, error);
 }
 
 enum error_code firmware_write(const struct simulator *simulator, const char *directory,

@@ -5,11 +5,9 @@
 #include "app/report/report_file.h"
 #include "base/markup.h"
 
-#include <errno.h>
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
 enum { LINE_BYTES = 4096, CELLS_MAX = 16 };
 
@@ -103,9 +101,11 @@ static size_t report_split_cells(char *line, char *cell[CELLS_MAX])
 enum error_code report_open(struct report *report, const char *folder, const char *title,
                             struct error *error)
 {
+    enum error_code code = folder_make(folder, NULL, error);
+
     *report = (struct report){.folder = folder, .title = title};
-    if (mkdir(folder, 0777) && errno != EEXIST) {
-        return error_set_errno(error, errno, "%s", folder);
+    if (code) {
+        return code;
     }
     report->body = memory_file_open(&report->text);
     return report->body ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory for the report");

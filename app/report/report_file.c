@@ -2,14 +2,13 @@
 /* Opens and closes files of results. */
 #include "app/report/report_file.h"
 
-#include <errno.h>
-#include <sys/stat.h>
-
 enum error_code report_file_open(struct report_file *file, const char *folder, const char *name,
                                  struct error *error)
 {
-    if (mkdir(folder, 0777) && errno != EEXIST) {
-        return error_set_errno(error, errno, "%s", folder);
+    enum error_code code = folder_make(folder, NULL, error);
+
+    if (code) {
+        return code;
     }
     if (snprintf(file->path, sizeof file->path, "%s/%s", folder, name) >= (int)sizeof file->path) {
         return error_set(error, ERROR_INPUT, "the name of the folder %.40s... is too long", folder);

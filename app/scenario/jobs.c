@@ -2,6 +2,7 @@
 /* Runs scenarios in a process each, several at a time, with a limit of processor time. */
 #include "app/scenario/jobs.h"
 
+#include "base/whole_file.h"
 #include "rt/clock.h"
 
 #include <errno.h>
@@ -11,7 +12,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/prctl.h>
-#include <sys/stat.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
@@ -43,18 +43,6 @@ struct pool {
 
 /* ---- in the process ---- */
 
-static void make_directories(const char *path)
-{
-    char part[PATH_MAX];
-
-    for (size_t i = 1; path[i - 1] && i < sizeof part; i++) {
-        if (path[i] == '/' || path[i] == '\0') {
-            snprintf(part, sizeof part, "%.*s", (int)i, path);
-            mkdir(part, 0777); /* a failure shows when the recorder opens the directory */
-        }
-    }
-}
-
 /* A run that fails is repeated with the recorder on: in virtual time it is the same run. */
 static void job_run_here(const struct scenario_job *job, const struct scenario_jobs_options *jobs,
                          struct scenario_outcome *outcome)
@@ -68,16 +56,21 @@ static void job_run_here(const struct scenario_job *job, const struct scenario_j
         .scratch = job->scratch,
     };
     struct scenario_outcome *again;
+    struct error error;
 
     scenario_run(job->scenario, &options, outcome);
     if (scenario_passed(outcome) || !outcome->ran || !job->record[0]) {
+        return;
+    }
+    if (folder_make_all(job->record, &error)) {
+        outcome->ran = false;
+        snprintf(outcome->text, sizeof outcome->text, "%.200s", error.text);
         return;
     }
     again = calloc(1, sizeof *again);
     if (!again) {
         return;
     }
-    make_directories(job->record);
     options.record = job->record;
     scenario_run(job->scenario, &options, again);
     if (!again->ran || again->state_hash != outcome->state_hash) {

@@ -2,6 +2,8 @@
 /* Starts, watches and ends the program that is the host of a scenario. */
 #include "app/scenario/program.h"
 
+#include "base/whole_file.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
@@ -42,14 +44,15 @@ enum error_code scenario_program_start(struct scenario_program *program, const c
 {
     char path[PATH_MAX] = "/dev/null";
     pid_t parent = getpid();
+    enum error_code code;
     int output, reason;
 
     if (record || scratch) {
         snprintf(path, sizeof path, "%s/" SCENARIO_PROGRAM_LOG, record ? record : scratch);
     }
-    output = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0666);
-    if (output < 0) {
-        return error_set_errno(error, errno, "cannot write %s", path);
+    code = growing_file_open(path, &output, error);
+    if (code) {
+        return code;
     }
     program->pid = fork();
     if (program->pid == 0) {

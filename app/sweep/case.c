@@ -427,9 +427,7 @@ enum error_code plan_run_cases(const struct plan *plan, const struct plan_run_op
     enum error_code code = solid_store_open(error);
 
     plan_results_folder(plan, path);
-    if (!code && mkdir(path, 0777) && errno != EEXIST) {
-        code = error_set_file(error, errno, path, "cannot be made");
-    }
+    code = code ? code : folder_make(path, NULL, error);
     for (size_t from = 0; !code && from < plan->nlist; from += BATCH) {
         struct arena arena;
         struct plan_batch batch = {.plan = plan,

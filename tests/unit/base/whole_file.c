@@ -5,6 +5,7 @@
 #include <dirent.h>
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -202,6 +203,121 @@ static void names_a_folder_that_is_not_there(void **state)
     assert_non_null(strstr(error.text, "/nowhere/file"));
 }
 
+/* ---- files that grow ---- */
+
+static void growing_write(const char *name, const char *text)
+{
+    struct error error;
+    int descriptor;
+
+    assert_int_equal(growing_file_open(name, &descriptor, &error), ERROR_NONE);
+    assert_int_equal(write(descriptor, text, strlen(text)), (ssize_t)strlen(text));
+    close(descriptor);
+}
+
+static void growing_has_its_name_at_once_and_is_not_writable_by_others(void **state)
+{
+    mode_t mask = umask(0);
+    struct stat there;
+
+    (void)state;
+    growing_write(path, "first");
+    umask(mask);
+    assert_string_equal(content(path), "first");
+    assert_int_equal(stat(path, &there), 0);
+    assert_int_equal(there.st_mode & 0777, 0664);
+    assert_int_equal(unlink(path), 0);
+}
+
+/* Else whoever has made the file, or has another name of it, would have a part in the new one. */
+static void growing_is_another_file_than_the_one_that_was_there(void **state)
+{
+    (void)state;
+    assert_int_equal(write_file(other, "precious", ERROR_NONE), ERROR_NONE);
+    assert_int_equal(link(other, path), 0);
+    growing_write(path, "text");
+    assert_string_equal(content(other), "precious");
+    assert_string_equal(content(path), "text");
+    assert_int_equal(unlink(other), 0);
+    assert_int_equal(unlink(path), 0);
+}
+
+static void growing_refuses_links_to_files(void **state)
+{
+    struct error error;
+    int descriptor;
+
+    (void)state;
+    assert_int_equal(write_file(other, "precious", ERROR_NONE), ERROR_NONE);
+    assert_int_equal(symlink(other, path), 0);
+    assert_int_equal(growing_file_open(path, &descriptor, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "found a symbolic link, expected a file"));
+    assert_string_equal(content(other), "precious");
+    assert_int_equal(unlink(other), 0);
+    assert_int_equal(growing_file_open(path, &descriptor, &error), ERROR_INPUT);
+    assert_int_equal(unlink(path), 0);
+    assert_int_equal(count_entries(), 0);
+}
+
+static void growing_into_a_pipe_that_nobody_reads_is_an_error(void **state)
+{
+    struct error error;
+    int descriptor;
+
+    (void)state;
+    assert_int_equal(mkfifo(path, 0600), 0);
+    assert_int_equal(growing_file_open(path, &descriptor, &error), ERROR_SYSTEM);
+    assert_non_null(strstr(error.text, "a pipe that nobody reads"));
+    assert_int_equal(unlink(path), 0);
+}
+
+/* ---- folders ---- */
+
+static void folders_are_made_and_others_cannot_write_into_them(void **state)
+{
+    mode_t mask = umask(0);
+    char deep[96];
+    struct error error;
+    struct stat there;
+    bool made;
+
+    (void)state;
+    snprintf(deep, sizeof deep, "%s/a/b//c", folder);
+    assert_int_equal(folder_make(deep, &made, &error), ERROR_SYSTEM);
+    assert_int_equal(folder_make_all(deep, &error), ERROR_NONE);
+    umask(mask);
+    for (int level = 0; level < 3; level++) {
+        assert_int_equal(stat(deep, &there), 0);
+        assert_int_equal(there.st_mode & 0777, 0775);
+        assert_int_equal(folder_make(deep, &made, &error), ERROR_NONE);
+        assert_false(made);
+        assert_int_equal(rmdir(deep), 0);
+        assert_int_equal(folder_make(deep, &made, &error), ERROR_NONE);
+        assert_true(made);
+        assert_int_equal(rmdir(deep), 0);
+        *strrchr(deep, '/') = '\0';
+        deep[strlen(deep) - (deep[strlen(deep) - 1] == '/')] = '\0';
+    }
+    assert_int_equal(folder_make_all("", &error), ERROR_INPUT);
+}
+
+static void a_folder_behind_the_link_of_another_user_is_not_taken(void **state)
+{
+    enum { NOBODY = 65534 };
+    struct error error;
+
+    (void)state;
+    assert_int_equal(symlink("/", path), 0);
+    assert_int_equal(folder_make(path, NULL, &error), ERROR_NONE);
+    if (geteuid() == 0) {
+        assert_int_equal(lchown(path, NOBODY, NOBODY), 0);
+        assert_int_equal(folder_make(path, NULL, &error), ERROR_INPUT);
+        assert_non_null(strstr(error.text, "link of another user"));
+        assert_int_equal(folder_make_all(path, &error), ERROR_INPUT);
+    }
+    assert_int_equal(unlink(path), 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -214,6 +330,12 @@ int main(void)
         cmocka_unit_test(refuses_a_folder),
         cmocka_unit_test(writes_to_a_device_in_place_and_says_that_it_is_full),
         cmocka_unit_test(names_a_folder_that_is_not_there),
+        cmocka_unit_test(growing_has_its_name_at_once_and_is_not_writable_by_others),
+        cmocka_unit_test(growing_is_another_file_than_the_one_that_was_there),
+        cmocka_unit_test(growing_refuses_links_to_files),
+        cmocka_unit_test(growing_into_a_pipe_that_nobody_reads_is_an_error),
+        cmocka_unit_test(folders_are_made_and_others_cannot_write_into_them),
+        cmocka_unit_test(a_folder_behind_the_link_of_another_user_is_not_taken),
     };
 
     return cmocka_run_group_tests(tests, make_folder, remove_folder);

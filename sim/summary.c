@@ -1,18 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The summary of a run. */
-#include "app/cli/summary.h"
+#include "sim/summary.h"
 
 #include "base/json_text.h"
+#include "base/whole_file.h"
 #include "canbus/wire/wire.h"
 #include "rt/recorder.h"
 
-#include <errno.h>
-#include <fcntl.h>
 #include <inttypes.h>
 #include <limits.h>
 #include <math.h>
 #include <stdlib.h>
-#include <unistd.h>
 
 const char *summary_end_text(enum loop_end end)
 {
@@ -443,8 +441,12 @@ static void json_write(const struct summary *summary, FILE *out)
 
     fprintf(out, "{\n  \"format_version\": %d, \"rig\": ", RECORDING_FORMAT_VERSION);
     json_text_put(config->rig->name, out);
-    fprintf(out, ", \"rig_file\": ");
-    json_text_put(realpath(config->rig->file, file) ? file : config->rig->file, out);
+    if (summary->put_origin) {
+        summary->put_origin(summary->context, out);
+    } else {
+        fprintf(out, ", \"rig_file\": ");
+        json_text_put(realpath(config->rig->file, file) ? file : config->rig->file, out);
+    }
     fprintf(out,
             ",\n  \"clock\": \"%s\", \"end\": \"%s\",\n  \"ticks\": %" PRIu64
             ", \"virtual_s\": %.9f, \"wall_s\": %.9f, \"real_time_factor\": %.6f,\n"
@@ -465,32 +467,16 @@ static void json_write(const struct summary *summary, FILE *out)
 enum error_code summary_write(const struct summary *summary, const char *directory,
                               struct error *error)
 {
-    char path[4096];
-    FILE *out = NULL;
-    bool bad;
-    int descriptor;
+    char path[PATH_MAX];
+    struct whole_file file;
+    enum error_code code;
 
-    /* One of an earlier recording is gone: what stands there now is not ours to follow */
+    /* A reader that waits for the file must not find a part of it */
     snprintf(path, sizeof path, "%s/" RECORDER_SUMMARY, directory);
-    descriptor = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0666);
-    if (descriptor >= 0) {
-        out = fdopen(descriptor, "w");
+    code = whole_file_open(&file, path, error);
+    if (code) {
+        return code;
     }
-    if (!out) {
-        error_set_errno(error, errno, "cannot open %s", path);
-        if (descriptor >= 0) {
-            close(descriptor);
-        }
-        return error->code;
-    }
-    json_write(summary, out);
-    bad = ferror(out);
-    if (fclose(out) || bad) {
-        int reason = errno;
-
-        /* A reader that waits for the file must not find a part of it */
-        unlink(path);
-        return error_set_errno(error, reason, "cannot write %s", path);
-    }
-    return ERROR_NONE;
+    json_write(summary, file.out);
+    return whole_file_close(&file, ERROR_NONE, error);
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The summary of a run: text for a person, JSON for a program. Not RT-safe. */
-#ifndef APP_CLI_SUMMARY_H
-#define APP_CLI_SUMMARY_H
+#ifndef SIM_SUMMARY_H
+#define SIM_SUMMARY_H
 
 #include "sim/simulator.h"
 
@@ -12,6 +12,10 @@ struct summary {
     enum loop_end end;
     bool recorded;
     struct recorder_counters recorder;
+    /* Writes members of the JSON object that say what was run, each with a comma before it, in the
+     * place of the rig's file; NULL = a rig file was */
+    void (*put_origin)(const void *context, FILE *out);
+    const void *context; /* its argument */
 };
 
 /* "ran its length", ... */
