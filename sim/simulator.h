@@ -24,8 +24,6 @@
 #include <stdint.h>
 
 enum {
-    SIMULATOR_JOINTS_MAX = 64,
-    SIMULATOR_CONTACTS_MAX = 64,
     SIMULATOR_FREE_MAX = 16,
     SIMULATOR_EXTERNAL_MAX = 64,
 };
@@ -97,8 +95,8 @@ struct simulator_status {
     int64_t start_ns;                /* of the clock: when the loop began */
     int64_t elapsed_ns;              /* of the clock, since then */
     double base[7];                  /* position (m), quaternion wxyz; zeros with a fixed base */
-    double q[SIMULATOR_JOINTS_MAX];  /* rad */
-    double force_z[SIMULATOR_CONTACTS_MAX]; /* contact bodies, world frame, N */
+    double q[RIG_JOINTS_MAX];  /* rad */
+    double force_z[RIG_CONTACTS_MAX]; /* contact bodies, world frame, N */
     double free[SIMULATOR_FREE_MAX][7]; /* of the first free bodies: origin (m), quaternion wxyz */
     struct bus_status bus[RIG_BUSES_MAX];
     /* Of the external boards, in the rig's order, the first so many: when each was last heard, -1 =
