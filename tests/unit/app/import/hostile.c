@@ -64,7 +64,7 @@ static bool put(struct text *text, const char *format, ...)
 #define BODY "<body><inertial mass='1' pos='0 0 0' diaginertia='1 1 1'/><joint name='j'/>"
 
 /* How a file begins, what is repeated until it is full (with its number, up to three times), and
- * how it ends; what it says when it is refused, NULL when it is read. */
+ * how it ends; what it says when it is refused, NULL when it is read, "" when its size decides. */
 struct hostile {
     const char *name;
     enum reader reader;
@@ -93,7 +93,7 @@ static const struct hostile cases[] = {
     {"an equals sign before blanks", READ_ROBOT, "<robot name='r'>" ARM "<a b=", " = ",
      "/></robot>", "no well-formed XML"},
     {"entities of characters", READ_ROBOT, "<robot name='r'>" ARM "\n<a b='", "&#65;",
-     "'/></robot>", "no well-formed XML"},
+     "'/></robot>", ""},
 
     /* URDF and SRDF */
     {"elements", READ_ROBOT, "<robot name='r'>" ARM "\n", "<a/>\n", "</robot>", "65536 elements"},
@@ -103,7 +103,7 @@ static const struct hostile cases[] = {
      "65536 elements"},
     {"a long list of numbers", READ_ROBOT,
      "<robot name='r'>\n<link name='l'><inertial><origin xyz='", "1 ",
-     "'/></inertial></link></robot>", "3 finite numbers"},
+     "'/></inertial></link></robot>", ""},
     {"poses", READ_SRDF, "<robot name='r'>\n", "<group_state name='p%zu'/>\n", "</robot>",
      "65536 elements"},
     {"positions of a pose", READ_SRDF, "<robot name='r'><group_state name='p'>\n",
@@ -121,11 +121,11 @@ static const struct hostile cases[] = {
      "</mujoco>", "65536 elements"},
     {"a long pose", READ_ROBOT,
      "<mujoco><worldbody>" BODY "</body></worldbody><keyframe>\n<key qpos='", "1 ",
-     "'/></keyframe></mujoco>", "finite number"},
+     "'/></keyframe></mujoco>", ""},
 
     /* Meshes */
     {"corners", READ_STL, "solid s\nfacet\nouter loop\n", "vertex 0 %zu 1\n", "endloop\n",
-     "corners"},
+     "endfacet"},
     {"facets", READ_STL, "solid s\n",
      "facet\nvertex 0 0 %zu\nvertex 1 0 %zu\nvertex 0 1 %zu\nendfacet\n", "endsolid\n", NULL},
     {"a line", READ_STL, "solid s ", "abc ", "\nendsolid\n", "no face"},
@@ -133,10 +133,11 @@ static const struct hostile cases[] = {
     {"vertices", READ_OBJ, "", "v 0 0 %zu\n", "", "no face"},
     {"vertices of one place", READ_OBJ, "v 1 0 0\nv 0 1 0\nf 1 2 3\n", "v 0 0 0\n", "",
      "expected one of the 2 vertices"},
-    {"faces on one edge", READ_OBJ, "v 0 0 0\nv 1 0 0\n", "v 0 1 %zu\nf 1 2 -1\n", "", NULL},
-    {"faces", READ_OBJ, "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "f 1 2 3\n", "", NULL},
-    {"a polygon", READ_OBJ, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf", " 1", "\n", "corners"},
-    {"a number", READ_OBJ, "v 1", "00000000", " 0 0\n", "three finite coordinates"},
+    {"faces on one edge", READ_OBJ, "v 0 0 0\nv 1 0 0\n", "v 0.000000 1.000000 %zu.000\nf 1 2 -1\n",
+     "", NULL},
+    {"faces", READ_OBJ, "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "f 1/1/1 2/2/2 3/3/3\n", "", NULL},
+    {"a polygon", READ_OBJ, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf", " 1", "\n", "expected at most 1048576"},
+    {"a number", READ_OBJ, "v 1", "00000000", " 0 0\n", "expected one within"},
     {"empty lines", READ_OBJ, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "\n", "", NULL},
     {"ids", READ_COLLADA, "<COLLADA>\n", "<a id='i%zu'/>\n", "</COLLADA>", "without a scene"},
     {"one id for all", READ_COLLADA, "<COLLADA><library_visual_scenes><visual_scene>\n",
@@ -145,7 +146,7 @@ static const struct hostile cases[] = {
     {"a node in many places", READ_COLLADA,
      "<COLLADA><node id='n'><a/><a/><a/><a/><a/><a/><a/><a/><a/><a/><a/><a/><a/></node>"
      "<library_visual_scenes><visual_scene>\n",
-     "<instance_node url='#n'/>", "</visual_scene></library_visual_scenes></COLLADA>", "too often"},
+     "<instance_node url='#n'/>", "</visual_scene></library_visual_scenes></COLLADA>", ""},
     {"attributes of a mesh", READ_COLLADA, "<COLLADA\n", " a%zu=''", "/>",
      "attributes of one element"},
 };
@@ -300,6 +301,7 @@ static void check_growth(const char *name, enum reader reader, const char *words
 static void work_grows_with_the_size_of_the_file(void **state)
 {
     (void)state;
+    failures = 0;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         size_t size[2];
         char *file[2] = {make_file(&cases[i], SIZE / SHARE, &size[0]),
@@ -318,6 +320,7 @@ static void scene_of_many_long_geometries_is_refused(void **state)
     char *file[2] = {make_instances(SIZE / SHARE, &size[0]), make_instances(SIZE, &size[1])};
 
     (void)state;
+    failures = 0;
     check_growth("a long geometry in many places", READ_COLLADA, "too often", file, size);
     free(file[0]);
     free(file[1]);
@@ -343,6 +346,7 @@ static void binary_faces_without_area_go(void **state)
     char *file[2] = {make_binary(SIZE / SHARE, &size[0]), make_binary(SIZE, &size[1])};
 
     (void)state;
+    failures = 0;
     check_growth("faces of a binary STL", READ_STL, NULL, file, size);
     free(file[0]);
     free(file[1]);
