@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A robot as a foreign file describes it, whatever its format: links, joints, geometry, sensors and
- * poses, each with the file and line it stands in, in the file's own order. Nothing is merged or judged yet;
- * app/import/reduce.h makes a robot of it. SI units, angles in rad; places are those of the child
- * in the parent. Memory is the arena's that it was read into; names are the file's. Not RT-safe.
+ * poses, each with the file and line it stands in, in the file's own order. Nothing is merged or
+ * judged yet; app/import/reduce.h makes a robot of it. SI units, angles in rad; places are those of
+ * the child in the parent. Memory is the arena's that it was read into; names are the file's. Not
+ * RT-safe.
  */
 #ifndef APP_IMPORT_MODEL_H
 #define APP_IMPORT_MODEL_H

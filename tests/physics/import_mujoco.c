@@ -713,9 +713,9 @@ static void write_in(const char *folder, const char *name, const char *text)
 }
 
 /* MuJoCo keeps corners of meshes in single precision, and finds principal axes to 1e-6. Without
- * exactmeshinertia version 2.2 multiplies the density not with the volume of a mesh but with that of
- * the box of the same inertia (a tetrahedron weighs 1.4 times what it does), which is not followed:
- * meshes are given their masses then. */
+ * exactmeshinertia version 2.2 multiplies the density not with the volume of a mesh but with that
+ * of the box of the same inertia (a tetrahedron weighs 1.4 times what it does), which is not
+ * followed: meshes are given their masses then. */
 static void included_files_and_inertias_of_geoms_are_those_of_mujoco(void **state)
 {
     static const char *const how[] = {"", "exactmeshinertia='true'"};

@@ -80,7 +80,8 @@ grep -q 'drive of joint "joint5": cubemars-ak80-6 of the catalogue' "$out/arm-im
     grep -q '^supply_v: 141' "$out/rigs/arm.yaml"
 result $? the_report_says_which_joint_got_which_drive
 "$program" import "$folder/arm.urdf" -o "$out" --drive harmonic-fha25c-100 --force \
-    >"$folder/log" 2>&1 && "$program" run "$out/rigs/arm.yaml" --task hold --clock free --transport local --quiet \
+    >"$folder/log" 2>&1 &&
+    "$program" run "$out/rigs/arm.yaml" --task hold --clock free --transport local --quiet \
         >"$folder/log" 2>&1 && grep -q 'held for 10.0 s' "$folder/log"
 result $? an_arm_with_drives_of_the_catalogue_holds_its_pose
 "$program" import "$folder/arm.urdf" -o "$folder/none" --drive cubemars-ak80-9 >"$folder/log" 2>&1
@@ -198,7 +199,8 @@ result $? a_mesh_outside_the_folder_is_read_with_trust
     for i in $(seq 100); do
         echo "<link name=\"l$i\"><inertial><mass value=\"0.1\"/>$inertia</inertial></link>"
         echo "<joint name=\"j$i\" type=\"revolute\"><parent link=\"l$((i - 1))\"/>"
-        echo "<child link=\"l$i\"/><origin xyz=\"0 0 0.02\"/><axis xyz=\"$((i % 2)) $((1 - i % 2)) 0\"/>"
+        echo "<child link=\"l$i\"/><origin xyz=\"0 0 0.02\"/>"
+        echo "<axis xyz=\"$((i % 2)) $((1 - i % 2)) 0\"/>"
         echo '<limit lower="-2" upper="2" effort="100" velocity="3"/></joint>'
     done
     echo '</robot>'
