@@ -7,7 +7,7 @@
 
 enum { MJCF_DEPTH_MAX = 200 };
 
-/* What a body weighs: what <inertial> says, else what its geoms do (auto); or always one of both. */
+/* What a body weighs: what <inertial> says, else what its geoms do (auto); or always one. */
 enum mjcf_inertia { MJCF_INERTIA_AUTO, MJCF_INERTIA_OF_BODY, MJCF_INERTIA_OF_GEOMS };
 
 /* A name and the elements that go by it, in the order of the file. */
