@@ -24,7 +24,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { RIG_BUSES_MAX = 32 };
+/* Of a bench; joints are those of the robot that move, contacts bodies that can touch. */
+enum { RIG_BUSES_MAX = 32, RIG_JOINTS_MAX = 128, RIG_CONTACTS_MAX = 128 };
 
 enum rig_contact_engine { RIG_CONTACT_NONE, RIG_CONTACT_SIMBODY, RIG_CONTACT_NATIVE };
 

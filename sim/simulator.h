@@ -24,8 +24,6 @@
 #include <stdint.h>
 
 enum {
-    SIMULATOR_JOINTS_MAX = 64,
-    SIMULATOR_CONTACTS_MAX = 64,
     SIMULATOR_FREE_MAX = 16,
     SIMULATOR_EXTERNAL_MAX = 64,
 };
@@ -91,14 +89,14 @@ struct simulator_status {
     uint64_t tick, overruns, lost_ticks, pauses;
     uint64_t overruns_by[PHASE_COUNT], late_ticks, pause_ticks, events_lost;
     struct lockstep_counters lockstep;
-    uint64_t clamped;                /* plant_is_clamped */
-    uint64_t fault[FAULTS_MAX / 64]; /* a bit for each that is active, of simulator_faults */
-    int64_t time_ns;                 /* virtual */
-    int64_t start_ns;                /* of the clock: when the loop began */
-    int64_t elapsed_ns;              /* of the clock, since then */
-    double base[7];                  /* position (m), quaternion wxyz; zeros with a fixed base */
-    double q[SIMULATOR_JOINTS_MAX];  /* rad */
-    double force_z[SIMULATOR_CONTACTS_MAX]; /* contact bodies, world frame, N */
+    uint64_t clamped;                   /* plant_is_clamped */
+    uint64_t fault[FAULTS_MAX / 64];    /* a bit for each that is active, of simulator_faults */
+    int64_t time_ns;                    /* virtual */
+    int64_t start_ns;                   /* of the clock: when the loop began */
+    int64_t elapsed_ns;                 /* of the clock, since then */
+    double base[7];                     /* position (m), quaternion wxyz; zeros with a fixed base */
+    double q[RIG_JOINTS_MAX];           /* rad */
+    double force_z[RIG_CONTACTS_MAX];   /* contact bodies, world frame, N */
     double free[SIMULATOR_FREE_MAX][7]; /* of the first free bodies: origin (m), quaternion wxyz */
     struct bus_status bus[RIG_BUSES_MAX];
     /* Of the external boards, in the rig's order, the first so many: when each was last heard, -1 =

@@ -83,6 +83,7 @@ int cmd_import(int argc, char **argv)
     static struct import_request r;
     static struct option_list lock, packages, drives;
     static int prismatic, personality;
+    static bool trust;
     static const struct option_spec options[] = {
         {"--output", OPTION_STRING, "DIR", "folder to write into; it is made when it is not there",
          .value = &r.folder, .letter = "-o"},
@@ -115,6 +116,10 @@ int cmd_import(int argc, char **argv)
         {"--package-path", OPTION_LIST, "DIR",
          "folder that holds the packages of package:// names; may be given more than once",
          .value = &packages},
+        {"--trust", OPTION_FLAG, NULL,
+         "read meshes and included files also from outside the folder of FILE", .value = &trust},
+        {"--force", OPTION_FLAG, NULL, "write over the robot and the rigs of an import before",
+         .value = &r.force},
     };
     static const struct operand_spec operands[] = {
         {"FILE", "the URDF or MJCF file", true, .value = &r.file}};
@@ -131,6 +136,7 @@ int cmd_import(int argc, char **argv)
     int status;
 
     r = (struct import_request){0};
+    trust = false;
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
@@ -144,6 +150,6 @@ int cmd_import(int argc, char **argv)
     r.options.nlock = lock.count;
     r.options.drive = drives.item;
     r.options.ndrive = drives.count;
-    r.packages = (struct import_packages){packages.item, packages.count};
+    r.packages = (struct import_packages){packages.item, packages.count, trust};
     return import_run_request(&spec, &r);
 }

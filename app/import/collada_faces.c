@@ -107,10 +107,13 @@ static enum error_code collada_read_positions(struct collada *c, const xmlNode *
 {
     const xmlNode *input = xml_child(vertices, "input"), *source, *accessor, *array;
     int64_t stride = 3, offset = 0, count;
-    enum error_code code;
+    enum error_code code = collada_visit(c, vertices, true);
     double *value = NULL;
     size_t values = 0;
 
+    if (code) {
+        return code;
+    }
     while (input && strcmp(xml_attribute(input, "semantic") ? xml_attribute(input, "semantic") : "",
                            "POSITION")) {
         input = xml_next(input, "input");
@@ -118,8 +121,8 @@ static enum error_code collada_read_positions(struct collada *c, const xmlNode *
     if (!input) {
         return collada_refuse(c, vertices, "without an input of semantic POSITION, expected one");
     }
-    code = collada_follow(c, input, "source", "source", &source);
-    if (code) {
+    if ((code = collada_follow(c, input, "source", "source", &source)) ||
+        (code = collada_visit(c, source, true))) {
         return code;
     }
     array = xml_child(source, "float_array");
@@ -317,7 +320,9 @@ static enum error_code collada_add_positions(struct collada *c, const struct col
 
     if (c->counting) {
         c->vertices += positions->count;
-        return ERROR_NONE;
+        return c->vertices > 3 * (size_t)IMPORT_MESH_FACES_MAX || c->faces > IMPORT_MESH_FACES_MAX
+                   ? mesh_make_room(c->to, c->vertices, c->faces)
+                   : ERROR_NONE;
     }
     for (size_t k = 0; k < positions->count && !code; k++) {
         const double *p = positions->xyz + 3 * k;
@@ -343,9 +348,13 @@ enum error_code collada_read_geometry(struct collada *c, const xmlNode *geometry
                  {"polygons", COLLADA_POLYGONS},
                  {"tristrips", COLLADA_STRIP},
                  {"trifans", COLLADA_FAN}};
+    enum error_code code = collada_visit(c, geometry, true);
     const xmlNode *mesh = xml_child(geometry, "mesh");
     bool mirrored = collada_determinant(place->R) < 0.0;
 
+    if (code) {
+        return code;
+    }
     if (!mesh) {
         return collada_refuse(c, geometry, "without a mesh, expected <mesh>");
     }
@@ -354,7 +363,6 @@ enum error_code collada_read_geometry(struct collada *c, const xmlNode *geometry
             struct collada_positions positions = {0};
             struct collada_corners corners;
             int first = (int)c->to->mesh->nvertex;
-            enum error_code code;
 
             if (!xml_is(part, kinds[k].name) || !xml_child(part, "p")) {
                 continue;

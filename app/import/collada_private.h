@@ -10,6 +10,7 @@
 struct collada_id {
     const char *id;
     const xmlNode *node;
+    size_t number; /* in the file */
 };
 
 struct collada {
@@ -31,6 +32,9 @@ struct collada_place {
 
 /* Found an element that is something; found says what, and what was expected. */
 enum error_code collada_refuse(struct collada *c, const xmlNode *node, const char *found);
+
+/* Counts a visit of an element, or of all that is in it; refuses a scene that wants too many. */
+enum error_code collada_visit(struct collada *c, const xmlNode *node, bool all);
 
 /* What an attribute of the node refers to: an element of that name in the same document. */
 enum error_code collada_follow(struct collada *c, const xmlNode *node, const char *attribute,

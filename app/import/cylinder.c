@@ -121,7 +121,7 @@ static enum error_code joint_fit_cylinder(const struct import_robot *from, size_
         longest = triangle_longest_lever(&t);
     }
     if (end < LEVER_SHARE * longest) {
-        return import_error(error, from->model->file, source->line,
+        return import_error(error, source->file, source->line,
                             "found joint \"%.63s\", which turns by %.3g rad, with the hydraulic "
                             "drive %.63s, expected at most some 2.6 rad: a cylinder has hardly a "
                             "lever at the ends of more",
@@ -131,7 +131,7 @@ static enum error_code joint_fit_cylinder(const struct import_robot *from, size_
     *least = pressure * cylinder->A2 * end;
     *most = pressure * cylinder->A1 * longest;
     return hydraulic_check(cylinder, joint->lower, joint->upper, &why)
-               ? import_error(error, from->model->file, source->line, "%.63s: %.300s", source->name,
+               ? import_error(error, source->file, source->line, "%.63s: %.300s", source->name,
                               why.text)
                : ERROR_NONE;
 }
@@ -176,7 +176,7 @@ static void joint_tell_cylinder(const struct import_robot *from, size_t j, doubl
     const struct import_joint *source = from->source[j];
     const struct robot_drive *drive = from->drive[j];
 
-    import_note_add(notes, IMPORT_ASSUMED, from->model->file, source->line,
+    import_note_add(notes, IMPORT_ASSUMED, source->file, source->line,
                     "drive of joint \"%.63s\": %.63s of the catalogue on a triangle with base %.4g "
                     "m, arm %.4g m and %.4g m between the pins with the piston drawn in, pushing "
                     "%s; %.3g N m at most, %.3g at least; the file's effort %g and velocity %g are "
@@ -186,13 +186,13 @@ static void joint_tell_cylinder(const struct import_robot *from, size_t j, doubl
                                                                                     : "negatively",
                     joint->torque_limit, least, source->effort, source->velocity);
     if (least < bears) {
-        import_note_add(notes, IMPORT_CHANGED, from->model->file, source->line,
+        import_note_add(notes, IMPORT_CHANGED, source->file, source->line,
                         "joint \"%.63s\" bears %.3g N m in a pose, its drive %.63s gives %.3g to "
                         "%.3g",
                         source->name, bears, drive->name, least, joint->torque_limit);
     }
     if (drive->pressure != pressure) {
-        import_note_add(notes, IMPORT_CHANGED, from->model->file, source->line,
+        import_note_add(notes, IMPORT_CHANGED, source->file, source->line,
                         "joint \"%.63s\" has a drive for %.4g bar, %.63s, on a supply of %.4g bar",
                         source->name, drive->pressure * 1e-5, drive->name, pressure * 1e-5);
     }

@@ -93,7 +93,7 @@ static void drive_choose_limits(const struct import_robot *from, size_t j, doubl
                                 double *strength, double *speed)
 {
     const struct import_joint *source = from->source[j];
-    const char *file = from->model->file;
+    const char *file = source->file;
 
     *strength = source->effort;
     *speed = source->velocity;
@@ -178,7 +178,7 @@ static void drive_take(const struct import_robot *from, size_t j, double bears, 
 {
     const struct robot_drive *drive = from->drive[j];
     const struct import_joint *source = from->source[j];
-    const char *file = from->model->file;
+    const char *file = source->file;
     double most = import_drive_torque(drive);
 
     from->robot->joint[j].sea = drive->sea;
@@ -255,14 +255,14 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
         }
         drive_assume(source, strength[j], speed[j], *supply_v, joint);
         import_note_add(
-            notes, IMPORT_ASSUMED, from->model->file, source->line,
+            notes, IMPORT_ASSUMED, source->file, source->line,
             "drive of joint \"%.63s\": J %.3g kg m2%s, Ks %.3g N m/rad, N Kt %.3g N m/A, "
             "R %.3g ohm, gear %g%s",
             source->name, joint->sea.J, source->armature > 0.0 ? " (the file's)" : "",
             joint->sea.Ks, joint->sea.Kt, joint->sea.R, joint->sea.N,
             source->gear > 0.0 ? " (the file's)" : "");
         if (source->friction > 0.0) {
-            import_note_add(notes, IMPORT_DROPPED, from->model->file, source->line,
+            import_note_add(notes, IMPORT_DROPPED, source->file, source->line,
                             "dry friction %g N m of joint \"%.63s\"; its drive takes it as "
                             "coulomb_nm",
                             source->friction, source->name);

@@ -16,6 +16,7 @@
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 /* Bound of the scene's own reading, in address space. */
 #define RIG_ARENA ((size_t)1 << 30)
@@ -37,9 +38,10 @@ struct importer {
 /* ---- reading ---- */
 
 /* The robot that a file describes, by its root element. */
-static enum error_code import_read_model(const struct xml_file *file, struct arena *arena,
-                                         struct import_model *model, struct import_notes *notes,
-                                         struct error *error)
+static enum error_code import_read_model(const struct xml_file *file,
+                                         const struct import_packages *packages,
+                                         struct arena *arena, struct import_model *model,
+                                         struct import_notes *notes, struct error *error)
 {
     if (xml_is(file->root, "sdf") || xml_is(file->root, "COLLADA")) {
         return import_error(
@@ -48,7 +50,7 @@ static enum error_code import_read_model(const struct xml_file *file, struct are
             "convert SDF",
             (const char *)file->root->name);
     }
-    return xml_is(file->root, "mujoco") ? mjcf_read(file, arena, model, notes, error)
+    return xml_is(file->root, "mujoco") ? mjcf_read(file, packages, arena, model, notes, error)
                                         : urdf_read(file, arena, model, notes, error);
 }
 
@@ -83,7 +85,7 @@ enum error_code import_model_text(const char *name, const char *text, size_t siz
     if (code) {
         return code;
     }
-    code = import_read_model(&file, arena, model, notes, error);
+    code = import_read_model(&file, NULL, arena, model, notes, error);
     xml_file_close(&file);
     return code ? code : import_make_robot(model, options, arena, notes, robot, supply_v, error);
 }
@@ -96,7 +98,8 @@ static enum error_code import_read_files(struct importer *m)
     if (code) {
         return code;
     }
-    code = import_read_model(&file, m->arena, &m->model, &m->result->notes, m->error);
+    code = import_read_model(&file, &m->request->packages, m->arena, &m->model, &m->result->notes,
+                             m->error);
     xml_file_close(&file);
     if (code || !m->request->srdf) {
         return code;
@@ -130,6 +133,49 @@ static enum error_code path_make(const struct importer *m, const char *before, c
                ? ERROR_NONE
                : error_set(m->error, ERROR_INPUT, "%.200s: the folder's name is too long",
                            m->request->folder);
+}
+
+/* The files that will be written. */
+static enum error_code import_name_files(struct importer *m)
+{
+    struct import_result *result = m->result;
+    const char *name = m->robot.robot->name;
+    enum error_code code;
+
+    if ((code = path_make(m, "robots/", name, ".yaml", result->robot)) ||
+        (code = path_make(m, "rigs/", name, ".yaml", result->rig)) ||
+        (code = path_make(m, "rigs/", name, "-standing.yaml", result->standing))) {
+        return code;
+    }
+    return path_make(m, "", name, "-import.txt", result->report);
+}
+
+/* Refuses to write over a robot or a rig, which may have been edited since. */
+static enum error_code import_check_folder(struct importer *m)
+{
+    const char *const made[] = {m->result->rig, m->result->standing, m->result->robot};
+    struct stat status;
+
+    for (size_t i = 0; i < ARRAY_COUNT(made) && !m->request->force; i++) {
+        if (!lstat(made[i], &status)) {
+            return error_set(m->error, ERROR_INPUT,
+                             "%.200s: found it there already, perhaps with changes of yours, "
+                             "expected no such file: give --force to write over what an import "
+                             "made, or another --output",
+                             made[i]);
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Takes back what an import has written that then failed: none of it was there before. */
+static void import_remove_files(const struct import_result *result)
+{
+    unlink(result->robot);
+    unlink(result->rig);
+    if (result->standing[0]) {
+        unlink(result->standing);
+    }
 }
 
 static enum error_code import_make_folders(struct importer *m)
@@ -228,20 +274,17 @@ static enum error_code import_write_bench(struct importer *m)
         (code = import_find_gains(rig.robot,
                                   rig.robot->pose[robot_find_pose(rig.robot, rig.pose)].joint,
                                   rig.standing != NULL, m->arena, gains, m->error)) ||
-        (code = path_make(m, "rigs/", rig.robot->name, ".yaml", m->result->rig)) ||
         (code = import_write_rig(&rig, m->result->rig, m->error)) ||
         (code = import_check_rig(m, m->result->rig, true))) {
         return code;
     }
     m->result->nbus = m->plan.nbus;
     if (!rig.standing) {
+        m->result->standing[0] = '\0';
         return ERROR_NONE;
     }
-    if ((code = path_make(m, "rigs/", rig.robot->name, "-standing.yaml", m->result->standing)) ||
-        (code = import_write_standing(&rig, m->result->standing, m->error))) {
-        return code;
-    }
-    return import_check_rig(m, m->result->standing, false);
+    code = import_write_standing(&rig, m->result->standing, m->error);
+    return code ? code : import_check_rig(m, m->result->standing, false);
 }
 
 /* ---- the whole ---- */
@@ -267,14 +310,11 @@ static enum error_code import_copy_drives(struct importer *m)
 static enum error_code import_write_files(struct importer *m)
 {
     struct import_result *result = m->result;
-    const char *name = m->robot.robot->name;
     char meshes[PATH_MAX];
     enum error_code code;
 
     /* The robot, with its shapes, and as it is read back */
-    if ((code = path_make(m, "robots/", name, ".yaml", result->robot)) ||
-        (code = path_make(m, "", name, "-import.txt", result->report)) ||
-        (code = path_make(m, "meshes", "", "", meshes)) ||
+    if ((code = path_make(m, "meshes", "", "", meshes)) ||
         (code = import_add_shapes(&m->robot, &m->request->packages, meshes, m->arena,
                                   &result->notes, &result->meshes, m->error)) ||
         (code = import_copy_drives(m)) ||
@@ -304,8 +344,14 @@ enum error_code import_run(const struct import_request *request, struct arena *a
     if ((code = import_read_files(&m)) ||
         (code = import_make_robot(&m.model, &request->options, arena, &result->notes, &m.robot,
                                   &m.supply_v, error)) ||
+        (code = import_check_shapes(&m.robot, &request->packages, error)) ||
+        (code = import_name_files(&m)) || (code = import_check_folder(&m)) ||
         (code = import_make_folders(&m))) {
         return code;
     }
-    return import_write_files(&m);
+    code = import_write_files(&m);
+    if (code && !request->force) {
+        import_remove_files(result);
+    }
+    return code;
 }

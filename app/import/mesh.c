@@ -2,6 +2,7 @@
 /* Files of meshes: where they are found, how they are written. */
 #include "app/import/mesh.h"
 
+#include "app/import/path.h"
 #include "base/whole_file.h"
 
 #include <errno.h>
@@ -23,8 +24,8 @@ static bool mesh_file_exists(const char *path)
     return !stat(path, &status) && S_ISREG(status.st_mode);
 }
 
-/* Whether a reference climbs out of the folder that it is resolved in. */
-static bool path_climbs(const char *path)
+/* Whether a name has a ".." in it. */
+static bool path_has_parent(const char *path)
 {
     for (const char *at = path; *at;) {
         size_t length = strcspn(at, "/");
@@ -47,7 +48,7 @@ static bool path_try(const char *folder, int length, const char *rest, char path
 
 /* package://NAME/REST: in a folder that was given or above the file, as NAME/REST, and in a folder
  * of the name of the package itself, as REST. */
-static bool package_find(const char *reference, const char *file,
+static bool package_find(const char *reference, const char *above,
                          const struct import_packages *packages, char path[PATH_MAX])
 {
     const char *rest = strchr(reference, '/');
@@ -62,59 +63,110 @@ static bool package_find(const char *reference, const char *file,
             return true;
         }
     }
-    for (length = (int)strlen(file); length > 0; length--) {
-        if (file[length] != '/') {
+    for (length = (int)strlen(above); length > 0; length--) {
+        if (above[length] != '/' && above[length] != '\0') {
             continue;
         }
-        if (path_try(file, length, reference, path) || path_try(file, length, rest, path)) {
+        if (path_try(above, length, reference, path) || path_try(above, length, rest, path)) {
             return true;
         }
     }
     return false;
 }
 
-enum error_code import_find_mesh(const struct import_model *model,
-                                 const struct import_geometry *shape,
-                                 const struct import_packages *packages, struct arena *arena,
-                                 const char **found, struct error *error)
+/* A name of a mesh: of a package, or of a file. */
+struct mesh_name {
+    const char *text; /* without package:// or file:// */
+    bool is_package;
+};
+
+static enum error_code mesh_name_read(const struct import_geometry *shape, struct mesh_name *name,
+                                      struct error *error)
 {
     static const char package[] = "package://", plain[] = "file://";
-    const char *reference = shape->mesh;
-    char file[PATH_MAX], path[PATH_MAX];
-    bool is_package = !strncmp(reference, package, sizeof package - 1);
-    bool there;
 
-    if (!realpath(model->file, file)) {
-        return error_set_file(error, errno, model->file, "cannot be found again");
-    }
-    if (is_package) {
-        reference += sizeof package - 1;
-    } else if (!strncmp(reference, plain, sizeof plain - 1)) {
-        reference += sizeof plain - 1;
-    } else if (strstr(reference, "://")) {
-        return import_error(error, model->file, shape->line,
+    *name = (struct mesh_name){.text = shape->mesh};
+    if (!strncmp(name->text, package, sizeof package - 1)) {
+        name->text += sizeof package - 1;
+        name->is_package = true;
+    } else if (!strncmp(name->text, plain, sizeof plain - 1)) {
+        name->text += sizeof plain - 1;
+    } else if (strstr(name->text, "://")) {
+        return import_error(error, shape->file, shape->line,
                             "found mesh \"%.200s\", expected package://, file:// or a path",
                             shape->mesh);
     }
-    if (is_package && path_climbs(reference)) {
-        return import_error(error, model->file, shape->line,
+    if (name->is_package && path_has_parent(name->text)) {
+        return import_error(error, shape->file, shape->line,
                             "found mesh \"%.200s\", expected no \"..\" in it", shape->mesh);
     }
-    if (is_package) {
-        there = package_find(reference, file, packages, path);
-    } else {
-        there = reference[0] == '/'
-                    ? path_try("", 0, reference + 1, path)
-                    : path_try(file, (int)(strrchr(file, '/') - file), reference, path);
+    return ERROR_NONE;
+}
+
+/* Where a mesh is. */
+static enum error_code mesh_look(const struct import_model *model,
+                                 const struct import_geometry *shape,
+                                 const struct import_packages *packages, char path[PATH_MAX],
+                                 enum import_path *where, struct error *error)
+{
+    char folder[PATH_MAX];
+    struct mesh_name name;
+    enum error_code code = mesh_name_read(shape, &name, error);
+
+    *where = IMPORT_PATH_MISSING;
+    if (code) {
+        return code;
     }
-    if (!there) {
-        return import_error(
-            error, model->file, shape->line, "found no file for mesh \"%.200s\"%s", shape->mesh,
-            is_package ? "; --package-path names the folder that holds the package" : "");
+    if (!import_find_folder(model->file, folder)) {
+        return error_set_file(error, errno, model->file, "cannot be found again");
     }
-    *found = arena_strdup(arena, path);
-    return *found ? ERROR_NONE
-                  : error_set(error, ERROR_MEMORY, "%.200s: no memory for a path", model->file);
+    if (name.is_package) {
+        *where = package_find(name.text, folder, packages, path) ? IMPORT_PATH_FOUND
+                                                                 : IMPORT_PATH_MISSING;
+        return ERROR_NONE;
+    }
+    *where = import_resolve_path(folder, folder, name.text, packages->trust, path);
+    return *where == IMPORT_PATH_OUTSIDE
+               ? import_error(error, shape->file, shape->line,
+                              "found mesh \"%.200s\", which is outside the folder of %.200s, "
+                              "expected one in it: give --trust if you trust whoever wrote it",
+                              shape->mesh, model->file)
+               : ERROR_NONE;
+}
+
+enum error_code import_check_mesh(const struct import_model *model,
+                                  const struct import_geometry *shape,
+                                  const struct import_packages *packages, struct error *error)
+{
+    char path[PATH_MAX];
+    enum import_path where;
+    enum error_code code = mesh_look(model, shape, packages, path, &where, error);
+
+    return where == IMPORT_PATH_OUTSIDE ? code : ERROR_NONE;
+}
+
+enum error_code import_find_mesh(const struct import_model *model,
+                                 const struct import_geometry *shape,
+                                 const struct import_packages *packages, struct arena *arena,
+                                 const char **path, struct error *error)
+{
+    char text[PATH_MAX];
+    enum import_path where;
+    enum error_code code = mesh_look(model, shape, packages, text, &where, error);
+
+    if (code) {
+        return code;
+    }
+    if (where == IMPORT_PATH_MISSING) {
+        return import_error(error, shape->file, shape->line, "found no file for mesh \"%.200s\"%s",
+                            shape->mesh,
+                            !strncmp(shape->mesh, "package:", 8)
+                                ? "; --package-path names the folder that holds the package"
+                                : "");
+    }
+    *path = arena_strdup(arena, text);
+    return *path ? ERROR_NONE
+                 : error_set(error, ERROR_MEMORY, "%.200s: no memory for a path", model->file);
 }
 
 /* ---- reading and writing ---- */

@@ -4,7 +4,8 @@
  * frame of the link after scaling; a scale that mirrors turns the faces round, so that outside
  * stays outside. Corners at the same place become one vertex. Files are found by what the robot
  * file says and nowhere else: package:// below the folders that are given and above the file,
- * file:// and plain paths beside the file. Bounded; no name ever reaches a shell. Not RT-safe.
+ * file:// and plain paths by the rules of path.h. Bounded; no name ever reaches a shell. Not
+ * RT-safe.
  */
 #ifndef APP_IMPORT_MESH_H
 #define APP_IMPORT_MESH_H
@@ -15,10 +16,14 @@
 
 enum { IMPORT_MESH_BYTES_MAX = 256 << 20, IMPORT_MESH_FACES_MAX = 1 << 20 };
 
+/* Scratch for one mesh, in address space. */
+#define IMPORT_MESH_ARENA ((size_t)1 << 30)
+
 /* Where packages are looked for: folders that hold a folder of the package's name. */
 struct import_packages {
     const char *const *folder;
     size_t count;
+    bool trust; /* other names may lead out of the robot file's folder */
 };
 
 struct import_mesh {
@@ -26,6 +31,11 @@ struct import_mesh {
     double (*vertex)[3]; /* m, in the link's frame but for the shape's own place */
     int (*face)[3];      /* counterclockwise from outside */
 };
+
+/* Refuses a mesh whose name leads where it may not, whether there is a file or not. */
+enum error_code import_check_mesh(const struct import_model *model,
+                                  const struct import_geometry *shape,
+                                  const struct import_packages *packages, struct error *error);
 
 /* The path of a mesh, in the arena. ERROR_INPUT says where it was looked for. */
 enum error_code import_find_mesh(const struct import_model *model,
@@ -41,6 +51,14 @@ enum error_code import_read_mesh(const char *path, const double scale[3], struct
 enum error_code import_parse_mesh(const char *name, const char *text, size_t size,
                                   const double scale[3], struct arena *arena,
                                   struct import_mesh *mesh, struct error *error);
+
+/* The volume that it encloses, m3, with the center and the inertia about it (xx, xy, xz, yy, yz,
+ * zz, m5) of a solid of density 1. Exact for a closed surface when exact; otherwise the sum of the
+ * pyramids from the middle of the surface to its faces, all counted as solid, which is exact where
+ * that middle sees all faces from inside, and holds for surfaces that are turned inside out or have
+ * holes. 0 when there is none. Not RT-safe: it walks through all faces. */
+double import_measure_mesh(const struct import_mesh *mesh, bool exact, double center[3],
+                           double I[6]);
 
 /* Writes it as OBJ. */
 enum error_code import_write_mesh(const struct import_mesh *mesh, const char *path,

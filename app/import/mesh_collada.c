@@ -15,7 +15,7 @@
 
 enum {
     COLLADA_DEPTH_MAX = 64,
-    COLLADA_NODES_MAX = 1 << 16, /* visited, each as often as it stands in the scene */
+    COLLADA_VISITS_MAX = 1 << 22, /* of nodes, each as often as it stands in the scene */
 };
 
 enum error_code collada_refuse(struct collada *c, const xmlNode *node, const char *found)
@@ -24,43 +24,52 @@ enum error_code collada_refuse(struct collada *c, const xmlNode *node, const cha
                         (const char *)node->name, found);
 }
 
+enum error_code collada_visit(struct collada *c, const xmlNode *node, bool all)
+{
+    for (const xmlNode *at = node; at && c->visited <= COLLADA_VISITS_MAX;
+         at = all ? xml_walk(at, node) : NULL) {
+        c->visited++;
+    }
+    return c->visited > COLLADA_VISITS_MAX
+               ? collada_refuse(c, node, "too often, expected a simpler scene")
+               : ERROR_NONE;
+}
+
 /* ---- what has an id ---- */
 
-static const xmlNode *collada_next_element(const xmlNode *at, const xmlNode *root)
+/* By the text, then by the element that has it: files use one id for several kinds. */
+static int collada_compare_id(const struct collada_id *id, const char *text, const char *element)
 {
-    if (at->children) {
-        return at->children;
-    }
-    while (at != root && !at->next) {
-        at = at->parent;
-    }
-    return at == root ? NULL : at->next;
+    int order = strcmp(id->id, text);
+
+    return order ? order : strcmp((const char *)id->node->name, element);
 }
 
 static int collada_compare_ids(const void *a, const void *b)
 {
     const struct collada_id *x = a, *y = b;
-    int order = strcmp(x->id, y->id);
+    int order = collada_compare_id(x, y->id, (const char *)y->node->name);
 
-    return order ? order : (x->node > y->node) - (x->node < y->node);
+    return order ? order : (x->number > y->number) - (x->number < y->number);
 }
 
 static enum error_code collada_list_ids(struct collada *c)
 {
     size_t count = 0;
 
-    for (const xmlNode *at = c->file.root; at; at = collada_next_element(at, c->file.root)) {
+    for (const xmlNode *at = c->file.root; at; at = xml_walk(at, c->file.root)) {
         count += at->type == XML_ELEMENT_NODE && xml_attribute(at, "id");
     }
     c->id = arena_alloc(c->to->arena, count + 1, sizeof *c->id);
     if (!c->id) {
         return mesh_no_memory(c->to);
     }
-    for (const xmlNode *at = c->file.root; at; at = collada_next_element(at, c->file.root)) {
+    for (const xmlNode *at = c->file.root; at; at = xml_walk(at, c->file.root)) {
         const char *id = at->type == XML_ELEMENT_NODE ? xml_attribute(at, "id") : NULL;
 
         if (id) {
-            c->id[c->nid++] = (struct collada_id){id, at};
+            c->id[c->nid] = (struct collada_id){id, at, c->nid};
+            c->nid++;
         }
     }
     qsort(c->id, c->nid, sizeof *c->id, collada_compare_ids);
@@ -80,17 +89,16 @@ enum error_code collada_follow(struct collada *c, const xmlNode *node, const cha
     while (reference[0] == '#' && low < high) {
         size_t middle = (low + high) / 2;
 
-        if (strcmp(c->id[middle].id, reference + 1) < 0) {
+        if (collada_compare_id(&c->id[middle], reference + 1, name) < 0) {
             low = middle + 1;
         } else {
             high = middle;
         }
     }
-    for (; low < c->nid && !strcmp(c->id[low].id, reference + 1); low++) {
-        if (reference[0] == '#' && xml_is(c->id[low].node, name)) {
-            *found = c->id[low].node;
-            return ERROR_NONE;
-        }
+    if (reference[0] == '#' && low < c->nid &&
+        !collada_compare_id(&c->id[low], reference + 1, name) && xml_is(c->id[low].node, name)) {
+        *found = c->id[low].node;
+        return ERROR_NONE;
     }
     return import_error(c->to->error, c->file.name, xml_line(node),
                         "found %s \"%.100s\" of <%.40s>, expected \"#\" and the id of a <%s> of "
@@ -190,13 +198,18 @@ static enum error_code collada_walk(struct collada *c, const xmlNode *node,
 {
     enum error_code code = ERROR_NONE;
 
-    if (depth > COLLADA_DEPTH_MAX || ++c->visited > COLLADA_NODES_MAX) {
-        return collada_refuse(c, node, "too deep or too often, expected a simpler scene");
+    if (depth > COLLADA_DEPTH_MAX) {
+        return collada_refuse(c, node, "too deep, expected a simpler scene");
     }
+    code = collada_visit(c, node, false);
     for (const xmlNode *child = xml_child(node, NULL); child && !code;
          child = xml_next(child, NULL)) {
         const xmlNode *found;
 
+        code = collada_visit(c, child, false);
+        if (code) {
+            return code;
+        }
         if (xml_is(child, "node")) {
             code = collada_walk(c, child, place, depth + 1);
         } else if (xml_is(child, "instance_node")) {

@@ -245,13 +245,14 @@ static enum error_code mesh_read_polygon(struct mesh_reader *r)
 static enum error_code mesh_read_obj_lines(struct mesh_reader *r)
 {
     char word[WORD_MAX];
-    size_t corners, ignored;
+    size_t corners, faces, ignored;
     size_t vertices = mesh_count_lines(*r, "v", &ignored);
     enum error_code code;
     double xyz[3];
 
-    mesh_count_lines(*r, "f", &corners);
-    code = mesh_make_room(r, vertices, corners);
+    /* A polygon of n corners is n - 2 triangles; one of fewer than 3 will be refused */
+    faces = mesh_count_lines(*r, "f", &corners);
+    code = mesh_make_room(r, vertices, corners > 2 * faces ? corners - 2 * faces : 0);
     while (!code && r->at < r->end) {
         if (mesh_next_word(r, word) && !strcmp(word, "v")) {
             code = mesh_read_xyz(r, xyz);

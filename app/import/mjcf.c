@@ -2,11 +2,38 @@
 /* MJCF: the tree of bodies and their joints. */
 #include "app/import/mjcf_private.h"
 
+#include "base/count.h"
 #include "base/vec3.h"
 
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
+
+enum error_code mjcf_refuse(const struct mjcf_reader *r, const xmlNode *node, const char *format,
+                            ...)
+{
+    char text[600];
+    va_list arguments;
+
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    return import_error(r->error, xml_name(r->file, node), xml_line(node), "%s", text);
+}
+
+const xmlNode *mjcf_next(const struct mjcf_reader *r, const char *section, const char *element,
+                         const xmlNode *after)
+{
+    const xmlNode *in = after ? after->parent : xml_child(r->file->root, section), *node;
+
+    node = after ? xml_next(after, element) : in ? xml_child(in, element) : NULL;
+    while (!node && in) {
+        in = xml_next(in, section);
+        node = in ? xml_child(in, element) : NULL;
+    }
+    return node;
+}
 
 enum error_code mjcf_no_memory(const struct mjcf_reader *r)
 {
@@ -16,38 +43,62 @@ enum error_code mjcf_no_memory(const struct mjcf_reader *r)
 
 /* ---- settings ---- */
 
+static enum error_code mjcf_read_inertia_rules(struct mjcf_reader *r, const xmlNode *node)
+{
+    static const char *const unused[] = {"settotalmass", "boundmass", "boundinertia",
+                                         "balanceinertia"};
+    const char *from = xml_attribute(node, "inertiafromgeom");
+    const char *exact = xml_attribute(node, "exactmeshinertia");
+
+    if (from) {
+        r->from_geom = !strcmp(from, "true")    ? MJCF_INERTIA_OF_GEOMS
+                       : !strcmp(from, "false") ? MJCF_INERTIA_OF_BODY
+                                                : MJCF_INERTIA_AUTO;
+    }
+    r->exact_meshes = exact ? !strcmp(exact, "true") : r->exact_meshes;
+    for (size_t i = 0; i < ARRAY_COUNT(unused); i++) {
+        const char *value = xml_attribute(node, unused[i]);
+
+        if (value && strcmp(value, "false") != 0 && strcmp(value, "0") != 0) {
+            import_note_add(r->notes, IMPORT_DROPPED, xml_name(r->file, node), xml_line(node),
+                            "%s \"%.40s\": masses are the file's", unused[i], value);
+        }
+    }
+    return xml_reals(r->file, node, "inertiagrouprange", 2, r->groups, NULL, r->error);
+}
+
+/* One <compiler>; of several each adds to what those before it have said. */
 static enum error_code mjcf_read_compiler(struct mjcf_reader *r, const xmlNode *node)
 {
     const char *angle = xml_attribute(node, "angle"), *seq = xml_attribute(node, "eulerseq");
     const char *limits = xml_attribute(node, "autolimits"),
                *folder = xml_attribute(node, "meshdir");
     const char *coordinate = xml_attribute(node, "coordinate");
-    const char *from = xml_attribute(node, "inertiafromgeom");
 
     folder = folder ? folder : xml_attribute(node, "assetdir");
-    if ((coordinate && strcmp(coordinate, "local") != 0) || (from && !strcmp(from, "true"))) {
-        return import_error(r->error, r->file->name, xml_line(node),
-                            "found %s, expected coordinate \"local\" and inertiafromgeom \"auto\": "
-                            "load the file in MuJoCo and save it (mj_saveLastXML)",
-                            coordinate && strcmp(coordinate, "local") ? "coordinate \"global\""
-                                                                      : "inertiafromgeom \"true\"");
+    if (coordinate && strcmp(coordinate, "local") != 0) {
+        return mjcf_refuse(r, node,
+                           "found coordinate \"%.20s\", expected \"local\": load the file in "
+                           "MuJoCo and save it (mj_saveLastXML)",
+                           coordinate);
     }
     if (seq && (strlen(seq) != 3 || strspn(seq, "xyzXYZ") != 3)) {
-        return import_error(r->error, r->file->name, xml_line(node),
-                            "found eulerseq \"%.10s\", expected three of x y z X Y Z", seq);
+        return mjcf_refuse(r, node, "found eulerseq \"%.10s\", expected three of x y z X Y Z", seq);
     }
-    r->angle = angle && !strcmp(angle, "radian") ? 1.0 : M_PI / 180.0;
-    r->autolimits = !limits || strcmp(limits, "false") != 0;
-    r->meshdir = folder ? folder : "";
-    memcpy(r->eulerseq, seq ? seq : "xyz", sizeof r->eulerseq);
-    return ERROR_NONE;
+    if (angle) {
+        r->angle = strcmp(angle, "radian") == 0 ? 1.0 : M_PI / 180.0;
+    }
+    r->autolimits = limits ? strcmp(limits, "false") != 0 : r->autolimits;
+    r->meshdir = folder ? folder : r->meshdir;
+    memcpy(r->eulerseq, seq ? seq : r->eulerseq, sizeof r->eulerseq);
+    return mjcf_read_inertia_rules(r, node);
 }
 
 /* Elements that make bodies out of others, or take them from elsewhere. */
 static bool mjcf_must_be_expanded(const xmlNode *node)
 {
-    static const char *const name[] = {"include",   "frame",    "replicate", "attach",
-                                       "composite", "flexcomp", NULL};
+    static const char *const name[] = {"frame",     "replicate", "attach",
+                                       "composite", "flexcomp",  NULL};
 
     for (size_t i = 0; name[i]; i++) {
         if (xml_is(node, name[i])) {
@@ -59,10 +110,10 @@ static bool mjcf_must_be_expanded(const xmlNode *node)
 
 static enum error_code mjcf_refuse_unexpanded(const struct mjcf_reader *r, const xmlNode *node)
 {
-    return import_error(r->error, r->file->name, xml_line(node),
-                        "found <%.40s>, expected plain bodies: load the file in MuJoCo and save it "
-                        "(mj_saveLastXML)",
-                        (const char *)node->name);
+    return mjcf_refuse(r, node,
+                       "found <%.40s>, expected plain bodies: load the file in MuJoCo and save it "
+                       "(mj_saveLastXML)",
+                       (const char *)node->name);
 }
 
 /* Constraints between bodies close loops; those between joints make one follow the other. */
@@ -73,16 +124,15 @@ static enum error_code mjcf_check_equality(const struct mjcf_reader *r, const xm
         const char *name = xml_attribute(node, "name");
 
         if (xml_is(node, "connect") || xml_is(node, "weld")) {
-            return import_error(
-                r->error, r->file->name, xml_line(node),
-                "found <%s> %.63s between \"%.63s\" and \"%.63s\", which closes a "
-                "loop, expected a tree: loops are not imported; remove it and drive "
-                "the open tree",
-                (const char *)node->name, name ? name : "", first ? first : "a site",
-                second ? second : "the world");
+            return mjcf_refuse(r, node,
+                               "found <%s> %.63s between \"%.63s\" and \"%.63s\", which closes a "
+                               "loop, expected a tree: loops are not imported; remove it and drive "
+                               "the open tree",
+                               (const char *)node->name, name ? name : "", first ? first : "a site",
+                               second ? second : "the world");
         }
         if (!xml_is(node, "joint")) {
-            import_note_add(r->notes, IMPORT_DROPPED, r->file->name, xml_line(node),
+            import_note_add(r->notes, IMPORT_DROPPED, xml_name(r->file, node), xml_line(node),
                             "equality <%.40s>", (const char *)node->name);
         }
     }
@@ -97,10 +147,6 @@ static enum error_code mjcf_read_settings(struct mjcf_reader *r)
                                          "sensor",  "custom",    NULL};
     enum error_code code = ERROR_NONE;
 
-    r->angle = M_PI / 180.0;
-    r->autolimits = true;
-    r->meshdir = "";
-    strcpy(r->eulerseq, "xyz");
     for (const xmlNode *node = xml_child(r->file->root, NULL); node && !code;
          node = xml_next(node, NULL)) {
         bool known = false;
@@ -115,7 +161,7 @@ static enum error_code mjcf_read_settings(struct mjcf_reader *r)
         } else if (xml_is(node, "equality")) {
             code = mjcf_check_equality(r, node);
         } else if (!known) {
-            import_note_add(r->notes, IMPORT_DROPPED, r->file->name, xml_line(node),
+            import_note_add(r->notes, IMPORT_DROPPED, xml_name(r->file, node), xml_line(node),
                             "section <%.40s>", (const char *)node->name);
         }
     }
@@ -125,17 +171,15 @@ static enum error_code mjcf_read_settings(struct mjcf_reader *r)
 /* The site of the first gyro or accelerometer. */
 static void mjcf_find_imu(struct mjcf_reader *r)
 {
-    const xmlNode *sensors = xml_child(r->file->root, "sensor");
-
-    for (const xmlNode *node = sensors ? xml_child(sensors, NULL) : NULL; node;
-         node = xml_next(node, NULL)) {
+    for (const xmlNode *node = mjcf_next(r, "sensor", NULL, NULL); node;
+         node = mjcf_next(r, "sensor", NULL, node)) {
         const char *site = xml_attribute(node, "site"), *name = xml_attribute(node, "name");
 
         if (site && !r->imu_site && (xml_is(node, "gyro") || xml_is(node, "accelerometer"))) {
             r->imu_site = site;
             r->imu_name = name ? name : site;
         } else if (!(site && r->imu_site && !strcmp(site, r->imu_site))) {
-            import_note_add(r->notes, IMPORT_DROPPED, r->file->name, xml_line(node),
+            import_note_add(r->notes, IMPORT_DROPPED, xml_name(r->file, node), xml_line(node),
                             "sensor <%.40s> \"%.63s\"", (const char *)node->name, name ? name : "");
         }
     }
@@ -152,26 +196,43 @@ static const char *mjcf_number_name(const struct mjcf_reader *r, const char *nam
     return arena_strdup(r->arena, text);
 }
 
-static enum error_code mjcf_add_link(const struct mjcf_reader *r, const char *name, int line,
-                                     int *link)
+/* A name for a body without one: by its line, which says where it is, in the main file. */
+static const char *mjcf_name_body(const struct mjcf_reader *r, const xmlNode *node)
+{
+    return xml_name(r->file, node) == r->file->name
+               ? mjcf_number_name(r, "body", xml_line(node))
+               : mjcf_number_name(r, "included-body", (int)r->model->nlink);
+}
+
+const char *mjcf_file(const struct mjcf_reader *r, const xmlNode *node)
+{
+    const char *name = xml_name(r->file, node);
+
+    return name == r->file->name ? r->model->file : name;
+}
+
+static enum error_code mjcf_add_link(const struct mjcf_reader *r, const char *name,
+                                     const xmlNode *node, int *link)
 {
     struct import_model *model = r->model;
 
     *link = (int)model->nlink;
-    model->link[model->nlink++] = (struct import_link){.name = name, .line = line};
+    model->link[model->nlink++] =
+        (struct import_link){.name = name, .file = mjcf_file(r, node), .line = xml_line(node)};
     return name ? ERROR_NONE : mjcf_no_memory(r);
 }
 
 /* A joint between two links that are there. */
-static struct import_joint *mjcf_add_joint(const struct mjcf_reader *r, const char *name, int line,
-                                           enum import_joint_type type, int parent, int child,
-                                           const struct import_place *place)
+static struct import_joint *mjcf_add_joint(const struct mjcf_reader *r, const char *name,
+                                           const xmlNode *node, enum import_joint_type type,
+                                           int parent, int child, const struct import_place *place)
 {
     struct import_model *model = r->model;
     struct import_joint *joint = &model->joint[model->njoint++];
 
     *joint = (struct import_joint){.name = name,
-                                   .line = line,
+                                   .file = mjcf_file(r, node),
+                                   .line = xml_line(node),
                                    .type = type,
                                    .parent = model->link[parent].name,
                                    .child = model->link[child].name,
@@ -204,23 +265,24 @@ static enum error_code mjcf_read_joint_numbers(const struct mjcf_reader *r, cons
     *ref *= unit;
     joint->effort = fmax(fabs(force[0]), fabs(force[1]));
     joint->has_limit =
-        ranged && (limited && strcmp(limited, "auto") ? !strcmp(limited, "true") : r->autolimits);
+        ranged && (limited && strcmp(limited, "auto") ? !strcmp(limited, "true")
+                                                      : r->autolimits && range[0] < range[1]);
     joint->lower = joint->has_limit ? range[0] * unit - *ref : 0.0;
     joint->upper = joint->has_limit ? range[1] * unit - *ref : 0.0;
     if (joint->type == IMPORT_REVOLUTE && !joint->has_limit) {
         joint->type = IMPORT_CONTINUOUS;
     }
     if (stiffness != 0.0) {
-        import_note_add(r->notes, IMPORT_DROPPED, r->file->name, joint->line,
+        import_note_add(r->notes, IMPORT_DROPPED, joint->file, joint->line,
                         "spring of joint \"%.63s\", %g N m/rad", joint->name, stiffness);
     }
     if (*ref != 0.0) {
-        import_note_add(r->notes, IMPORT_CHANGED, r->file->name, joint->line,
+        import_note_add(r->notes, IMPORT_CHANGED, joint->file, joint->line,
                         "joint \"%.63s\" counts from the place in the file: MuJoCo's %g is 0",
                         joint->name, *ref);
     }
     return joint->damping < 0 || joint->friction < 0 || joint->armature < 0
-               ? import_error(r->error, r->file->name, joint->line,
+               ? import_error(r->error, joint->file, joint->line,
                               "found damping %g, frictionloss %g, armature %g, expected 0 or more",
                               joint->damping, joint->friction, joint->armature)
                : ERROR_NONE;
@@ -238,10 +300,10 @@ static enum error_code mjcf_read_joint_type(const struct mjcf_reader *r, const x
     } else if (!strcmp(word, "slide")) {
         *type = IMPORT_PRISMATIC;
     } else {
-        return import_error(r->error, r->file->name, xml_line(node),
-                            "found a joint of type \"%.40s\", expected hinge, slide or free: write "
-                            "three hinges for a ball",
-                            word);
+        return mjcf_refuse(r, node,
+                           "found a joint of type \"%.40s\", expected hinge, slide or free: write "
+                           "three hinges for a ball",
+                           word);
     }
     return ERROR_NONE;
 }
@@ -250,7 +312,8 @@ static enum error_code mjcf_read_joint_type(const struct mjcf_reader *r, const x
  * in it when no further joint comes. */
 struct mjcf_body {
     const char *name, *childclass;
-    int line, link, joints, left; /* left: joints that are yet to come */
+    const xmlNode *node;
+    int link, joints, left; /* left: joints that are yet to come */
     struct import_place place;
 };
 
@@ -277,12 +340,12 @@ static enum error_code mjcf_read_joint(struct mjcf_reader *r, const xmlNode *nod
     name = name ? arena_strdup(r->arena, name) : mjcf_number_name(r, body->name, body->joints);
     if (!name ||
         (code = mjcf_add_link(
-             r, body->left == 0 ? body->name : mjcf_number_name(r, body->name, body->joints),
-             xml_line(node), &link))) {
+             r, body->left == 0 ? body->name : mjcf_number_name(r, body->name, body->joints), node,
+             &link))) {
         return name ? code : mjcf_no_memory(r);
     }
     import_place_compose(&body->place, &anchor, &at);
-    joint = mjcf_add_joint(r, name, xml_line(node), type, body->link, link, &at);
+    joint = mjcf_add_joint(r, name, node, type, body->link, link, &at);
     r->qpos[joint - r->model->joint] = r->qpos_count;
     r->qpos_count += type == IMPORT_FLOATING ? 7 : 1;
     import_place_identity(&back);
@@ -299,7 +362,7 @@ static enum error_code mjcf_read_joint(struct mjcf_reader *r, const xmlNode *nod
     code = mjcf_reals(r, node, body->childclass, "axis", 3, joint->axis, NULL);
     length = vec3_norm(joint->axis);
     if (!code && !(length > 1e-6 && length < 1e6)) {
-        return import_error(r->error, r->file->name, joint->line,
+        return import_error(r->error, joint->file, joint->line,
                             "found an axis of length %g, expected a direction", length);
     }
     return code ? code : mjcf_read_joint_numbers(r, node, body->childclass, joint);
@@ -325,10 +388,10 @@ static enum error_code mjcf_read_inertial(const struct mjcf_reader *r, const xml
         return code;
     }
     if (has_full == has_diagonal || inertia.mass < 0 || inertia.mass > 1e6) {
-        return import_error(r->error, r->file->name, link->inertia_line,
-                            "found mass %g and %s, expected a mass of 0 to 1e6 kg and one of "
-                            "diaginertia and fullinertia",
-                            inertia.mass, has_full ? "both inertias" : "no inertia or both");
+        return mjcf_refuse(r, node,
+                           "found mass %g and %s, expected a mass of 0 to 1e6 kg and one of "
+                           "diaginertia and fullinertia",
+                           inertia.mass, has_full ? "both inertias" : "no inertia or both");
     }
     for (int i = 0; i < 6; i++) {
         inertia.I[order[i]] = has_full ? full[i] : i < 3 ? diagonal[i] : 0.0;
@@ -340,6 +403,19 @@ static enum error_code mjcf_read_inertial(const struct mjcf_reader *r, const xml
     return ERROR_NONE;
 }
 
+/* Whether a body weighs what its geoms do; where the rule is that and it has none, it does not. */
+static bool mjcf_takes_geoms(const struct mjcf_reader *r, const xmlNode *body, bool inertial)
+{
+    switch (r->from_geom) {
+    case MJCF_INERTIA_OF_BODY:
+        return false;
+    case MJCF_INERTIA_OF_GEOMS:
+        return !inertial || xml_child(body, "geom");
+    default:
+        return !inertial;
+    }
+}
+
 /* Inertia and geoms of a body, in its link; the site that is the inertial sensor. */
 static enum error_code mjcf_read_matter(const struct mjcf_reader *r, const xmlNode *node,
                                         const char *childclass, int at)
@@ -347,19 +423,22 @@ static enum error_code mjcf_read_matter(const struct mjcf_reader *r, const xmlNo
     struct import_model *model = r->model;
     struct import_link *link = &model->link[at];
     const xmlNode *inertial = xml_child(node, "inertial");
-    enum error_code code = inertial ? mjcf_read_inertial(r, inertial, link) : ERROR_NONE;
+    bool of_geoms = mjcf_takes_geoms(r, node, inertial != NULL);
+    enum error_code code =
+        inertial && !of_geoms ? mjcf_read_inertial(r, inertial, link) : ERROR_NONE;
 
     for (const xmlNode *child = xml_child(node, NULL); child && !code;
          child = xml_next(child, NULL)) {
         const char *name = xml_attribute(child, "name");
 
         if (xml_is(child, "geom")) {
-            code = mjcf_read_geom(r, child, childclass, at, inertial ? NULL : &link->inertia);
+            code = mjcf_read_geom(r, child, childclass, at, of_geoms ? &link->inertia : NULL);
         } else if (xml_is(child, "site") && name && r->imu_site && !strcmp(name, r->imu_site) &&
                    model->nsensor == 0) {
             struct import_sensor *sensor = &model->sensor[model->nsensor++];
 
-            *sensor = (struct import_sensor){.kind = IMPORT_IMU, .line = xml_line(child)};
+            *sensor = (struct import_sensor){
+                .kind = IMPORT_IMU, .file = mjcf_file(r, child), .line = xml_line(child)};
             sensor->name = arena_strdup(r->arena, r->imu_name);
             sensor->link = link->name;
             code = sensor->name ? mjcf_read_place(r, child, childclass, &sensor->place)
@@ -406,10 +485,10 @@ static enum error_code mjcf_end_body(const struct mjcf_reader *r, struct mjcf_bo
     name = arena_strdup(r->arena, text);
     snprintf(text, sizeof text, "%.100s-fixed", body->name);
     joint = arena_strdup(r->arena, text);
-    if (!name || !joint || mjcf_add_link(r, name, body->line, &link)) {
+    if (!name || !joint || mjcf_add_link(r, name, body->node, &link)) {
         return mjcf_no_memory(r);
     }
-    mjcf_add_joint(r, joint, body->line, IMPORT_FIXED, body->link, link, &body->place);
+    mjcf_add_joint(r, joint, body->node, IMPORT_FIXED, body->link, link, &body->place);
     body->link = link;
     return ERROR_NONE;
 }
@@ -418,15 +497,14 @@ static enum error_code mjcf_read_body(struct mjcf_reader *r, const xmlNode *node
                                       const char *childclass, int depth)
 {
     const char *own = xml_attribute(node, "childclass"), *name = xml_attribute(node, "name");
-    struct mjcf_body body = {
-        .childclass = own ? own : childclass, .line = xml_line(node), .link = parent};
+    struct mjcf_body body = {.childclass = own ? own : childclass, .node = node, .link = parent};
     enum error_code code;
 
     if (depth > MJCF_DEPTH_MAX) {
-        return import_error(r->error, r->file->name, body.line,
-                            "found bodies more than %d deep, expected fewer", MJCF_DEPTH_MAX);
+        return mjcf_refuse(r, node, "found bodies more than %d deep, expected fewer",
+                           MJCF_DEPTH_MAX);
     }
-    body.name = name ? arena_strdup(r->arena, name) : mjcf_number_name(r, "body", body.line);
+    body.name = name ? arena_strdup(r->arena, name) : mjcf_name_body(r, node);
     if (!body.name) {
         return mjcf_no_memory(r);
     }
@@ -462,18 +540,21 @@ static void mjcf_count(const xmlNode *node, int depth, size_t *bodies, size_t *j
     }
 }
 
-static enum error_code mjcf_make_room(struct mjcf_reader *r, const xmlNode *world)
+static enum error_code mjcf_make_room(struct mjcf_reader *r)
 {
     struct import_model *model = r->model;
+    const xmlNode *world = xml_child(r->file->root, "worldbody");
     size_t bodies = 0, joints = 0, geoms = 0, links;
 
-    mjcf_count(world, 0, &bodies, &joints, &geoms);
+    for (const xmlNode *next = world; next; next = xml_next(next, "worldbody")) {
+        mjcf_count(next, 0, &bodies, &joints, &geoms);
+    }
     links = 1 + bodies + joints;
     if (bodies == 0 || links > IMPORT_LINKS_MAX || geoms > IMPORT_GEOMETRY_MAX) {
-        return import_error(r->error, r->file->name, xml_line(world),
-                            "found %zu bodies, %zu joints, %zu geoms, expected 1 to %d bodies with "
-                            "their joints, and at most %d geoms",
-                            bodies, joints, geoms, IMPORT_LINKS_MAX, IMPORT_GEOMETRY_MAX);
+        return mjcf_refuse(r, world,
+                           "found %zu bodies, %zu joints, %zu geoms, expected 1 to %d bodies with "
+                           "their joints, and at most %d geoms",
+                           bodies, joints, geoms, IMPORT_LINKS_MAX, IMPORT_GEOMETRY_MAX);
     }
     model->link = arena_alloc(r->arena, links, sizeof *model->link);
     model->joint = arena_alloc(r->arena, links, sizeof *model->joint);
@@ -493,14 +574,14 @@ static enum error_code mjcf_check_names(const struct mjcf_reader *r)
 
     for (size_t i = 0; i < model->nlink; i++) {
         if ((size_t)import_find_link(model, model->link[i].name) != i) {
-            return import_error(r->error, r->file->name, model->link[i].line,
+            return import_error(r->error, model->link[i].file, model->link[i].line,
                                 "found body \"%.63s\" again, expected it once",
                                 model->link[i].name);
         }
     }
     for (size_t i = 0; i < model->njoint; i++) {
         if ((size_t)import_find_joint(model, model->joint[i].name) != i) {
-            return import_error(r->error, r->file->name, model->joint[i].line,
+            return import_error(r->error, model->joint[i].file, model->joint[i].line,
                                 "found joint \"%.63s\" again, expected it once",
                                 model->joint[i].name);
         }
@@ -508,33 +589,53 @@ static enum error_code mjcf_check_names(const struct mjcf_reader *r)
     return ERROR_NONE;
 }
 
-enum error_code mjcf_read(const struct xml_file *file, struct arena *arena,
-                          struct import_model *model, struct import_notes *notes,
-                          struct error *error)
+/* The bodies of all worlds: the sections of one name count as one. */
+static enum error_code mjcf_read_worlds(struct mjcf_reader *r)
 {
-    struct mjcf_reader r = {file, arena, model, notes, error, .qpos_count = 0};
-    const xmlNode *world = xml_child(file->root, "worldbody");
+    const xmlNode *world = xml_child(r->file->root, "worldbody");
+    int link;
+    enum error_code code = mjcf_add_link(r, arena_strdup(r->arena, "world"), world, &link);
+
+    for (; world && !code; world = xml_next(world, "worldbody")) {
+        code = mjcf_read_children(r, world, link, NULL, 0);
+    }
+    return code;
+}
+
+enum error_code mjcf_read(const struct xml_file *file, const struct import_packages *packages,
+                          struct arena *arena, struct import_model *model,
+                          struct import_notes *notes, struct error *error)
+{
+    struct mjcf_reader r = {.file = file,
+                            .packages = packages,
+                            .arena = arena,
+                            .model = model,
+                            .notes = notes,
+                            .error = error,
+                            .angle = M_PI / 180.0,
+                            .eulerseq = "xyz",
+                            .autolimits = true,
+                            .meshdir = "",
+                            .groups = {0, 5}};
     const char *name = xml_attribute(file->root, "model");
     enum error_code code;
-    int link;
 
     *model = (struct import_model){.file = arena_strdup(arena, file->name)};
     model->name = arena_strdup(arena, name && *name ? name : "robot");
-    r.defaults = xml_child(file->root, "default");
-    r.assets = xml_child(file->root, "asset");
     if (!model->file || !model->name) {
         return mjcf_no_memory(&r);
     }
-    if (!world) {
-        return import_error(error, file->name, xml_line(file->root),
-                            "found <mujoco> without <worldbody>, expected one");
+    if ((code = mjcf_expand_includes(&r)) || (code = xml_check_elements(file, error))) {
+        return code;
     }
-    if ((code = mjcf_read_settings(&r)) || (code = mjcf_make_room(&r, world)) ||
-        (code = mjcf_add_link(&r, arena_strdup(arena, "world"), xml_line(world), &link))) {
+    if (!xml_child(file->root, "worldbody")) {
+        return mjcf_refuse(&r, file->root, "found <mujoco> without <worldbody>, expected one");
+    }
+    if ((code = mjcf_read_settings(&r)) || (code = mjcf_index(&r)) || (code = mjcf_make_room(&r))) {
         return code;
     }
     mjcf_find_imu(&r);
-    if ((code = mjcf_read_children(&r, world, link, NULL, 0)) || (code = mjcf_check_names(&r)) ||
+    if ((code = mjcf_read_worlds(&r)) || (code = mjcf_check_names(&r)) ||
         (code = mjcf_read_actuators(&r))) {
         return code;
     }

@@ -1,62 +1,160 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* MJCF: default classes, places, geoms, actuators, keyframes. */
+/* MJCF: default classes, names of meshes, places, actuators, keyframes. */
 #include "app/import/mjcf_private.h"
 
 #include "base/vec3.h"
 
 #include <ctype.h>
 #include <math.h>
-#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
-#define DENSITY 1000.0 /* of geoms, kg/m3, where the file says nothing */
+enum { MJCF_DEFAULTS_MAX = 2048, MJCF_CLASSES_DEEP = 32 };
 
 /* ---- default classes ---- */
 
-/* The <default> of a class, and the ones above it in *above, from the inside out; 0 = there is
- * none of that name. */
-static size_t mjcf_find_class(const xmlNode *node, const char *name, const xmlNode **above,
-                              size_t depth)
+static int mjcf_compare_names(const void *a, const void *b)
+{
+    const struct mjcf_name *x = a, *y = b;
+    int order = strcmp(x->name, y->name);
+
+    return order ? order : (x->number > y->number) - (x->number < y->number);
+}
+
+const struct mjcf_name *mjcf_find(const struct mjcf_names *names, const char *name)
+{
+    size_t low = 0, high = names->count;
+
+    while (low < high) {
+        size_t middle = (low + high) / 2;
+
+        if (strcmp(names->entry[middle].name, name) < 0) {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    return low < names->count && !strcmp(names->entry[low].name, name) ? &names->entry[low] : NULL;
+}
+
+static void mjcf_add_name(struct mjcf_names *names, const char *name, const char *above,
+                          const xmlNode *node)
+{
+    names->entry[names->count] =
+        (struct mjcf_name){.name = name, .above = above, .node = node, .number = names->count};
+    names->count++;
+}
+
+/* Adds a class and those in it; the first element of a file's classes need no name. */
+static void mjcf_add_classes(struct mjcf_names *names, const xmlNode *node, const char *above)
 {
     const char *own = xml_attribute(node, "class");
 
-    above[depth] = node;
-    if (!strcmp(own ? own : "main", name)) {
-        return depth + 1;
-    }
-    for (const xmlNode *child = xml_child(node, "default"); child && depth + 1 < 32;
+    own = own ? own : "main";
+    mjcf_add_name(names, own, above, node);
+    for (const xmlNode *child = xml_child(node, "default"); child;
          child = xml_next(child, "default")) {
-        size_t found = mjcf_find_class(child, name, above, depth + 1);
+        mjcf_add_classes(names, child, own);
+    }
+}
 
-        if (found) {
-            return found;
+static enum error_code mjcf_index_classes(struct mjcf_reader *r)
+{
+    size_t count = 0;
+
+    for (const xmlNode *top = xml_child(r->file->root, "default"); top;
+         top = xml_next(top, "default")) {
+        for (const xmlNode *at = top; at; at = xml_walk(at, top)) {
+            count += at->type == XML_ELEMENT_NODE;
+        }
+        if (count > MJCF_DEFAULTS_MAX) {
+            return mjcf_refuse(r, top, "found %zu elements of default classes, expected at most %d",
+                               count, MJCF_DEFAULTS_MAX);
         }
     }
-    return 0;
+    r->classes.entry = arena_alloc(r->arena, count + 1, sizeof *r->classes.entry);
+    if (!r->classes.entry) {
+        return mjcf_no_memory(r);
+    }
+    for (const xmlNode *top = xml_child(r->file->root, "default"); top;
+         top = xml_next(top, "default")) {
+        mjcf_add_classes(&r->classes, top, NULL);
+    }
+    qsort(r->classes.entry, r->classes.count, sizeof *r->classes.entry, mjcf_compare_names);
+    return ERROR_NONE;
+}
+
+/* A mesh of the assets goes by its name, or else by that of its file without the ending. */
+static enum error_code mjcf_index_meshes(struct mjcf_reader *r)
+{
+    size_t count = 0;
+
+    for (const xmlNode *mesh = mjcf_next(r, "asset", "mesh", NULL); mesh;
+         mesh = mjcf_next(r, "asset", "mesh", mesh)) {
+        count++;
+    }
+    r->meshes.entry = arena_alloc(r->arena, count + 1, sizeof *r->meshes.entry);
+    if (!r->meshes.entry) {
+        return mjcf_no_memory(r);
+    }
+    for (const xmlNode *mesh = mjcf_next(r, "asset", "mesh", NULL); mesh;
+         mesh = mjcf_next(r, "asset", "mesh", mesh)) {
+        const char *name = xml_attribute(mesh, "name"), *file = xml_attribute(mesh, "file");
+        const char *slash = file ? strrchr(file, '/') : NULL;
+
+        if (!name && file) {
+            char *base = arena_strdup(r->arena, slash ? slash + 1 : file);
+
+            if (!base) {
+                return mjcf_no_memory(r);
+            }
+            base[strrchr(base, '.') ? (size_t)(strrchr(base, '.') - base) : strlen(base)] = '\0';
+            name = base;
+        }
+        if (name && file) {
+            mjcf_add_name(&r->meshes, name, NULL, mesh);
+        }
+    }
+    qsort(r->meshes.entry, r->meshes.count, sizeof *r->meshes.entry, mjcf_compare_names);
+    return ERROR_NONE;
+}
+
+enum error_code mjcf_index(struct mjcf_reader *r)
+{
+    enum error_code code = mjcf_index_classes(r);
+
+    return code ? code : mjcf_index_meshes(r);
+}
+
+/* An attribute that a class gives to elements of that name: the last one that says so. */
+static const char *class_find_attribute(const struct mjcf_reader *r, const struct mjcf_name *class,
+                                        const char *element, const char *name)
+{
+    const struct mjcf_name *end = r->classes.entry + r->classes.count;
+    const char *text = NULL;
+
+    for (const struct mjcf_name *at = class; at < end && !strcmp(at->name, class->name); at++) {
+        const xmlNode *node = xml_child(at->node, element);
+        const char *own = node ? xml_attribute(node, name) : NULL;
+
+        text = own ? own : text;
+    }
+    return text;
 }
 
 const char *mjcf_attribute(const struct mjcf_reader *r, const xmlNode *node, const char *childclass,
                            const char *name)
 {
     const char *text = xml_attribute(node, name), *own = xml_attribute(node, "class");
-    const xmlNode *above[32];
-    size_t depth;
 
-    if (text || !r->defaults) {
-        return text;
-    }
     own = own ? own : childclass ? childclass : "main";
-    depth = mjcf_find_class(r->defaults, own, above, 0);
-    depth = depth || strcmp(own, "main") ? depth : mjcf_find_class(r->defaults, "main", above, 0);
-    while (depth-- > 0) {
-        const xmlNode *element = xml_child(above[depth], (const char *)node->name);
+    for (int depth = 0; !text && own && depth < MJCF_CLASSES_DEEP; depth++) {
+        const struct mjcf_name *class = mjcf_find(&r->classes, own);
 
-        text = element ? xml_attribute(element, name) : NULL;
-        if (text) {
-            return text;
-        }
+        text = class ? class_find_attribute(r, class, (const char *)node->name, name) : NULL;
+        own = class ? class->above : NULL;
     }
-    return NULL;
+    return text;
 }
 
 enum error_code mjcf_reals(const struct mjcf_reader *r, const xmlNode *node, const char *childclass,
@@ -106,8 +204,7 @@ static void euler_turn(char letter, double angle, double R[9])
     memcpy(R, product, sizeof product);
 }
 
-/* Columns from two axes, the second made orthogonal to the first. */
-static bool axes_to_rotation(const double axes[6], double R[9])
+bool mjcf_axes_to_rotation(const double axes[6], double R[9])
 {
     double x[3], y[3], z[3], length = vec3_norm(axes);
 
@@ -157,218 +254,13 @@ enum error_code mjcf_read_place(const struct mjcf_reader *r, const xmlNode *node
             euler_turn(r->eulerseq[i], euler[i] * r->angle, place->R);
         }
     } else if (by_axes) {
-        sound = axes_to_rotation(axes, place->R);
+        sound = mjcf_axes_to_rotation(axes, place->R);
     }
     if (!sound || mjcf_attribute(r, node, childclass, "zaxis")) {
-        return import_error(r->error, r->file->name, xml_line(node),
-                            "found %s of <%.40s>, expected a quat, axisangle, euler or xyaxes that "
-                            "is a rotation",
-                            sound ? "a zaxis" : "an orientation", (const char *)node->name);
-    }
-    return ERROR_NONE;
-}
-
-/* ---- geoms ---- */
-
-/* Volume and inertia of a solid of density 1 about its center. */
-static double geom_measure(const struct import_geometry *g, double I[6])
-{
-    double radius = g->radius, length = g->length, volume = 0.0, across, along, ball;
-    const double *h = g->half;
-
-    memset(I, 0, 6 * sizeof *I);
-    switch (g->shape) {
-    case IMPORT_SPHERE:
-        volume = 4.0 / 3.0 * M_PI * radius * radius * radius;
-        I[0] = I[3] = I[5] = 0.4 * volume * radius * radius;
-        break;
-    case IMPORT_BOX:
-        volume = 8.0 * h[0] * h[1] * h[2];
-        I[0] = volume / 3.0 * (h[1] * h[1] + h[2] * h[2]);
-        I[3] = volume / 3.0 * (h[0] * h[0] + h[2] * h[2]);
-        I[5] = volume / 3.0 * (h[0] * h[0] + h[1] * h[1]);
-        break;
-    case IMPORT_CYLINDER:
-    case IMPORT_CAPSULE:
-        volume = M_PI * radius * radius * length;
-        along = 0.5 * volume * radius * radius;
-        across = volume * (3.0 * radius * radius + length * length) / 12.0;
-        if (g->shape == IMPORT_CAPSULE) {
-            /* Half-spheres, whose centers of mass are 3/8 of the radius beyond the cylinder */
-            ball = 4.0 / 3.0 * M_PI * radius * radius * radius;
-            volume += ball;
-            along += 0.4 * ball * radius * radius;
-            across +=
-                ball * (0.4 * radius * radius + 0.375 * radius * length + 0.25 * length * length);
-        }
-        I[0] = I[3] = across;
-        I[5] = along;
-        break;
-    default:
-        break;
-    }
-    return volume;
-}
-
-/* What a geom weighs, added to the body that has no inertia of its own. */
-static enum error_code geom_add_inertia(const struct mjcf_reader *r, const xmlNode *node,
-                                        const char *childclass, const struct import_geometry *g,
-                                        struct robot_inertia *inertia)
-{
-    struct robot_inertia own = {0};
-    double density = DENSITY, mass, volume;
-    bool by_mass;
-    enum error_code code;
-
-    if ((code = mjcf_reals(r, node, childclass, "density", 1, &density, NULL)) ||
-        (code = mjcf_reals(r, node, childclass, "mass", 1, &mass, &by_mass))) {
-        return code;
-    }
-    if (by_mass ? mass == 0.0 : density == 0.0) {
-        return ERROR_NONE;
-    }
-    volume = geom_measure(g, own.I);
-    own.mass = by_mass ? mass : density * volume;
-    if (!(volume > 0.0) || !(own.mass > 0.0) || own.mass > 1e6) {
-        return import_error(
-            r->error, r->file->name, g->line,
-            "found a body without <inertial> whose geom weighs %g kg and has %g m3, "
-            "expected a solid sphere, capsule, cylinder or box: load the file in "
-            "MuJoCo and save it (mj_saveLastXML), which writes inertias",
-            own.mass, volume);
-    }
-    for (int i = 0; i < 6; i++) {
-        own.I[i] *= own.mass / volume;
-    }
-    import_add_inertia(inertia, &own, &g->place);
-    return ERROR_NONE;
-}
-
-/* The mesh of that name: its file, which also names it when it has no other name. */
-static enum error_code geom_read_mesh(const struct mjcf_reader *r, const xmlNode *node,
-                                      const char *childclass, struct import_geometry *g)
-{
-    const char *name = mjcf_attribute(r, node, childclass, "mesh");
-    char path[512];
-
-    g->scale[0] = g->scale[1] = g->scale[2] = 1;
-    for (const xmlNode *mesh = r->assets ? xml_child(r->assets, "mesh") : NULL; mesh && name;
-         mesh = xml_next(mesh, "mesh")) {
-        const char *file = xml_attribute(mesh, "file"), *own = xml_attribute(mesh, "name");
-        const char *base = file && strrchr(file, '/') ? strrchr(file, '/') + 1 : file;
-        size_t length = strlen(name);
-
-        if (file &&
-            (own ? !strcmp(own, name) : !strncmp(base, name, length) && base[length] == '.')) {
-            snprintf(path, sizeof path, "%.200s%s%.300s", r->meshdir, *r->meshdir ? "/" : "", file);
-            g->mesh = arena_strdup(r->arena, path);
-            return g->mesh ? mjcf_reals(r, mesh, NULL, "scale", 3, g->scale, NULL)
-                           : mjcf_no_memory(r);
-        }
-    }
-    return import_error(r->error, r->file->name, g->line,
-                        "found mesh \"%.63s\", expected one of <asset> with a file",
-                        name ? name : "");
-}
-
-static enum error_code geom_read_type(const struct mjcf_reader *r, const xmlNode *node,
-                                      const char *childclass, struct import_geometry *g,
-                                      bool *known)
-{
-    static const struct {
-        const char *word;
-        enum import_shape shape;
-    } shapes[] = {{"sphere", IMPORT_SPHERE},   {"box", IMPORT_BOX},   {"cylinder", IMPORT_CYLINDER},
-                  {"capsule", IMPORT_CAPSULE}, {"mesh", IMPORT_MESH}, {NULL, IMPORT_SPHERE}};
-    const char *type = mjcf_attribute(r, node, childclass, "type");
-
-    type = type ? type : mjcf_attribute(r, node, childclass, "mesh") ? "mesh" : "sphere";
-    *known = false;
-    for (size_t i = 0; shapes[i].word && !*known; i++) {
-        *known = !strcmp(type, shapes[i].word);
-        g->shape = shapes[i].shape;
-    }
-    if (!*known) {
-        import_note_add(r->notes, IMPORT_DROPPED, r->file->name, g->line,
-                        "geom of type \"%.40s\": robots here have spheres, boxes, cylinders, "
-                        "capsules and meshes",
-                        type);
-    }
-    return ERROR_NONE;
-}
-
-/* Sizes by size and fromto. */
-static enum error_code geom_read_size(const struct mjcf_reader *r, const xmlNode *node,
-                                      const char *childclass, struct import_geometry *g)
-{
-    double size[3] = {0, 0, 0}, ends[6], along[6] = {0};
-    bool by_ends, round = g->shape == IMPORT_CYLINDER || g->shape == IMPORT_CAPSULE;
-    size_t count, need = g->shape == IMPORT_SPHERE ? 1 : g->shape == IMPORT_BOX ? 3 : 2;
-    enum error_code code;
-
-    if ((code = mjcf_some_reals(r, node, childclass, "size", 3, size, &count)) ||
-        (code = mjcf_reals(r, node, childclass, "fromto", 6, ends, &by_ends))) {
-        return code;
-    }
-    memcpy(g->half, size, sizeof g->half);
-    g->radius = size[0];
-    g->length = 2.0 * size[1];
-    if (by_ends && round) {
-        /* From one end to the other: the middle, and z along it */
-        vec3_sub(ends + 3, ends, along);
-        g->length = vec3_norm(along);
-        for (int m = 0; m < 3; m++) {
-            g->place.xyz[m] = 0.5 * (ends[m] + ends[3 + m]);
-            along[3 + m] = fabs(along[m]) < 0.6 * g->length;
-        }
-        if (g->length > 0 && axes_to_rotation(along, g->place.R)) {
-            const double x[3] = {g->place.R[0], g->place.R[3], g->place.R[6]};
-
-            for (int m = 0; m < 3; m++) {
-                g->place.R[3 * m] = g->place.R[3 * m + 1];
-                g->place.R[3 * m + 1] = g->place.R[3 * m + 2];
-                g->place.R[3 * m + 2] = x[m];
-            }
-        }
-        need = 1;
-    }
-    for (size_t i = 0; i < need; i++) {
-        if (!(size[i] > 0 && size[i] < 1e3)) {
-            return import_error(r->error, r->file->name, g->line,
-                                "found size %g of a geom, expected %zu above 0", size[i], need);
-        }
-    }
-    return ERROR_NONE;
-}
-
-enum error_code mjcf_read_geom(const struct mjcf_reader *r, const xmlNode *node,
-                               const char *childclass, int link, struct robot_inertia *inertia)
-{
-    struct import_geometry g = {.line = xml_line(node), .link = link};
-    double type = 1, affinity = 1;
-    bool known;
-    enum error_code code;
-
-    if ((code = mjcf_read_place(r, node, childclass, &g.place)) ||
-        (code = mjcf_reals(r, node, childclass, "contype", 1, &type, NULL)) ||
-        (code = mjcf_reals(r, node, childclass, "conaffinity", 1, &affinity, NULL)) ||
-        (code = geom_read_type(r, node, childclass, &g, &known))) {
-        return code;
-    }
-    if (!known && !inertia) {
-        return ERROR_NONE;
-    }
-    if (known && (code = g.shape == IMPORT_MESH ? geom_read_mesh(r, node, childclass, &g)
-                                                : geom_read_size(r, node, childclass, &g))) {
-        return code;
-    }
-    g.shape = known ? g.shape : IMPORT_MESH; /* of no volume that is known here */
-    if (inertia && (code = geom_add_inertia(r, node, childclass, &g, inertia))) {
-        return code;
-    }
-    g.collision = type != 0 || affinity != 0;
-    if (known) {
-        r->model->geometry[r->model->ngeometry++] = g;
+        return mjcf_refuse(r, node,
+                           "found %s of <%.40s>, expected a quat, axisangle, euler or xyaxes that "
+                           "is a rotation",
+                           sound ? "a zaxis" : "an orientation", (const char *)node->name);
     }
     return ERROR_NONE;
 }
@@ -377,19 +269,17 @@ enum error_code mjcf_read_geom(const struct mjcf_reader *r, const xmlNode *node,
 
 enum error_code mjcf_read_actuators(const struct mjcf_reader *r)
 {
-    const xmlNode *actuators = xml_child(r->file->root, "actuator");
-    const xmlNode *equality = xml_child(r->file->root, "equality");
     enum error_code code = ERROR_NONE;
 
-    for (const xmlNode *node = actuators ? xml_child(actuators, NULL) : NULL; node && !code;
-         node = xml_next(node, NULL)) {
+    for (const xmlNode *node = mjcf_next(r, "actuator", NULL, NULL); node && !code;
+         node = mjcf_next(r, "actuator", NULL, node)) {
         const char *name = xml_attribute(node, "joint");
         int joint = name ? import_find_joint(r->model, name) : -1;
         double force[2] = {0, 0}, control[2] = {0, 0}, gear[6] = {1}, most;
         size_t count;
 
         if (joint < 0) {
-            import_note_add(r->notes, IMPORT_DROPPED, r->file->name, xml_line(node),
+            import_note_add(r->notes, IMPORT_DROPPED, xml_name(r->file, node), xml_line(node),
                             "actuator <%.40s>: it drives no joint", (const char *)node->name);
             continue;
         }
@@ -407,8 +297,8 @@ enum error_code mjcf_read_actuators(const struct mjcf_reader *r)
         most *= fabs(gear[0]);
         r->model->joint[joint].effort = most > 0.0 ? most : r->model->joint[joint].effort;
     }
-    for (const xmlNode *node = equality ? xml_child(equality, "joint") : NULL; node && !code;
-         node = xml_next(node, "joint")) {
+    for (const xmlNode *node = mjcf_next(r, "equality", "joint", NULL); node && !code;
+         node = mjcf_next(r, "equality", "joint", node)) {
         const char *one = xml_attribute(node, "joint1"), *two = xml_attribute(node, "joint2");
         int follower = one ? import_find_joint(r->model, one) : -1;
         int leader = two ? import_find_joint(r->model, two) : -1;
@@ -417,6 +307,7 @@ enum error_code mjcf_read_actuators(const struct mjcf_reader *r)
         if (follower >= 0 && leader >= 0) {
             code = xml_reals(r->file, node, "polycoef", 5, polynomial, NULL, r->error);
             r->model->joint[follower].mimic = r->model->joint[leader].name;
+            r->model->joint[follower].mimic_file = mjcf_file(r, node);
             r->model->joint[follower].mimic_line = xml_line(node);
             r->model->joint[follower].offset = polynomial[0];
             r->model->joint[follower].multiplier = polynomial[1];
@@ -433,6 +324,7 @@ static enum error_code mjcf_read_key(const struct mjcf_reader *r, const xmlNode 
     double *qpos = arena_alloc(r->arena, (size_t)r->qpos_count + 1, sizeof *qpos);
     enum error_code code;
 
+    pose->file = mjcf_file(r, node);
     pose->line = xml_line(node);
     pose->name = arena_strdup(r->arena, name && *name ? name : "key");
     pose->value = arena_alloc(r->arena, model->njoint + 1, sizeof *pose->value);
@@ -456,24 +348,23 @@ static enum error_code mjcf_read_key(const struct mjcf_reader *r, const xmlNode 
 
 enum error_code mjcf_read_keys(const struct mjcf_reader *r)
 {
-    const xmlNode *keys = xml_child(r->file->root, "keyframe");
     size_t count = 0;
     enum error_code code = ERROR_NONE;
 
-    for (const xmlNode *key = keys ? xml_child(keys, "key") : NULL; key;
-         key = xml_next(key, "key")) {
+    for (const xmlNode *key = mjcf_next(r, "keyframe", "key", NULL); key;
+         key = mjcf_next(r, "keyframe", "key", key)) {
         count++;
     }
     if (count > 64) {
-        return import_error(r->error, r->file->name, xml_line(keys),
-                            "found %zu keyframes, expected at most 64", count);
+        return mjcf_refuse(r, mjcf_next(r, "keyframe", "key", NULL),
+                           "found %zu keyframes, expected at most 64", count);
     }
     r->model->pose = arena_alloc(r->arena, count + 1, sizeof *r->model->pose);
     if (!r->model->pose) {
         return mjcf_no_memory(r);
     }
-    for (const xmlNode *key = keys ? xml_child(keys, "key") : NULL; key && !code;
-         key = xml_next(key, "key")) {
+    for (const xmlNode *key = mjcf_next(r, "keyframe", "key", NULL); key && !code;
+         key = mjcf_next(r, "keyframe", "key", key)) {
         code = mjcf_read_key(r, key, &r->model->pose[r->model->npose]);
         r->model->npose++;
     }

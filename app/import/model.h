@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A robot as a foreign file describes it, whatever its format: links, joints, geometry, sensors and
- * poses, each with the line it stands in, in the file's own order. Nothing is merged or judged yet;
- * app/import/reduce.h makes a robot of it. SI units, angles in rad; places are those of the child
- * in the parent. Memory is the arena's that it was read into; names are the file's. Not RT-safe.
+ * poses, each with the file and line it stands in, in the file's own order. Nothing is merged or
+ * judged yet; app/import/reduce.h makes a robot of it. SI units, angles in rad; places are those of
+ * the child in the parent. Memory is the arena's that it was read into; names are the file's. Not
+ * RT-safe.
  */
 #ifndef APP_IMPORT_MODEL_H
 #define APP_IMPORT_MODEL_H
@@ -33,22 +34,30 @@ enum import_joint_type {
     IMPORT_PLANAR,
 };
 
-enum import_shape { IMPORT_SPHERE, IMPORT_BOX, IMPORT_CYLINDER, IMPORT_CAPSULE, IMPORT_MESH };
+enum import_shape {
+    IMPORT_SPHERE,
+    IMPORT_BOX,
+    IMPORT_CYLINDER,
+    IMPORT_CAPSULE,
+    IMPORT_ELLIPSOID,
+    IMPORT_MESH
+};
 
 struct import_geometry {
+    const char *file;
     int line;
     int link;
     bool collision; /* else only to be looked at */
     enum import_shape shape;
     double radius, length; /* of a capsule the length without its ends */
-    double half[3];        /* of a box */
+    double half[3];        /* of a box, an ellipsoid */
     const char *mesh;      /* as the file names it */
     double scale[3];
     struct import_place place; /* in the link */
 };
 
 struct import_link {
-    const char *name;
+    const char *name, *file;
     int line;
     bool has_inertia;
     int inertia_line;
@@ -56,7 +65,7 @@ struct import_link {
 };
 
 struct import_joint {
-    const char *name;
+    const char *name, *file;
     int line;
     enum import_joint_type type;
     const char *parent, *child;
@@ -70,6 +79,7 @@ struct import_joint {
     double armature;   /* reflected inertia of the rotor, kg m2; 0 = not given */
     double gear;       /* rotor turns a link turn; 0 = not given */
     const char *mimic; /* the joint that it follows, or NULL */
+    const char *mimic_file;
     int mimic_line;
     double multiplier, offset;
 };
@@ -78,7 +88,7 @@ enum import_sensor_kind { IMPORT_FT, IMPORT_IMU };
 
 struct import_sensor {
     enum import_sensor_kind kind;
-    const char *name;
+    const char *name, *file;
     int line;
     const char *joint; /* of a force-torque sensor */
     const char *link;  /* of an inertial sensor */
@@ -92,7 +102,7 @@ struct import_value {
 };
 
 struct import_pose {
-    const char *name;
+    const char *name, *file;
     int line;
     struct import_value *value;
     size_t nvalue;

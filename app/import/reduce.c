@@ -20,21 +20,21 @@ enum error_code reduce_no_memory(const struct reducer *r)
                      r->model->file);
 }
 
-enum error_code import_make_name(const struct import_model *model, const char *name, int line,
-                                 const char *what, struct arena *arena, struct import_notes *notes,
-                                 const char **made, struct error *error)
+enum error_code import_make_name(const char *file, const char *name, int line, const char *what,
+                                 struct arena *arena, struct import_notes *notes, const char **made,
+                                 struct error *error)
 {
     char *copy = arena_strdup(arena, name);
 
     if (!copy) {
-        return error_set(error, ERROR_MEMORY, "%.200s: no memory left for this robot", model->file);
+        return error_set(error, ERROR_MEMORY, "%.200s: no memory left for this robot", file);
     }
     *made = copy;
     if (text_is_name(copy) && strcmp(copy, "spare") != 0) {
         return ERROR_NONE;
     }
     if (strlen(copy) > 63 || !strcmp(copy, "spare") || !strcmp(copy, ".") || !strcmp(copy, "..")) {
-        return import_error(error, model->file, line,
+        return import_error(error, file, line,
                             "found %s name \"%.80s\", expected at most 63 letters, digits and _ - "
                             ". (and not \"spare\")",
                             what, copy);
@@ -46,8 +46,8 @@ enum error_code import_make_name(const struct import_model *model, const char *n
             *c = *c == '.' ? '.' : '_';
         }
     }
-    import_note_add(notes, IMPORT_CHANGED, model->file, line, "%s \"%.63s\" is named \"%.63s\"",
-                    what, name, copy);
+    import_note_add(notes, IMPORT_CHANGED, file, line, "%s \"%.63s\" is named \"%.63s\"", what,
+                    name, copy);
     return ERROR_NONE;
 }
 
@@ -113,7 +113,7 @@ enum error_code reduce_check_inertia(struct reducer *r, const struct import_link
         return ERROR_NONE;
     }
     if (!r->options->repair_inertia) {
-        return import_error(r->error, r->model->file,
+        return import_error(r->error, link->file,
                             link->inertia_line ? link->inertia_line : link->line,
                             "found link \"%.63s\" with what is fixed to it: %s; correct the file, "
                             "or give --repair-inertia to raise the moments that are too small",
@@ -128,13 +128,12 @@ enum error_code reduce_check_inertia(struct reducer *r, const struct import_link
     mat3_transpose(V, back);
     sym3_rotate(back, inertia->I);
     import_note_add(
-        r->notes, IMPORT_CHANGED, r->model->file,
-        link->inertia_line ? link->inertia_line : link->line,
+        r->notes, IMPORT_CHANGED, link->file, link->inertia_line ? link->inertia_line : link->line,
         "inertia of link \"%.63s\" with what is fixed to it has now the moments %g, %g, "
         "%g kg m2: %s",
         link->name, moment[0], moment[1], moment[2], why.text);
     return robot_check_inertia(inertia, r->error)
-               ? import_error(r->error, r->model->file, link->line,
+               ? import_error(r->error, link->file, link->line,
                               "found an inertia of link \"%.63s\" that cannot be repaired",
                               link->name)
                : ERROR_NONE;
@@ -159,9 +158,9 @@ static enum error_code reduce_add_body(struct reducer *r, int link, const struct
     enum error_code code;
 
     robot->body[robot->nbody].parent = parent;
-    if ((code = import_make_name(r->model, source->name, source->line, "body", r->arena, r->notes,
-                                 &robot->body[robot->nbody].name, r->error)) ||
-        (code = import_make_name(r->model, from->name, from->line, "joint", r->arena, r->notes,
+    if ((code = import_make_name(source->file, source->name, source->line, "body", r->arena,
+                                 r->notes, &robot->body[robot->nbody].name, r->error)) ||
+        (code = import_make_name(from->file, from->name, from->line, "joint", r->arena, r->notes,
                                  &joint->name, r->error))) {
         return code;
     }
@@ -183,7 +182,7 @@ static enum error_code reduce_add_body(struct reducer *r, int link, const struct
     if (!from->has_limit || from->type == IMPORT_CONTINUOUS) {
         joint->lower = -2.0 * M_PI * TURNS_MAX;
         joint->upper = 2.0 * M_PI * TURNS_MAX;
-        import_note_add(r->notes, IMPORT_CHANGED, r->model->file, from->line,
+        import_note_add(r->notes, IMPORT_CHANGED, from->file, from->line,
                         "joint \"%.63s\" turns for ever: it has the range of %g turns either way, "
                         "without stops",
                         from->name, TURNS_MAX);
@@ -209,17 +208,18 @@ static enum error_code reduce_place_links(struct reducer *r)
             robot->body[0].parent = -1;
             import_place_identity(&r->out->place[link]);
             r->out->body[link] = 0;
-            code = import_make_name(model, model->link[link].name, model->link[link].line, "body",
-                                    r->arena, r->notes, &robot->body[0].name, r->error);
+            code = import_make_name(model->link[link].file, model->link[link].name,
+                                    model->link[link].line, "body", r->arena, r->notes,
+                                    &robot->body[0].name, r->error);
         } else if (joint_is_rigid(r, above)) {
             reduce_place_child(joint, r->at[above], &place);
             r->out->body[link] = r->out->body[joint->parent_link];
             import_place_compose(&r->out->place[joint->parent_link], &place, &r->out->place[link]);
             if (model->link[link].has_inertia) {
-                import_note_add(r->notes, IMPORT_MERGED, model->file, model->link[link].line,
-                                "link \"%.63s\" (%g kg) is part of body \"%.63s\"",
-                                model->link[link].name, model->link[link].inertia.mass,
-                                robot->body[r->out->body[link]].name);
+                import_note_add(
+                    r->notes, IMPORT_MERGED, model->link[link].file, model->link[link].line,
+                    "link \"%.63s\" (%g kg) is part of body \"%.63s\"", model->link[link].name,
+                    model->link[link].inertia.mass, robot->body[r->out->body[link]].name);
             }
             code = ERROR_NONE;
         } else {
@@ -261,7 +261,7 @@ static enum error_code reduce_sum_inertias(struct reducer *r)
         }
         if (inertia->mass == 0.0) {
             inertia->mass = NO_MASS_KG;
-            import_note_add(r->notes, IMPORT_ASSUMED, model->file, source->line,
+            import_note_add(r->notes, IMPORT_ASSUMED, source->file, source->line,
                             "body \"%.63s\" has no mass: %g kg stand for it", source->name,
                             NO_MASS_KG);
         }
@@ -323,7 +323,7 @@ static void reduce_choose_base(struct reducer *r)
         robot->floating = robot_count_limbs(robot) >= 2;
         why = robot->floating ? "two limbs or more hang on it" : "one limb at most hangs on it";
     }
-    import_note_add(r->notes, IMPORT_ASSUMED, model->file, root->line,
+    import_note_add(r->notes, IMPORT_ASSUMED, root->file, root->line,
                     "the base \"%.63s\" %s (%s); --base says otherwise", root->name,
                     robot->floating ? "floats" : "is fixed in the world", why);
 }
@@ -371,8 +371,8 @@ enum error_code import_reduce(const struct import_model *model,
     out->robot->file = model->file;
     out->robot->gravity[2] = -9.81;
     out->robot->imu_frame = -1;
-    if ((code = import_make_name(model, model->name, 1, "robot", arena, notes, &out->robot->name,
-                                 error))) {
+    if ((code = import_make_name(model->file, model->name, 1, "robot", arena, notes,
+                                 &out->robot->name, error))) {
         return code;
     }
     if ((code = reduce_sum_inertias(&r))) {

@@ -48,8 +48,8 @@ enum error_code import_reduce(const struct import_model *model,
 
 /* A name that robot files accept: what they do not becomes '_'. Refused when it is too long or
  * when another one of the names[count] has become the same. */
-enum error_code import_make_name(const struct import_model *model, const char *name, int line,
-                                 const char *what, struct arena *arena, struct import_notes *notes,
-                                 const char **made, struct error *error);
+enum error_code import_make_name(const char *file, const char *name, int line, const char *what,
+                                 struct arena *arena, struct import_notes *notes, const char **made,
+                                 struct error *error);
 
 #endif

@@ -8,20 +8,21 @@
 
 /* ---- frames ---- */
 
-static enum error_code reduce_add_frame(struct reducer *r, const char *name, int line, int body,
-                                        const struct import_place *place, int *frame)
+static enum error_code reduce_add_frame(struct reducer *r, const char *name, const char *file,
+                                        int line, int body, const struct import_place *place,
+                                        int *frame)
 {
     struct robot *robot = r->out->robot;
     struct robot_frame *f = &robot->frame[robot->nframe];
     enum error_code code =
-        import_make_name(r->model, name, line, "frame", r->arena, r->notes, &f->name, r->error);
+        import_make_name(file, name, line, "frame", r->arena, r->notes, &f->name, r->error);
 
     if (code) {
         return code;
     }
     *frame = robot_find_frame(robot, f->name);
     if (*frame >= 0) {
-        return import_error(r->error, r->model->file, line,
+        return import_error(r->error, file, line,
                             "found a second frame named \"%.63s\", expected other names", f->name);
     }
     f->body = body;
@@ -43,32 +44,29 @@ static const char *frame_choose_name(const struct reducer *r, const char *name)
 
 /* ---- sensors ---- */
 
-static bool link_hangs_below(const struct reducer *r, int link, int top)
-{
-    while (link != top && link != r->root && r->above[link] >= 0) {
-        link = r->model->joint[r->above[link]].parent_link;
-    }
-    return link == top;
-}
-
-/* What is below a force-torque sensor within its body, in the body's frame; false when further
- * bodies hang there, whose forces the sensor of the model does not see. */
-static bool sensor_sum_distal(const struct reducer *r, int top, struct robot_inertia *distal)
+/* What is below a force-torque sensor within its body, in the body's frame; *ends is false when
+ * further bodies hang there, whose forces the sensor of the model does not see. One walk down the
+ * tree: parents come first. */
+static enum error_code sensor_sum_distal(const struct reducer *r, int top,
+                                         struct robot_inertia *distal, bool *ends)
 {
     const struct import_robot *out = r->out;
-    bool ends = true;
+    bool *below = arena_alloc(r->arena, r->model->nlink, sizeof *below);
 
-    for (size_t i = 0; i < r->model->nlink; i++) {
-        if (!link_hangs_below(r, (int)i, top)) {
-            continue;
-        }
-        if (out->body[i] == out->body[top]) {
-            import_add_inertia(distal, &r->model->link[i].inertia, &out->place[i]);
-        } else {
-            ends = false;
-        }
+    if (!below) {
+        return reduce_no_memory(r);
     }
-    return ends;
+    *ends = true;
+    for (size_t i = 0; i < r->norder; i++) {
+        int link = r->order[i], above = i > 0 ? r->above[link] : -1;
+
+        below[link] = link == top || (above >= 0 && below[r->model->joint[above].parent_link]);
+        if (below[link] && out->body[link] == out->body[top]) {
+            import_add_inertia(distal, &r->model->link[link].inertia, &out->place[link]);
+        }
+        *ends = *ends && (!below[link] || out->body[link] == out->body[top]);
+    }
+    return ERROR_NONE;
 }
 
 static enum error_code reduce_add_ft(struct reducer *r, const struct import_sensor *sensor)
@@ -79,11 +77,15 @@ static enum error_code reduce_add_ft(struct reducer *r, const struct import_sens
     struct robot_inertia below = {0};
     struct import_place place, back;
     const char *name;
-    enum error_code code;
+    bool ends = true;
+    enum error_code code = sensor_sum_distal(r, joint->child_link, &below, &ends);
 
-    if (!sensor_sum_distal(r, joint->child_link, &below)) {
+    if (code) {
+        return code;
+    }
+    if (!ends) {
         import_note_add(
-            r->notes, IMPORT_DROPPED, r->model->file, sensor->line,
+            r->notes, IMPORT_DROPPED, sensor->file, sensor->line,
             "force-torque sensor \"%.63s\" in joint \"%.63s\": joints move below it, and "
             "sensors here are at the end of a limb",
             sensor->name, sensor->joint);
@@ -96,10 +98,10 @@ static enum error_code reduce_add_ft(struct reducer *r, const struct import_sens
     if (!name) {
         return reduce_no_memory(r);
     }
-    if ((code = import_make_name(r->model, sensor->joint, sensor->line, "sensor", r->arena,
+    if ((code = import_make_name(sensor->file, sensor->joint, sensor->line, "sensor", r->arena,
                                  r->notes, &ft->name, r->error)) ||
-        (code = reduce_add_frame(r, name, sensor->line, r->out->body[joint->child_link], &place,
-                                 &ft->frame))) {
+        (code = reduce_add_frame(r, name, sensor->file, sensor->line,
+                                 r->out->body[joint->child_link], &place, &ft->frame))) {
         return code;
     }
     for (int i = 0; i < 3; i++) {
@@ -123,7 +125,7 @@ static enum error_code reduce_add_imu(struct reducer *r, const struct import_sen
 
     if (robot->imu_frame >= 0) {
         import_note_add(
-            r->notes, IMPORT_DROPPED, r->model->file, sensor->line,
+            r->notes, IMPORT_DROPPED, sensor->file, sensor->line,
             "inertial sensor \"%.63s\" on link \"%.63s\": a robot has one, and the first "
             "is it",
             sensor->name, sensor->link);
@@ -134,7 +136,8 @@ static enum error_code reduce_add_imu(struct reducer *r, const struct import_sen
     if (!name) {
         return reduce_no_memory(r);
     }
-    return reduce_add_frame(r, name, sensor->line, r->out->body[link], &place, &robot->imu_frame);
+    return reduce_add_frame(r, name, sensor->file, sensor->line, r->out->body[link], &place,
+                            &robot->imu_frame);
 }
 
 /* Whether a force-torque sensor in that joint is there already: files name one twice. */
@@ -166,8 +169,9 @@ enum error_code reduce_add_frames(struct reducer *r)
 
         /* The first link of a body is the body's own frame */
         if (strcmp(model->link[link].name, robot->body[r->out->body[link]].name) != 0) {
-            code = reduce_add_frame(r, model->link[link].name, model->link[link].line,
-                                    r->out->body[link], &r->out->place[link], &frame);
+            code = reduce_add_frame(r, model->link[link].name, model->link[link].file,
+                                    model->link[link].line, r->out->body[link],
+                                    &r->out->place[link], &frame);
         }
     }
     for (size_t i = 0; i < model->nsensor && !code; i++) {
@@ -177,7 +181,7 @@ enum error_code reduce_add_frames(struct reducer *r)
                        : model->joint[import_find_joint(model, sensor->joint)].child_link;
 
         if (r->out->body[link] < 0) {
-            import_note_add(r->notes, IMPORT_DROPPED, model->file, sensor->line,
+            import_note_add(r->notes, IMPORT_DROPPED, sensor->file, sensor->line,
                             "sensor \"%.63s\": it is fixed in the world", sensor->name);
         } else if (sensor->kind == IMPORT_IMU) {
             code = reduce_add_imu(r, sensor);
@@ -211,13 +215,13 @@ static enum error_code reduce_add_pose(struct reducer *r, const struct import_po
     if (!position) {
         return reduce_no_memory(r);
     }
-    code = import_make_name(r->model, source->name, source->line, "pose", r->arena, r->notes,
+    code = import_make_name(source->file, source->name, source->line, "pose", r->arena, r->notes,
                             &pose->name, r->error);
     if (code) {
         return code;
     }
     if (robot_find_pose(robot, pose->name) >= 0) {
-        import_note_add(r->notes, IMPORT_DROPPED, r->model->file, source->line,
+        import_note_add(r->notes, IMPORT_DROPPED, source->file, source->line,
                         "pose \"%.63s\": the name is taken", pose->name);
         return ERROR_NONE;
     }
@@ -228,7 +232,7 @@ static enum error_code reduce_add_pose(struct reducer *r, const struct import_po
         position[j] = value ? value->value : r->out->rest[j];
         if (position[j] < joint->lower || position[j] > joint->upper) {
             position[j] = fmin(fmax(position[j], joint->lower), joint->upper);
-            import_note_add(r->notes, IMPORT_CHANGED, r->model->file, 0,
+            import_note_add(r->notes, IMPORT_CHANGED, source->file, source->line,
                             "pose \"%.63s\": joint \"%.63s\" is at its limit %g, not at %g",
                             pose->name, joint->name, position[j], value ? value->value : 0.0);
         }
@@ -241,7 +245,7 @@ static enum error_code reduce_add_pose(struct reducer *r, const struct import_po
 
 enum error_code reduce_add_poses(struct reducer *r)
 {
-    static const struct import_pose rest = {.name = "rest"};
+    const struct import_pose rest = {.name = "rest", .file = r->model->file};
     struct robot *robot = r->out->robot;
     enum error_code code;
 

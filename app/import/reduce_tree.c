@@ -3,6 +3,7 @@
 #include "app/import/reduce_private.h"
 
 #include "base/vec3.h"
+#include "rig/rig.h"
 
 #include <math.h>
 #include <string.h>
@@ -12,7 +13,7 @@
 static enum error_code reduce_refuse_loop(struct reducer *r, const struct import_joint *joint,
                                           const struct import_joint *other)
 {
-    return import_error(r->error, r->model->file, joint->line,
+    return import_error(r->error, joint->file, joint->line,
                         "found link \"%.63s\" as the child of joint \"%.63s\" and of \"%.63s\" "
                         "(line %d), expected one joint: loops are not imported; remove one of the "
                         "two and drive the open tree",
@@ -50,7 +51,7 @@ static enum error_code reduce_find_root(struct reducer *r)
             continue;
         }
         if (r->root >= 0) {
-            return import_error(r->error, model->file, model->link[i].line,
+            return import_error(r->error, model->link[i].file, model->link[i].line,
                                 "found link \"%.63s\" on no joint beside \"%.63s\" (line %d), "
                                 "expected one tree: join the two, or import them one by one",
                                 model->link[i].name, model->link[r->root].name,
@@ -59,7 +60,7 @@ static enum error_code reduce_find_root(struct reducer *r)
         r->root = (int)i;
     }
     if (r->root < 0) {
-        return import_error(r->error, model->file, model->joint[0].line,
+        return import_error(r->error, model->joint[0].file, model->joint[0].line,
                             "found every link on a joint, expected one on none: the joints form a "
                             "loop");
     }
@@ -96,13 +97,13 @@ static enum error_code reduce_enter_world(struct reducer *r)
         }
         if (other->type != IMPORT_FIXED && !option_locks_joint(r->options, other->name)) {
             return import_error(
-                r->error, model->file, other->line,
+                r->error, other->file, other->line,
                 "found joint \"%.63s\" on the root \"%.63s\" beside the floating joint "
                 "\"%.63s\" (line %d), expected that alone: one robot floats; --lock "
                 "leaves what does not matter in the world",
                 other->name, model->link[r->root].name, floating->name, floating->line);
         }
-        import_note_add(r->notes, IMPORT_DROPPED, model->file, other->line,
+        import_note_add(r->notes, IMPORT_DROPPED, other->file, other->line,
                         "link \"%.63s\", with all that hangs on it: it stays in the world in which "
                         "the robot floats",
                         other->child);
@@ -151,7 +152,7 @@ static enum error_code reduce_check_cycles(struct reducer *r)
             link = model->joint[r->above[link]].parent_link;
         }
         if (r->above[link] >= 0) {
-            return import_error(r->error, model->file, model->joint[j].line,
+            return import_error(r->error, model->joint[j].file, model->joint[j].line,
                                 "found joint \"%.63s\" in a loop of joints that does not hang on "
                                 "the root \"%.63s\", expected a tree",
                                 model->joint[j].name, model->link[r->root].name);
@@ -219,7 +220,7 @@ static void reduce_fix_joint(struct reducer *r, size_t j, double at, const char 
 
     r->out->fixed[j] = true;
     r->at[j] = at;
-    import_note_add(r->notes, IMPORT_CHANGED, r->model->file, joint->line,
+    import_note_add(r->notes, IMPORT_CHANGED, joint->file, joint->line,
                     "joint \"%.63s\" is fixed at %g %s: %s", joint->name, at,
                     joint->type == IMPORT_PRISMATIC ? "m" : "rad", why);
 }
@@ -233,14 +234,14 @@ static enum error_code reduce_check_limit(struct reducer *r, size_t j)
         return ERROR_NONE;
     }
     if (!joint->has_limit) {
-        return import_error(r->error, r->model->file, joint->line,
+        return import_error(r->error, joint->file, joint->line,
                             "found joint \"%.63s\" without the limits lower and upper, expected "
                             "them; a joint that turns for ever is \"continuous\", one that does "
                             "not move \"fixed\"",
                             joint->name);
     }
     if (joint->lower > joint->upper) {
-        return import_error(r->error, r->model->file, joint->line,
+        return import_error(r->error, joint->file, joint->line,
                             "found joint \"%.63s\" with lower limit %g above its upper limit %g, "
                             "expected it below",
                             joint->name, joint->lower, joint->upper);
@@ -248,7 +249,7 @@ static enum error_code reduce_check_limit(struct reducer *r, size_t j)
     if (joint->lower == joint->upper) {
         reduce_fix_joint(r, j, joint->lower, "both limits are there");
     } else if (joint->lower > 0.0 || joint->upper < 0.0) {
-        import_note_add(r->notes, IMPORT_CHANGED, r->model->file, joint->line,
+        import_note_add(r->notes, IMPORT_CHANGED, joint->file, joint->line,
                         "joint \"%.63s\" rests at %g: its limits %g to %g exclude 0", joint->name,
                         reduce_rest(joint), joint->lower, joint->upper);
     }
@@ -264,7 +265,7 @@ static void reduce_fix_slide(struct reducer *r, size_t j)
         return;
     }
     if (r->options->free_slides) {
-        import_note_add(r->notes, IMPORT_CHANGED, r->model->file, joint->line,
+        import_note_add(r->notes, IMPORT_CHANGED, joint->file, joint->line,
                         "prismatic joint \"%.63s\" has no drive, for drives turn: it slides freely "
                         "(--prismatic free)",
                         joint->name);
@@ -298,13 +299,13 @@ static enum error_code reduce_fix_mimic(struct reducer *r, size_t j)
         reduce_fix_joint(r, j, at, "it follows another, and --mimic lock holds it there");
         return ERROR_NONE;
     case IMPORT_MIMIC_FREE:
-        import_note_add(r->notes, IMPORT_CHANGED, r->model->file, joint->mimic_line,
+        import_note_add(r->notes, IMPORT_CHANGED, joint->mimic_file, joint->mimic_line,
                         "joint \"%.63s\" no longer follows \"%.63s\": it moves on its own "
                         "(--mimic free)",
                         joint->name, joint->mimic);
         return ERROR_NONE;
     default:
-        return import_error(r->error, r->model->file, joint->mimic_line,
+        return import_error(r->error, joint->mimic_file, joint->mimic_line,
                             "found joint \"%.63s\" that follows \"%.63s\", which no mechanism here "
                             "makes it do: give --mimic lock to fix all such joints where they "
                             "rest, or --mimic free to let them move on their own",
@@ -316,14 +317,14 @@ static enum error_code reduce_fix_mimic(struct reducer *r, size_t j)
 static enum error_code reduce_check_free(struct reducer *r, const struct import_joint *joint)
 {
     if (joint->type == IMPORT_PLANAR) {
-        return import_error(r->error, r->model->file, joint->line,
+        return import_error(r->error, joint->file, joint->line,
                             "found planar joint \"%.63s\", expected another type: write two "
                             "prismatic joints and a continuous one, or fix it (type \"fixed\")",
                             joint->name);
     }
     if (joint->type == IMPORT_FLOATING && (!r->floats || joint->child_link != r->root)) {
         return import_error(
-            r->error, r->model->file, joint->line,
+            r->error, joint->file, joint->line,
             "found floating joint \"%.63s\" between two bodies, expected it between "
             "a root without mass and the base: nothing but the base floats",
             joint->name);
@@ -377,6 +378,27 @@ static enum error_code reduce_fix_named(struct reducer *r)
     return ERROR_NONE;
 }
 
+/* As many joints may move as a bench carries. */
+static enum error_code reduce_check_count(struct reducer *r)
+{
+    const struct import_model *model = r->model;
+    size_t count = 0;
+
+    for (size_t j = 0; j < model->njoint; j++) {
+        const struct import_joint *joint = &model->joint[j];
+
+        if (!r->out->fixed[j] && joint->type != IMPORT_FIXED && joint->type != IMPORT_FLOATING &&
+            ++count > RIG_JOINTS_MAX) {
+            return import_error(r->error, joint->file, joint->line,
+                                "found joint \"%.63s\", which is one more than the %d that may "
+                                "move, expected fewer: --lock JOINT fixes what need not move, such "
+                                "as fingers",
+                                joint->name, RIG_JOINTS_MAX);
+        }
+    }
+    return ERROR_NONE;
+}
+
 enum error_code reduce_fix_joints(struct reducer *r)
 {
     const struct import_model *model = r->model;
@@ -396,5 +418,6 @@ enum error_code reduce_fix_joints(struct reducer *r)
             return code;
         }
     }
-    return reduce_fix_massless(r);
+    code = reduce_fix_massless(r);
+    return code ? code : reduce_check_count(r);
 }

@@ -12,9 +12,6 @@
 #include <string.h>
 #include <sys/stat.h>
 
-/* Scratch of one mesh: it is gone when its capsule and its file are there. */
-#define MESH_ARENA ((size_t)1 << 30)
-
 struct shape_builder {
     struct import_robot *from;
     const struct import_packages *packages;
@@ -93,6 +90,19 @@ static void capsule_hold_box(const double half[3], struct robot_capsule *capsule
     capsule_hold_points(corner, 8, capsule);
 }
 
+/* Along the longest half-axis, as wide as the next: inside it throughout, for it is flatter at the
+ * ends than the half-spheres. */
+static void capsule_hold_ellipsoid(const double half[3], struct robot_capsule *capsule)
+{
+    int along = half[1] > half[0] ? 1 : 0;
+
+    along = half[2] > half[along] ? 2 : along;
+    memset(capsule->position, 0, sizeof capsule->position);
+    axis_to_rotation(along, capsule->rotation);
+    capsule->radius = fmax(half[(along + 1) % 3], half[(along + 2) % 3]);
+    capsule->length = 2.0 * (half[along] - capsule->radius);
+}
+
 static void capsule_from_cylinder(const struct import_geometry *shape,
                                   struct robot_capsule *capsule)
 {
@@ -134,10 +144,10 @@ static bool shape_fit_mesh(const struct shape_builder *b, const struct import_ge
     const char *file;
     bool fitted = false;
 
-    if (arena_init(&scratch, MESH_ARENA, &why) ||
+    if (arena_init(&scratch, IMPORT_MESH_ARENA, &why) ||
         import_find_mesh(model, shape, b->packages, &scratch, &file, &why) ||
         import_read_mesh(file, shape->scale, &scratch, &mesh, &why)) {
-        import_note_add(b->notes, IMPORT_DROPPED, model->file, shape->line,
+        import_note_add(b->notes, IMPORT_DROPPED, shape->file, shape->line,
                         "collision mesh of link \"%.63s\": %.300s", model->link[shape->link].name,
                         why.text);
         arena_fini(&scratch);
@@ -146,11 +156,11 @@ static bool shape_fit_mesh(const struct shape_builder *b, const struct import_ge
     capsule_hold_points((const double(*)[3])mesh.vertex, mesh.nvertex, capsule);
     snprintf(path, sizeof path, "%s/%s.obj", b->folder, capsule->name);
     if (import_write_mesh(&mesh, path, &why)) {
-        import_note_add(b->notes, IMPORT_DROPPED, model->file, shape->line, "%.400s", why.text);
+        import_note_add(b->notes, IMPORT_DROPPED, shape->file, shape->line, "%.400s", why.text);
     } else {
         ++*b->written;
         import_note_add(
-            b->notes, IMPORT_SHAPED, model->file, shape->line,
+            b->notes, IMPORT_SHAPED, shape->file, shape->line,
             "collision mesh \"%.150s\" is meshes/%s.obj (%zu faces, %s), and the capsule "
             "that holds it",
             shape->mesh, capsule->name, mesh.nface, mesh_judge(&mesh));
@@ -187,12 +197,18 @@ static bool shape_fit(const struct shape_builder *b, const struct import_geometr
         return b->folder && shape_fit_mesh(b, shape, capsule);
     case IMPORT_BOX:
         capsule_hold_box(shape->half, capsule);
-        import_note_add(b->notes, IMPORT_SHAPED, model->file, shape->line,
+        import_note_add(b->notes, IMPORT_SHAPED, shape->file, shape->line,
                         "collision box of link \"%.63s\" is the capsule that holds it",
                         model->link[shape->link].name);
         return true;
+    case IMPORT_ELLIPSOID:
+        capsule_hold_ellipsoid(shape->half, capsule);
+        import_note_add(b->notes, IMPORT_SHAPED, shape->file, shape->line,
+                        "collision ellipsoid of link \"%.63s\" is the capsule that holds it",
+                        model->link[shape->link].name);
+        return true;
     case IMPORT_CYLINDER:
-        import_note_add(b->notes, IMPORT_SHAPED, model->file, shape->line,
+        import_note_add(b->notes, IMPORT_SHAPED, shape->file, shape->line,
                         "collision cylinder of link \"%.63s\" has round ends%s",
                         model->link[shape->link].name,
                         shape->length < 2.0 * shape->radius ? ", and is a sphere: it is wider than "
@@ -228,6 +244,22 @@ static enum error_code shape_add(const struct shape_builder *b, const struct imp
     capsule.body = b->from->body[shape->link];
     robot->capsule[robot->ncapsule++] = capsule;
     return ERROR_NONE;
+}
+
+enum error_code import_check_shapes(const struct import_robot *from,
+                                    const struct import_packages *packages, struct error *error)
+{
+    const struct import_model *model = from->model;
+    enum error_code code = ERROR_NONE;
+
+    for (size_t i = 0; i < model->ngeometry && !code; i++) {
+        const struct import_geometry *shape = &model->geometry[i];
+
+        if (shape->collision && shape->shape == IMPORT_MESH) {
+            code = import_check_mesh(model, shape, packages, error);
+        }
+    }
+    return code;
 }
 
 enum error_code import_add_shapes(struct import_robot *from, const struct import_packages *packages,

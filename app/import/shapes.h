@@ -12,6 +12,10 @@
 #include "app/import/mesh.h"
 #include "app/import/reduce.h"
 
+/* Refuses collision meshes whose names lead where they may not (import_check_mesh). */
+enum error_code import_check_shapes(const struct import_robot *from,
+                                    const struct import_packages *packages, struct error *error);
+
 /* Fills the capsules of the robot from the collision shapes; OBJ files go to folder (NULL: none are
  * read or written), *written counts them. A mesh that cannot be read is dropped with a note. */
 enum error_code import_add_shapes(struct import_robot *from, const struct import_packages *packages,

@@ -82,7 +82,7 @@ static enum error_code srdf_read_state(const struct urdf_reader *r, const xmlNod
     pose = srdf_find_pose(model, name);
     if (!pose) {
         pose = &model->pose[model->npose++];
-        *pose = (struct import_pose){.name = name, .line = xml_line(node)};
+        *pose = (struct import_pose){.name = name, .file = r->file->name, .line = xml_line(node)};
         pose->value = arena_alloc(r->arena, model->njoint + 1, sizeof *pose->value);
         if (!pose->value) {
             return urdf_no_memory(r);
@@ -103,6 +103,10 @@ enum error_code srdf_read(const struct xml_file *file, struct arena *arena,
     size_t values, states = srdf_count_states(file->root, &values);
     enum error_code code = ERROR_NONE;
 
+    code = xml_check_elements(file, error);
+    if (code) {
+        return code;
+    }
     if (!xml_is(file->root, "robot")) {
         return import_error(error, file->name, xml_line(file->root),
                             "found <%.40s>, expected <robot> of an SRDF",

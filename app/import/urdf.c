@@ -256,8 +256,8 @@ static void urdf_add_world(const struct urdf_reader *r)
 
     for (size_t i = 0; i < model->njoint && import_find_link(model, WORLD) < 0; i++) {
         if (!strcmp(model->joint[i].parent, WORLD)) {
-            model->link[model->nlink++] =
-                (struct import_link){.name = WORLD, .line = model->joint[i].line};
+            model->link[model->nlink++] = (struct import_link){
+                .name = WORLD, .file = model->file, .line = model->joint[i].line};
             import_note_add(r->notes, IMPORT_ASSUMED, r->file->name, model->joint[i].line,
                             "link \"" WORLD "\" of joint \"%.63s\" is not in the file: it stands "
                             "still",
@@ -315,7 +315,7 @@ enum error_code urdf_read(const struct xml_file *file, struct arena *arena,
     if (!model->file) {
         return urdf_no_memory(&r);
     }
-    if ((code = urdf_check_root(&r)) ||
+    if ((code = xml_check_elements(file, error)) || (code = urdf_check_root(&r)) ||
         (code = urdf_need_text(&r, file->root, "name", &model->name)) ||
         (code = urdf_make_room(&r)) || (code = urdf_read_elements(&r))) {
         return code;

@@ -15,6 +15,9 @@
 #define POINT_RADIUS_M 1e-3
 #define ANGLE_MAX 1e6
 
+/* What stands for a limit that a joint does not have. */
+#define NO_LIMIT (-1.0)
+
 /* ---- links ---- */
 
 static enum error_code urdf_read_inertial(const struct urdf_reader *r, const xmlNode *node,
@@ -143,7 +146,7 @@ static enum error_code urdf_read_geometry(const struct urdf_reader *r, const xml
                                           size_t link)
 {
     struct import_model *model = r->model;
-    struct import_geometry shape = {.line = xml_line(node), .link = (int)link};
+    struct import_geometry shape = {.file = model->file, .line = xml_line(node), .link = (int)link};
     bool known = false;
     xmlNode *geometry;
     enum error_code code;
@@ -180,6 +183,7 @@ enum error_code urdf_read_link(const struct urdf_reader *r, const xmlNode *node,
     xmlNode *inertial;
     enum error_code code;
 
+    link->file = r->model->file;
     link->line = xml_line(node);
     if ((code = urdf_need_text(r, node, "name", &link->name)) ||
         (code = urdf_only_child(r, node, "inertial", &inertial))) {
@@ -248,6 +252,22 @@ static enum error_code urdf_read_axis(const struct urdf_reader *r, const xmlNode
     return code;
 }
 
+/* Limits that some tools write where there are none: -1 throughout, or a lower one above the upper
+ * one. */
+static void urdf_drop_limits(const struct urdf_reader *r, int line, struct import_joint *joint)
+{
+    joint->effort = joint->effort == NO_LIMIT ? 0.0 : joint->effort;
+    joint->velocity = joint->velocity == NO_LIMIT ? 0.0 : joint->velocity;
+    if (joint->type == IMPORT_REVOLUTE && joint->has_limit &&
+        (joint->lower > joint->upper || (joint->lower == NO_LIMIT && joint->upper == NO_LIMIT))) {
+        import_note_add(r->notes, IMPORT_CHANGED, joint->file, line,
+                        "limits %g to %g of joint \"%.63s\" mean none", joint->lower, joint->upper,
+                        joint->name);
+        joint->type = IMPORT_CONTINUOUS;
+        joint->has_limit = false;
+    }
+}
+
 static enum error_code urdf_read_limit(const struct urdf_reader *r, const xmlNode *node,
                                        struct import_joint *joint)
 {
@@ -267,6 +287,7 @@ static enum error_code urdf_read_limit(const struct urdf_reader *r, const xmlNod
 
     /* One of the two that is left out is 0, says URDF */
     joint->has_limit = lower || upper;
+    urdf_drop_limits(r, xml_line(limit), joint);
     if (joint->effort < 0 || joint->velocity < 0 || fabs(joint->lower) > ANGLE_MAX ||
         fabs(joint->upper) > ANGLE_MAX) {
         return import_error(r->error, r->file->name, xml_line(limit),
@@ -289,6 +310,7 @@ static enum error_code urdf_read_mimic(const struct urdf_reader *r, const xmlNod
         return code;
     }
     joint->multiplier = 1;
+    joint->mimic_file = joint->file;
     joint->mimic_line = xml_line(mimic);
     if ((code = urdf_need_text(r, mimic, "joint", &joint->mimic)) ||
         (code = xml_reals(r->file, mimic, "multiplier", 1, &joint->multiplier, NULL, r->error))) {
@@ -316,6 +338,7 @@ enum error_code urdf_read_joint(const struct urdf_reader *r, const xmlNode *node
     xmlNode *dynamics;
     enum error_code code;
 
+    joint->file = r->model->file;
     joint->line = xml_line(node);
     if ((code = urdf_need_text(r, node, "name", &joint->name)) ||
         (code = urdf_read_joint_type(r, node, joint)) ||
@@ -375,7 +398,7 @@ enum error_code urdf_read_sensor(const struct urdf_reader *r, const xmlNode *nod
                                  const char *reference)
 {
     const char *type = xml_attribute(node, "type"), *name = xml_attribute(node, "name");
-    struct import_sensor sensor = {.line = xml_line(node)};
+    struct import_sensor sensor = {.file = r->model->file, .line = xml_line(node)};
     enum error_code code;
 
     type = type ? type : "";

@@ -9,6 +9,7 @@
 #include <fcntl.h>
 #include <libxml/parser.h>
 #include <libxml/parserInternals.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -54,19 +55,87 @@ static enum error_code xml_report(const char *name, const xmlParserCtxt *parser,
                         "found what is no well-formed XML (%s), expected an XML document", text);
 }
 
+/* Whether an '=' before text gives an attribute its value: a quote follows, after blanks. */
+static bool xml_begins_value(const char *text, const char *end)
+{
+    while (text < end && strchr(" \t\r\n", *text) && *text) {
+        text++;
+    }
+    return text < end && (*text == '"' || *text == '\'');
+}
+
+/* Bounds what libxml2 does with the square of it: it compares each attribute of an element with all
+ * others, and each prefix with all namespaces in scope. Looks at bytes, not at the grammar, so that
+ * nothing malformed can hide a tag: no tag goes on beyond the next '<'. */
+static enum error_code xml_check_bounds(const char *name, const char *text, size_t size,
+                                        struct error *error)
+{
+    const char *end = text + size;
+    size_t attributes = 0, namespaces = 0;
+    int line = 1;
+
+    for (const char *at = text; at < end; at++) {
+        switch (*at) {
+        case '\0':
+            return import_error(error, name, line,
+                                "found a byte 0, expected text in UTF-8: `iconv -t UTF-8` makes it "
+                                "of UTF-16");
+        case '\n':
+            line++;
+            break;
+        case '<':
+            attributes = 0;
+            break;
+        case '=':
+            attributes += xml_begins_value(at + 1, end);
+            break;
+        case 'x':
+            namespaces += end - at >= 5 && !memcmp(at, "xmlns", 5);
+            break;
+        default:
+            break;
+        }
+        if (attributes > XML_ATTRIBUTES_MAX || namespaces > XML_NAMESPACES_MAX) {
+            return import_error(
+                error, name, line, "found more than %d %s, expected fewer: no robot needs them",
+                attributes > XML_ATTRIBUTES_MAX ? XML_ATTRIBUTES_MAX : XML_NAMESPACES_MAX,
+                attributes > XML_ATTRIBUTES_MAX ? "attributes of one element"
+                                                : "namespaces (xmlns)");
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* The encoding to read a text in, whatever it says of itself: one in which ASCII stands for itself,
+ * as xml_check_bounds takes it. */
+static const char *xml_find_encoding(const char *text, size_t size)
+{
+    for (size_t at = 0, length; at < size; at += length) {
+        length = (unsigned char)text[at] < 0x80 ? 1 : text_utf8_length(text + at, size - at);
+        if (length == 0) {
+            return "ISO-8859-1";
+        }
+    }
+    return "UTF-8";
+}
+
 enum error_code xml_text_open(struct xml_file *file, const char *name, const char *text,
                               size_t size, struct error *error)
 {
     const int options = XML_PARSE_NONET | XML_PARSE_NOERROR | XML_PARSE_NOWARNING |
-                        XML_PARSE_BIG_LINES | XML_PARSE_COMPACT;
+                        XML_PARSE_BIG_LINES | XML_PARSE_COMPACT | XML_PARSE_IGNORE_ENC;
     xmlParserCtxt *parser;
     bool doctype = false;
-    enum error_code code = ERROR_NONE;
+    enum error_code code;
 
-    *file = (struct xml_file){.name = name};
+    *file = (struct xml_file){.name = name, .size = size};
     if (size > XML_FILE_MAX) {
         return error_set(error, ERROR_INPUT, "%.200s: found %zu bytes, expected at most %d", name,
                          size, XML_FILE_MAX);
+    }
+    code = xml_check_bounds(name, text, size, error);
+    if (code) {
+        return code;
     }
     xmlInitParser();
     xmlSetGenericErrorFunc(NULL, xml_ignore_message);
@@ -76,7 +145,8 @@ enum error_code xml_text_open(struct xml_file *file, const char *name, const cha
     }
     parser->_private = &doctype;
     parser->sax->internalSubset = xml_refuse_doctype;
-    file->document = xmlCtxtReadMemory(parser, text, (int)size, NULL, NULL, options);
+    file->document =
+        xmlCtxtReadMemory(parser, text, (int)size, NULL, xml_find_encoding(text, size), options);
     file->root = file->document ? xmlDocGetRootElement(file->document) : NULL;
     if (doctype) {
         code = import_error(error, name, parser->input ? parser->input->line : 1,
@@ -163,10 +233,69 @@ int xml_line(const xmlNode *node)
     return (int)xmlGetLineNo(node);
 }
 
+const char *xml_name(const struct xml_file *file, const xmlNode *node)
+{
+    return node->_private ? node->_private : file->name;
+}
+
+/* Marks a copy of an element, and all elements in it, with the files of the original. */
+static void xml_mark_copy(const struct xml_file *file, const xmlNode *from, xmlNode *copy)
+{
+    const xmlNode *child = xml_child(from, NULL);
+    xmlNode *own = xml_child(copy, NULL);
+
+    copy->_private = from->_private ? from->_private : (void *)(uintptr_t)file->name;
+    for (; child && own; child = xml_next(child, NULL), own = xml_next(own, NULL)) {
+        xml_mark_copy(file, child, own);
+    }
+}
+
+enum error_code xml_insert_file(const struct xml_file *file, xmlNode *before,
+                                const struct xml_file *other, struct error *error)
+{
+    for (xmlNode *node = xml_child(other->root, NULL); node; node = xml_next(node, NULL)) {
+        xmlNode *copy = xmlDocCopyNode(node, file->document, 1);
+
+        if (!copy || !xmlAddPrevSibling(before, copy)) {
+            xmlFreeNode(copy);
+            return error_set(error, ERROR_MEMORY, "%.200s: no memory to read it", other->name);
+        }
+        xml_mark_copy(other, node, copy);
+    }
+    return ERROR_NONE;
+}
+
 bool xml_is(const xmlNode *node, const char *name)
 {
     return node->type == XML_ELEMENT_NODE && !(node->ns && node->ns->prefix) &&
            strcmp((const char *)node->name, name) == 0;
+}
+
+const xmlNode *xml_walk(const xmlNode *at, const xmlNode *root)
+{
+    if (at->children) {
+        return at->children;
+    }
+    while (at != root && !at->next) {
+        at = at->parent;
+    }
+    return at == root ? NULL : at->next;
+}
+
+enum error_code xml_check_elements(const struct xml_file *file, struct error *error)
+{
+    size_t count = 0;
+
+    for (const xmlNode *at = file->root; at; at = xml_walk(at, file->root)) {
+        count += at->type == XML_ELEMENT_NODE;
+        if (count > XML_ELEMENTS_MAX) {
+            return import_error(error, xml_name(file, at), xml_line(at),
+                                "found more than %d elements, expected fewer: leave out what is "
+                                "no robot",
+                                XML_ELEMENTS_MAX);
+        }
+    }
+    return ERROR_NONE;
 }
 
 static xmlNode *xml_first_from(xmlNode *node, const char *name)
@@ -213,7 +342,7 @@ enum error_code xml_need(const struct xml_file *file, const xmlNode *node, const
 {
     *text = xml_attribute(node, name);
     if (!*text || !**text) {
-        return import_error(error, file->name, xml_line(node),
+        return import_error(error, xml_name(file, node), xml_line(node),
                             "found <%.40s> without %s, expected the attribute \"%s\"",
                             (const char *)node->name, *text ? "a text" : "it", name);
     }
@@ -230,12 +359,12 @@ static enum error_code xml_refuse_number(const struct xml_file *file, const xmlN
 
     snprintf(shown, sizeof shown, "%s", text);
     if (strchr(text, '$')) {
-        return import_error(error, file->name, xml_line(node),
+        return import_error(error, xml_name(file, node), xml_line(node),
                             "found %s \"%s\" of <%.40s>, which xacro has yet to compute: run "
                             "`xacro FILE >robot.urdf` and import that",
                             what, shown, (const char *)node->name);
     }
-    return import_error(error, file->name, xml_line(node),
+    return import_error(error, xml_name(file, node), xml_line(node),
                         "found %s \"%s\" of <%.40s>, expected %zu finite number%s", what, shown,
                         (const char *)node->name, count, count == 1 ? "" : "s");
 }

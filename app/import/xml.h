@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * XML files that strangers wrote, read through libxml2 with everything off that reaches beyond the
- * file: network, document types, entities. Bounded in bytes and depth. Numbers are read strictly;
- * every error says file:line. Not RT-safe.
+ * file: network, document types, entities. Bounded in bytes, depth, attributes of an element and
+ * namespaces. Text is UTF-8, or else Latin-1, whatever the file says of its encoding. Numbers are
+ * read strictly; every error says file:line. Not RT-safe.
  */
 #ifndef APP_IMPORT_XML_H
 #define APP_IMPORT_XML_H
@@ -14,12 +15,18 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-enum { XML_FILE_MAX = 64 << 20 }; /* bytes */
+enum {
+    XML_FILE_MAX = 64 << 20,  /* bytes */
+    XML_ATTRIBUTES_MAX = 256, /* of one element */
+    XML_NAMESPACES_MAX = 256, /* declared in the file */
+    XML_ELEMENTS_MAX = 65536, /* xml_check_elements */
+};
 
 struct xml_file {
     const char *name; /* in the arena */
     xmlDoc *document;
     xmlNode *root;
+    size_t size; /* bytes of text */
 };
 
 /* Reads a regular file; the document is given back by xml_file_close. name in messages is path. */
@@ -31,11 +38,24 @@ enum error_code xml_text_open(struct xml_file *file, const char *name, const cha
                               size_t size, struct error *error);
 void xml_file_close(struct xml_file *file);
 
-/* The line that a node stands in. */
+/* The line that a node stands in, and the file: that of the document, or the one that
+ * xml_insert_file took it from. */
 int xml_line(const xmlNode *node);
+const char *xml_name(const struct xml_file *file, const xmlNode *node);
+
+/* Puts a copy of all elements in the root of another document before a node. Its name is kept. */
+enum error_code xml_insert_file(const struct xml_file *file, xmlNode *before,
+                                const struct xml_file *other, struct error *error);
 
 /* Whether a node is an element of that name without a foreign prefix. */
 bool xml_is(const xmlNode *node, const char *name);
+
+/* The node after one in a walk through all that is in root, parents first; NULL at the end. */
+const xmlNode *xml_walk(const xmlNode *at, const xmlNode *root);
+
+/* Refuses a robot file of more elements than any robot needs, for work that looks through many of
+ * them for each. */
+enum error_code xml_check_elements(const struct xml_file *file, struct error *error);
 
 /* The first child, or the next sibling, that is an element (of that name; NULL: any). */
 xmlNode *xml_child(const xmlNode *node, const char *name);

@@ -56,7 +56,7 @@ struct walk {
 static void true_center_of_mass(const struct walk *w, double com[3])
 {
     const struct robot *robot = w->rig.robot;
-    struct body_motion place[SIMULATOR_JOINTS_MAX];
+    struct body_motion place[RIG_JOINTS_MAX];
     size_t count;
     const double *q = plant_state(simulator_plant(w->simulator), &count);
 

@@ -60,7 +60,7 @@ struct run {
     int64_t quiet_due_ns;
     double held[7]; /* where the harness holds the base */
     double error_before[6];
-    double fastest[SIMULATOR_JOINTS_MAX]; /* rotor of each joint, rad/s */
+    double fastest[RIG_JOINTS_MAX]; /* rotor of each joint, rad/s */
     struct bus_status before[RIG_BUSES_MAX];
     uint64_t faults, events;
     bool was_active[FAULTS_MAX];

@@ -41,7 +41,7 @@ inertia='<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
     echo '</robot>'
 } >"$folder/arm.urdf"
 
-echo 1..21
+echo 1..27
 for personality in icub foc compact compact-fd; do
     out=$folder/$personality
     "$program" import "$folder/arm.urdf" -o "$out" --personality $personality >"$folder/log" 2>&1 &&
@@ -79,7 +79,8 @@ grep -q 'drive of joint "joint5": cubemars-ak80-6 of the catalogue' "$out/arm-im
     grep -q 'joint "joint5" has a drive for 24 V' "$out/arm-import.txt" &&
     grep -q '^supply_v: 141' "$out/rigs/arm.yaml"
 result $? the_report_says_which_joint_got_which_drive
-"$program" import "$folder/arm.urdf" -o "$out" --drive harmonic-fha25c-100 >"$folder/log" 2>&1 &&
+"$program" import "$folder/arm.urdf" -o "$out" --drive harmonic-fha25c-100 --force \
+    >"$folder/log" 2>&1 &&
     "$program" run "$out/rigs/arm.yaml" --task hold --clock free --transport local --quiet \
         >"$folder/log" 2>&1 && grep -q 'held for 10.0 s' "$folder/log"
 result $? an_arm_with_drives_of_the_catalogue_holds_its_pose
@@ -165,4 +166,51 @@ out=$folder/own
     cmp "$folder/mine.yaml" "$out/drives/mine.yaml" >>"$folder/log" 2>&1 &&
     [ "$(grep -c 'drive: "../drives/mine.yaml"' "$out/robots/arm.yaml")" -eq 6 ]
 result $? a_drive_of_ones_own_is_copied_beside_the_robot
+
+# What may have been edited is not written over
+out=$folder/icub
+echo '# mine' >>"$out/rigs/arm.yaml"
+"$program" import "$folder/arm.urdf" -o "$out" >"$folder/log" 2>&1
+[ $? -eq 2 ] && grep -q 'icub/rigs/arm.yaml: found it there already.*--force' "$folder/log" &&
+    grep -q '^# mine$' "$out/rigs/arm.yaml"
+result $? a_rig_that_is_there_is_kept
+"$program" import "$folder/arm.urdf" -o "$out" --force >"$folder/log" 2>&1 &&
+    ! grep -q '^# mine$' "$out/rigs/arm.yaml"
+result $? force_writes_over_it
+
+# Meshes outside the folder of the model
+mkdir "$folder/urdf" "$folder/meshes"
+printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n' \
+    >"$folder/meshes/m.obj"
+sed 's|<cylinder radius="0.05" length="0.3"/>|<mesh filename="../meshes/m.obj"/>|' \
+    "$folder/arm.urdf" >"$folder/urdf/arm.urdf"
+"$program" import "$folder/urdf/arm.urdf" -o "$folder/none" >"$folder/log" 2>&1
+[ $? -eq 2 ] && grep -q 'arm.urdf:3: found mesh "../meshes/m.obj", which is outside.*--trust' \
+    "$folder/log" && [ ! -e "$folder/none" ]
+result $? a_mesh_outside_the_folder_is_refused_and_leaves_nothing
+"$program" import "$folder/urdf/arm.urdf" -o "$folder/trusted" --trust >"$folder/log" 2>&1 &&
+    grep -q '6 meshes' "$folder/log"
+result $? a_mesh_outside_the_folder_is_read_with_trust
+
+# A hundred joints, more than a simulator carried once
+{
+    echo '<robot name="snake"><link name="l0"><inertial><mass value="1"/>'"$inertia"'</inertial>'
+    echo '</link>'
+    for i in $(seq 100); do
+        echo "<link name=\"l$i\"><inertial><mass value=\"0.1\"/>$inertia</inertial></link>"
+        echo "<joint name=\"j$i\" type=\"revolute\"><parent link=\"l$((i - 1))\"/>"
+        echo "<child link=\"l$i\"/><origin xyz=\"0 0 0.02\"/>"
+        echo "<axis xyz=\"$((i % 2)) $((1 - i % 2)) 0\"/>"
+        echo '<limit lower="-2" upper="2" effort="100" velocity="3"/></joint>'
+    done
+    echo '</robot>'
+} >"$folder/snake.urdf"
+out=$folder/snake
+"$program" import "$folder/snake.urdf" -o "$out" --base fixed --personality compact-fd \
+    >"$folder/log" 2>&1 && grep -q '100 joints, 100 drives' "$folder/log"
+result $? a_hundred_joints_are_imported
+"$program" run "$out/rigs/snake.yaml" --task hold --clock free --transport local --quiet \
+    --duration 0.2 >"$folder/log" 2>&1
+[ $? -le 1 ] && ! grep -q 'found 100 joints' "$folder/log"
+result $? a_hundred_joints_run
 exit $((failures > 0))

@@ -332,14 +332,53 @@ static void binary_stl_with_a_false_count_is_refused(void **state)
 
 /* ---- where files are found ---- */
 
+static bool trust;
+
 static const char *find(const char *file, const char *name, const char *folder)
 {
     const struct import_model model = {.file = file};
-    const struct import_geometry shape = {.mesh = name, .line = 7};
-    const struct import_packages packages = {&folder, folder != NULL};
+    const struct import_geometry shape = {.file = file, .mesh = name, .line = 7};
+    const struct import_packages packages = {&folder, folder != NULL, trust};
     const char *path;
 
     return import_find_mesh(&model, &shape, &packages, &arena, &path, &error) ? NULL : path;
+}
+
+/* Names that leave the folder urdf of the file: by "..", from the root, by a symbolic link; whether
+ * there is a file or not. */
+static void check_outside(const char *root, const char *file, const char *mesh_file)
+{
+    const char *const outside[] = {"../meshes/m.stl", mesh_file,     "a/../../meshes/m.stl",
+                                   "link.stl",        "/etc/passwd", "file:///etc/passwd",
+                                   "../none.stl",     "folder/m.stl"};
+    char own[128], link[128], folder[128];
+
+    snprintf(own, sizeof own, "%s/pkg/urdf/own.stl", root);
+    snprintf(link, sizeof link, "%s/pkg/urdf/link.stl", root);
+    snprintf(folder, sizeof folder, "%s/pkg/urdf/folder", root);
+    assert_int_equal(symlink(mesh_file, link), 0);
+    assert_int_equal(symlink("../meshes", folder), 0);
+    fclose(fopen(own, "w"));
+    for (size_t i = 0; i < sizeof outside / sizeof *outside; i++) {
+        assert_null(find(file, outside[i], NULL));
+        assert_non_null(strstr(error.text, "r.urdf:7: found mesh"));
+        assert_non_null(strstr(error.text, "--trust"));
+        assert_null(strstr(error.text, "of type"));
+    }
+    trust = true;
+    assert_non_null(find(file, outside[0], NULL));
+    assert_non_null(find(file, mesh_file, NULL));
+    assert_non_null(find(file, "link.stl", NULL));
+    assert_null(find(file, "../none.stl", NULL));
+    assert_non_null(strstr(error.text, "found no file"));
+    trust = false;
+
+    /* What stays in the folder on every way is no question of trust */
+    assert_string_equal(find(file, "own.stl", NULL), own);
+    assert_non_null(find(file, "./own.stl", NULL));
+    assert_string_equal(find(file, own, NULL), own);
+    assert_null(find(file, "none.stl", NULL));
+    assert_non_null(strstr(error.text, "found no file"));
 }
 
 static void packages_are_found_where_they_may_be(void **state)
@@ -366,14 +405,13 @@ static void packages_are_found_where_they_may_be(void **state)
     /* Above the file, by the package's name and without it; beside it; nowhere else */
     assert_string_equal(find(file, "package://pkg/meshes/m.stl", NULL), mesh_file);
     assert_string_equal(find(file, "package://renamed/meshes/m.stl", NULL), mesh_file);
-    assert_non_null(find(file, "../meshes/m.stl", NULL));
-    assert_non_null(find(file, mesh_file, NULL));
     assert_null(find(file, "package://pkg/meshes/none.stl", other));
     assert_non_null(strstr(error.text, "r.urdf:7: "));
     assert_non_null(strstr(error.text, "--package-path"));
     assert_null(find(file, "package://pkg/meshes/../meshes/m.stl", NULL));
     assert_non_null(strstr(error.text, "expected no \"..\""));
     assert_null(find(file, "http://127.0.0.1/m.stl", NULL));
+    check_outside(root, file, mesh_file);
     snprintf(path, sizeof path, "rm -r '%s'", root);
     assert_int_equal(system(path), 0);
 }

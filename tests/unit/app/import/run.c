@@ -75,7 +75,7 @@ static void write_limbs(int limbs, int joints)
 static void import_limbs(enum import_personality personality, struct import_result *result)
 {
     const struct import_request request = {
-        .file = file, .folder = folder, .personality = personality};
+        .file = file, .folder = folder, .personality = personality, .force = true};
     struct error error;
 
     if (import_run(&request, &arena, result, &error)) {
@@ -116,7 +116,41 @@ static void too_many_joints_name_the_way_out(void **state)
     write_limbs(11, 6);
     assert_int_equal(import_run(&request, &arena, &result, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "--personality compact-fd"));
+    assert_int_not_equal(access(result.robot, F_OK), 0);
     import_limbs(IMPORT_COMPACT_FD, &result);
+}
+
+/* What was edited after the first import is there after the second. */
+static void a_second_import_asks_before_it_writes_over_the_first(void **state)
+{
+    struct import_request request = {.file = file, .folder = folder};
+    struct import_result first, again;
+    struct error error;
+    char line[64] = "";
+    FILE *edited;
+
+    (void)state;
+    write_limbs(1, 3);
+    assert_int_equal(import_run(&request, &arena, &first, &error), ERROR_NONE);
+    assert_non_null(edited = fopen(first.rig, "w"));
+    fputs("mine\n", edited);
+    fclose(edited);
+    assert_int_equal(import_run(&request, &arena, &again, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "/rigs/r.yaml: found it there already"));
+    assert_non_null(strstr(error.text, "--force"));
+    assert_non_null(edited = fopen(first.rig, "r"));
+    assert_non_null(fgets(line, sizeof line, edited));
+    fclose(edited);
+    assert_string_equal(line, "mine\n");
+    assert_int_equal(access(first.robot, F_OK), 0);
+
+    /* The robot file has the drives, which are the user's to correct */
+    assert_int_equal(unlink(first.rig), 0);
+    assert_int_equal(import_run(&request, &arena, &again, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "/robots/r.yaml: found it there already"));
+    request.force = true;
+    assert_int_equal(import_run(&request, &arena, &again, &error), ERROR_NONE);
+    assert_int_equal(access(again.rig, F_OK), 0);
 }
 
 static void same_file_gives_the_same_bytes(void **state)
@@ -227,9 +261,12 @@ static void ankles_hold_up_what_stands_on_them(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(no_bus_is_loaded_beyond_the_share),  TEST(too_many_joints_name_the_way_out),
-        TEST(same_file_gives_the_same_bytes),     TEST(a_box_gets_the_capsule_that_holds_it),
+        TEST(no_bus_is_loaded_beyond_the_share),
+        TEST(too_many_joints_name_the_way_out),
+        TEST(same_file_gives_the_same_bytes),
+        TEST(a_box_gets_the_capsule_that_holds_it),
         TEST(ankles_hold_up_what_stands_on_them),
+        TEST(a_second_import_asks_before_it_writes_over_the_first),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -26,6 +26,10 @@
 #define LIMIT "<limit lower='-1' upper='2' effort='10' velocity='3'/>"
 #define ROBOT(body) "<robot name='r'>\n" body "</robot>\n"
 
+#define MJCF(before, body, after)                                                                  \
+    "<mujoco>\n" before "<worldbody>\n<body name='a'><inertial mass='1' pos='0 0 0' "              \
+    "diaginertia='1 1 1'/>\n" body "</body></worldbody>" after "</mujoco>"
+
 static struct import_model model;
 static struct import_notes notes;
 static struct import_robot made;
@@ -159,6 +163,59 @@ static void continuous_joint_has_turns_and_no_stops(void **state)
     assert_near(made.robot->joint[0].stop.stiffness, 0.0, 0.0);
 }
 
+/* As some files of robots have it that turn freely: -1 throughout, or the limits the wrong way. */
+static void limits_that_mean_none_are_none(void **state)
+{
+    (void)state;
+    import_good(ROBOT(LINK("base") LINK("a") LINK("b") JOINT(
+        "j", "revolute", "base", "a", "<limit lower='-1' upper='-1' effort='-1' velocity='-1'/>")
+                          JOINT("k", "revolute", "a", "b",
+                                "<limit lower='3' upper='-3' effort='5' velocity='2'/>")));
+    for (int j = 0; j < 2; j++) {
+        assert_near(made.robot->joint[j].upper, 100.0 * M_PI, 1e-12);
+        assert_near(made.robot->joint[j].stop.stiffness, 0.0, 0.0);
+    }
+    assert_true(noted(IMPORT_CHANGED, 5, "limits -1 to -1 of joint \"j\" mean none"));
+    assert_true(noted(IMPORT_ASSUMED, 5, "effort 0 is none"));
+    import_bad(ROBOT(LINK("base") LINK("a")
+                         JOINT("j", "revolute", "base", "a",
+                               "<limit lower='-1' upper='1' effort='1' velocity='-2'/>")),
+               "x.urdf:4: ", "velocity -2");
+}
+
+/* MuJoCo takes a range whose ends are the same, or the wrong way, for none. */
+static void mjcf_range_without_width_is_none(void **state)
+{
+    (void)state;
+    import_good(MJCF("", "<joint name='j' range='0 0'/>", ""));
+    assert_near(made.robot->joint[0].upper, 100.0 * M_PI, 1e-12);
+    import_good(MJCF("", "<joint name='j' range='-10 20'/>", ""));
+    assert_near(made.robot->joint[0].upper, 20.0 * M_PI / 180.0, 1e-15);
+}
+
+static void joints_beyond_a_bench_are_refused_with_the_first(void **state)
+{
+    static char text[1 << 16];
+    size_t used = 0;
+
+    (void)state;
+    used += (size_t)snprintf(text, sizeof text, "<robot name='r'>\n" LINK("l0"));
+    for (int j = 1; j <= 129; j++) {
+        used += (size_t)snprintf(text + used, sizeof text - used,
+                                 "<link name='l%d'><inertial><mass value='1'/>" INERTIA
+                                 "</inertial></link>\n<joint name='j%d' type='revolute'><parent "
+                                 "link='l%d'/><child link='l%d'/>" LIMIT "</joint>\n",
+                                 j, j, j - 1, j);
+    }
+    snprintf(text + used, sizeof text - used, "</robot>");
+    import_bad(text, "x.urdf:260: ", "found joint \"j129\", which is one more than the 128");
+    assert_non_null(strstr(error.text, "--lock"));
+    options.lock = (const char *const[]){"j7"};
+    options.nlock = 1;
+    import_good(text);
+    assert_int_equal(made.robot->njoint, 128);
+}
+
 static void sliding_joint_is_fixed_unless_it_may_slide(void **state)
 {
     const char *text = ROBOT(LINK("base") LINK("a") LINK("b") JOINT(
@@ -229,7 +286,7 @@ static void impossible_joints_are_refused(void **state)
         {ROBOT(LINK("base") LINK("a") JOINT("j", "revolute", "base", "a", "")),
          "x.urdf:4: ", "without the limits"},
         {ROBOT(LINK("base") LINK("a")
-                   JOINT("j", "revolute", "base", "a", "<limit lower='2' upper='1'/>")),
+                   JOINT("j", "prismatic", "base", "a", "<limit lower='2' upper='1'/>")),
          "x.urdf:4: ", "above its upper limit"},
         {ROBOT(LINK("base") LINK("a") JOINT("j", "planar", "base", "a", "")),
          "x.urdf:4: ", "two prismatic joints"},
@@ -499,10 +556,6 @@ static void poses_come_from_the_second_file(void **state)
 
 /* ---- MJCF ---- */
 
-#define MJCF(before, body, after)                                                                  \
-    "<mujoco>\n" before "<worldbody>\n<body name='a'><inertial mass='1' pos='0 0 0' "              \
-    "diaginertia='1 1 1'/>\n" body "</body></worldbody>" after "</mujoco>"
-
 static void mjcf_that_is_no_plain_tree_is_refused(void **state)
 {
     static const struct {
@@ -515,7 +568,7 @@ static void mjcf_that_is_no_plain_tree_is_refused(void **state)
         {MJCF("", "<joint name='j'/>", "<equality><weld body1='a'/></equality>"),
          "x.urdf:4: ", "\"a\" and \"the world\""},
         {MJCF("", "<joint type='ball'/>", ""), "x.urdf:4: ", "three hinges for a ball"},
-        {MJCF("<include file='/etc/passwd'/>", "<joint/>", ""), "x.urdf:2: ", "mj_saveLastXML"},
+        {MJCF("<include file='/etc/passwd'/>", "<joint/>", ""), "x.urdf:2: ", "without a folder"},
         {MJCF("", "<frame><body/></frame>", ""), "x.urdf:4: ", "found <frame>"},
         {MJCF("<compiler coordinate='global'/>", "<joint/>", ""), "x.urdf:2: ", "coordinate"},
         {MJCF("<compiler eulerseq='xyq'/>", "<joint/>", ""), "x.urdf:2: ", "eulerseq"},
@@ -596,6 +649,9 @@ int main(void)
         TEST(body_between_joints_may_have_no_mass),
         TEST(equal_limits_fix_a_joint_where_they_are),
         TEST(continuous_joint_has_turns_and_no_stops),
+        TEST(limits_that_mean_none_are_none),
+        TEST(mjcf_range_without_width_is_none),
+        TEST(joints_beyond_a_bench_are_refused_with_the_first),
         TEST(sliding_joint_is_fixed_unless_it_may_slide),
         TEST(joint_that_follows_is_refused_locked_or_free),
         TEST(joint_follows_one_that_is_fixed_exactly),

@@ -1,0 +1,65 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Where names of files lead. */
+#include "app/import/path.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+/* Whether a relative name leads out of its folder on the way: "a/../../b" does, "a/../b" not. */
+static bool path_climbs(const char *name)
+{
+    int depth = 0;
+
+    for (const char *at = name; *at && depth >= 0;) {
+        size_t length = strcspn(at, "/");
+
+        if (length == 2 && at[0] == '.' && at[1] == '.') {
+            depth--;
+        } else if (length > 0 && !(length == 1 && at[0] == '.')) {
+            depth++;
+        }
+        at += length + (at[length] == '/');
+    }
+    return depth < 0;
+}
+
+/* The rest of an absolute path below a folder, or NULL. */
+static const char *path_below(const char *folder, const char *path)
+{
+    size_t length = strlen(folder);
+
+    return !strncmp(path, folder, length) && path[length] == '/' ? path + length + 1 : NULL;
+}
+
+bool import_find_folder(const char *file, char folder[PATH_MAX])
+{
+    if (!realpath(file, folder)) {
+        return false;
+    }
+    *strrchr(folder, '/') = '\0';
+    return true;
+}
+
+enum import_path import_resolve_path(const char *inside, const char *from, const char *name,
+                                     bool trust, char path[PATH_MAX])
+{
+    int used = name[0] == '/' ? snprintf(path, PATH_MAX, "%s", name)
+                              : snprintf(path, PATH_MAX, "%s/%s", from, name);
+    const char *rest = path_below(inside, path);
+    char real[PATH_MAX];
+    struct stat status;
+
+    if (!trust && (!rest || path_climbs(rest))) {
+        return IMPORT_PATH_OUTSIDE;
+    }
+    if (used >= PATH_MAX || !realpath(path, real)) {
+        return IMPORT_PATH_MISSING;
+    }
+    if (!trust && !path_below(inside, real)) {
+        return IMPORT_PATH_OUTSIDE;
+    }
+    return !stat(path, &status) && S_ISREG(status.st_mode) ? IMPORT_PATH_FOUND
+                                                           : IMPORT_PATH_MISSING;
+}
