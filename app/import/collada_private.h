@@ -32,14 +32,23 @@ struct collada_place {
 /* Found an element that is something; found says what, and what was expected. */
 enum error_code collada_refuse(struct collada *c, const xmlNode *node, const char *found);
 
+/* The element of that name that a reference, "#" and an id, means; NULL = there is none. */
+const xmlNode *collada_find(const struct collada *c, const char *reference, const char *name);
+
 /* What an attribute of the node refers to: an element of that name in the same document. */
 enum error_code collada_follow(struct collada *c, const xmlNode *node, const char *attribute,
                                const char *name, const xmlNode **found);
 
 /* ---- collada_faces.c ---- */
 
-/* All faces of a <geometry> at its place; only counts them while c->counting. */
+/* All faces of a <geometry> at its place, in the colors that the <instance_geometry> binds; only
+ * counts them while c->counting. */
 enum error_code collada_read_geometry(struct collada *c, const xmlNode *geometry,
-                                      const struct collada_place *place);
+                                      const xmlNode *instance, const struct collada_place *place);
+
+/* ---- collada_colors.c ---- */
+
+/* The tint of a primitive's material as the <instance_geometry> binds it, -1 = none. */
+int collada_find_tint(struct collada *c, const xmlNode *instance, const xmlNode *primitive);
 
 #endif

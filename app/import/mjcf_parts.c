@@ -341,6 +341,41 @@ static enum error_code geom_read_size(const struct mjcf_reader *r, const xmlNode
     return ERROR_NONE;
 }
 
+/* The color of a geom, by its rgba or its material, and whether MuJoCo's viewer shows it: groups 0
+ * to 2 are. Colors in the file of a mesh do not count. */
+static enum error_code geom_read_looks(const struct mjcf_reader *r, const xmlNode *node,
+                                       const char *childclass, struct import_geometry *g)
+{
+    static const double gray[4] = {0.5, 0.5, 0.5, 1.0};
+    const char *name = mjcf_attribute(r, node, childclass, "material");
+    const xmlNode *material = name && r->assets ? xml_child(r->assets, "material") : NULL;
+    double group = 0.0;
+    bool own;
+    enum error_code code;
+
+    memcpy(g->color, gray, sizeof g->color);
+    if ((code = mjcf_reals(r, node, childclass, "group", 1, &group, NULL)) ||
+        (code = mjcf_reals(r, node, childclass, "rgba", 4, g->color, &own))) {
+        return code;
+    }
+    while (!own && material &&
+           strcmp(xml_attribute(material, "name") ? xml_attribute(material, "name") : "", name)) {
+        material = xml_next(material, "material");
+    }
+    if (!own && material) {
+        const double white[4] = {1.0, 1.0, 1.0, 1.0};
+
+        memcpy(g->color, white, sizeof g->color);
+        code = mjcf_reals(r, material, NULL, "rgba", 4, g->color, NULL);
+    }
+    for (int m = 0; m < 4; m++) {
+        g->color[m] = fmin(fmax(g->color[m], 0.0), 1.0);
+    }
+    g->visual = group < 3.0 && g->color[3] > 0.0;
+    g->colored = g->repaints = true;
+    return code;
+}
+
 enum error_code mjcf_read_geom(const struct mjcf_reader *r, const xmlNode *node,
                                const char *childclass, int link, struct robot_inertia *inertia)
 {
@@ -367,6 +402,9 @@ enum error_code mjcf_read_geom(const struct mjcf_reader *r, const xmlNode *node,
         return code;
     }
     g.collision = type != 0 || affinity != 0;
+    if ((code = geom_read_looks(r, node, childclass, &g))) {
+        return code;
+    }
     if (known) {
         r->model->geometry[r->model->ngeometry++] = g;
     }

@@ -12,9 +12,6 @@
 #include <string.h>
 #include <sys/stat.h>
 
-/* Scratch of one mesh: it is gone when its capsule and its file are there. */
-#define MESH_ARENA ((size_t)1 << 30)
-
 struct shape_builder {
     struct import_robot *from;
     const struct import_packages *packages;
@@ -134,10 +131,10 @@ static bool shape_fit_mesh(const struct shape_builder *b, const struct import_ge
     const char *file;
     bool fitted = false;
 
-    if (arena_init(&scratch, MESH_ARENA, &why) ||
+    if (arena_init(&scratch, IMPORT_MESH_ARENA, &why) ||
         import_find_mesh(model, shape, b->packages, &scratch, &file, &why) ||
         import_read_mesh(file, shape->scale, &scratch, &mesh, &why)) {
-        import_note_add(b->notes, IMPORT_DROPPED, model->file, shape->line,
+        import_note_add(b->notes, IMPORT_MISSING, model->file, shape->line,
                         "collision mesh of link \"%.63s\": %.300s", model->link[shape->link].name,
                         why.text);
         arena_fini(&scratch);
