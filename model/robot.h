@@ -222,18 +222,19 @@ struct robot {
     uint64_t source_hash;   /* of the bytes of its file; 0 = it was built by hand */
     bool floating;
     double gravity[3]; /* m/s2, world */
-    size_t nbody, njoint, nframe, ncapsule, nvisual, nft, npose;
+    size_t nbody, njoint, nframe, ncapsule, nft, npose;
     size_t nq, nv;
     struct robot_body *body;
     struct robot_joint *joint; /* joint[j] moves body[j + 1] */
     struct robot_frame *frame;
     struct robot_capsule *capsule;
-    struct robot_visual *visual;
     struct robot_ft_sensor *ft;
     struct robot_pose *pose;
     int imu_frame; /* -1 = none */
     struct robot_hydraulic_supply hydraulic_supply;
     double total_mass;
+    struct robot_visual *visual; /* what it looks like */
+    size_t nvisual;
 };
 
 /* Reads a robot file; variant names one of its variants, NULL or "" the default. Everything lives

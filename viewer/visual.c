@@ -70,7 +70,7 @@ const struct viewer_file *viewer_visual_file(struct viewer *viewer, size_t visua
     const char *path = viewer->rig->robot->visual[visual].file;
     struct viewer_file *file = &viewer->visual[visual];
     struct stat status;
-    uint8_t *data;
+    uint8_t *data = NULL;
     int fd;
 
     if (!path || file->data) {
