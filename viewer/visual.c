@@ -44,8 +44,8 @@ static size_t file_read(int fd, uint8_t *data, size_t size)
 }
 
 /* Reads a file of a size that was found, into memory of the heap. */
-static enum error_code visual_read(const char *path, int fd, size_t size, uint8_t **out,
-                                   struct error *error)
+static enum error_code visual_read_file(const char *path, int fd, size_t size, uint8_t **out,
+                                        struct error *error)
 {
     uint8_t *data = malloc(size + 1);
 
@@ -84,7 +84,7 @@ const struct viewer_file *viewer_visual_file(struct viewer *viewer, size_t visua
         error_set(error, ERROR_INPUT, "%.200s: found %s, expected at most %d MB for all visuals",
                   path, S_ISREG(status.st_mode) ? "more" : "no regular file",
                   VIEWER_VISUAL_BYTES >> 20);
-    } else if (!visual_read(path, fd, (size_t)status.st_size, &data, error)) {
+    } else if (!visual_read_file(path, fd, (size_t)status.st_size, &data, error)) {
         *file = (struct viewer_file){"model/stl", data, (size_t)status.st_size, false};
         viewer->visual_bytes += file->size;
     }

@@ -82,7 +82,7 @@ int collada_find_tint(struct collada *c, const xmlNode *instance, const xmlNode 
         collada_refer(c, material ? xml_child(material, "instance_effect") : NULL, "url", "effect");
     diffuse = effect ? collada_find_diffuse(effect) : NULL;
     if (diffuse && xml_child(diffuse, "texture")) {
-        c->to->mesh->remark = "without the picture on it";
+        c->to->mesh->remark = "without its texture";
     }
     color = diffuse ? xml_child(diffuse, "color") : NULL;
     if (!color || xml_parse_reals(&c->file, color, "value", xml_content(color), 4, rgba, &unused)) {

@@ -5,8 +5,8 @@
  * stays outside. Corners at the same place become one vertex. Files are found by what the robot
  * file says and nowhere else: package:// below the folders that are given and above the file,
  * file:// and plain paths beside the file. Bounded; no name ever reaches a shell. Colors are those
- * of materials (diffuse), of an OBJ from the MTL files beside it; pictures on surfaces are not read.
- * Not RT-safe.
+ * of materials (diffuse), of an OBJ from the MTL files beside it; textures are not read. Not
+ * RT-safe.
  */
 #ifndef APP_IMPORT_MESH_H
 #define APP_IMPORT_MESH_H

@@ -13,6 +13,7 @@
 enum {
     MTL_BYTES_MAX = 1 << 20,
     MATERIALS_MAX = 512,
+    LIBRARIES_MAX = 16,          /* that an OBJ names */
     MATERIAL_WORK_MAX = 1 << 24, /* names compared in one OBJ */
 };
 
@@ -60,7 +61,7 @@ static void mesh_remark(struct mesh_reader *r, const char *before, const char *n
 }
 
 /* The material of a name, added when there is none and room for it. */
-static struct mesh_material *material_find(struct mesh_reader *r, const char *name, bool add)
+static struct mesh_material *mtl_find_material(struct mesh_reader *r, const char *name, bool add)
 {
     for (size_t i = 0; i < r->nmaterial && r->material_work < MATERIAL_WORK_MAX; i++) {
         r->material_work++;
@@ -108,11 +109,11 @@ static void mtl_read(struct mesh_reader *r, const char *text, size_t size)
         if (!mesh_next_word(&lines, word)) {
             /* an empty line */
         } else if (!strcmp(word, "newmtl")) {
-            material = mesh_next_word(&lines, word) ? material_find(r, word, true) : NULL;
+            material = mesh_next_word(&lines, word) ? mtl_find_material(r, word, true) : NULL;
         } else if (!strcmp(word, "Kd") && material && mtl_read_color(&lines, color)) {
             material->tint = mesh_find_tint(r->mesh, color);
         } else if (!strcmp(word, "map_Kd") && mesh_next_word(&lines, word)) {
-            mesh_remark(r, "the picture", word, " on it");
+            mesh_remark(r, "the texture", word, "");
         }
         mesh_skip_line(&lines);
     }
@@ -127,9 +128,11 @@ void mesh_read_library(struct mesh_reader *r)
     struct error why;
     size_t size;
 
-    if (!r->is_file || !mesh_next_word(r, word)) {
+    if (!r->is_file || r->libraries == LIBRARIES_MAX || !mesh_next_word(r, word)) {
         return;
     }
+
+    r->libraries++;
 
     /* Beside the OBJ or below its folder, nowhere else */
     snprintf(path, sizeof path, "%.*s%s", slash ? (int)(slash - r->name) + 1 : 0, r->name, word);
@@ -149,7 +152,7 @@ void mesh_use_material(struct mesh_reader *r)
     char word[MESH_WORD_MAX];
 
     if (mesh_next_word(r, word)) {
-        material = material_find(r, word, false);
+        material = mtl_find_material(r, word, false);
     }
     r->tint = material ? material->tint : -1;
 }

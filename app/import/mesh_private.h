@@ -21,7 +21,7 @@ struct mesh_reader {
     bool is_file; /* name is a path, and files beside it may be read */
     int tint;     /* of the faces that come, -1 = none */
     struct mesh_material *material;
-    size_t nmaterial, material_work;
+    size_t nmaterial, material_work, libraries;
     int line;
     const double *scale;
     struct arena *arena;
@@ -46,8 +46,8 @@ enum error_code mesh_parse(const char *name, bool is_file, const char *text, siz
                            const double scale[3], struct arena *arena, struct import_mesh *mesh,
                            struct error *error);
 
-/* The next word of the line, cut off where it is too long; false at the line's end, where the reader
- * stays. */
+/* The next word of the line, cut off where it is too long; false at the line's end, where the
+ * reader stays. */
 bool mesh_next_word(struct mesh_reader *r, char word[MESH_WORD_MAX]);
 void mesh_skip_line(struct mesh_reader *r);
 

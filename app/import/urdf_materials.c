@@ -80,7 +80,7 @@ enum error_code urdf_read_materials(struct urdf_reader *r)
 }
 
 /* The first material of a name, by bisection. */
-static const struct urdf_material *material_find(const struct urdf_reader *r, const char *name)
+static const struct urdf_material *urdf_find_material(const struct urdf_reader *r, const char *name)
 {
     size_t low = 0, high = r->nmaterial;
 
@@ -108,7 +108,7 @@ void urdf_read_color(const struct urdf_reader *r, const xmlNode *visual,
     }
     shape->colored = material_read_color(r, material, shape->color);
     if (!shape->colored && name) {
-        named = material_find(r, name);
+        named = urdf_find_material(r, name);
     }
     if (named) {
         memcpy(shape->color, named->color, sizeof shape->color);
@@ -118,6 +118,6 @@ void urdf_read_color(const struct urdf_reader *r, const xmlNode *visual,
         import_note_add(r->notes, IMPORT_DROPPED, r->file->name, xml_line(material),
                         "material \"%.63s\" of link \"%.63s\": no color of four numbers%s",
                         name ? name : "", r->model->link[shape->link].name,
-                        xml_child(material, "texture") ? ", and pictures are not shown" : "");
+                        xml_child(material, "texture") ? "; textures are not read" : "");
     }
 }

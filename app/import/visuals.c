@@ -144,9 +144,9 @@ static enum error_code visual_add_missing(struct visual_builder *b,
 
 /* Reads a mesh, in one color when the shape's own goes before the mesh's; refuses what is beyond
  * the bound of all. */
-static enum error_code visual_read(struct visual_builder *b, const struct import_geometry *shape,
-                                   struct arena *scratch, struct import_mesh *mesh,
-                                   struct error *why)
+static enum error_code visual_read_mesh(struct visual_builder *b,
+                                        const struct import_geometry *shape, struct arena *scratch,
+                                        struct import_mesh *mesh, struct error *why)
 {
     const char *file;
     enum error_code code =
@@ -217,7 +217,7 @@ static enum error_code visual_add_mesh(struct visual_builder *b,
     *source = (struct visual_source){.mesh = shape->mesh, .first = b->from->robot->nvisual};
     memcpy(source->scale, shape->scale, sizeof source->scale);
     if (arena_init(&scratch, IMPORT_MESH_ARENA, &why) ||
-        visual_read(b, shape, &scratch, &mesh, &why)) {
+        visual_read_mesh(b, shape, &scratch, &mesh, &why)) {
         code = visual_add_missing(b, shape, why.text);
     } else {
         code = visual_add_tints(b, shape, &mesh);

@@ -179,7 +179,7 @@ static void an_obj_has_the_colors_of_its_materials(void **state)
     assert_int_equal(mesh.tint[3], -1);
     assert_non_null(strstr(mesh.remark, "skin.png"));
 
-    /* Of memory there are no files beside it; other folders are not read; nor is what is not there */
+    /* Without a path no file is read, and from a path only what is beside it */
     assert_int_equal(import_parse_mesh("b.obj", obj, strlen(obj), one, &arena, &mesh, &error),
                      ERROR_NONE);
     assert_int_equal(mesh.ncolor, 0);
@@ -306,70 +306,68 @@ static void collada_scenes_are_put_together(void **state)
 /* By symbol, binding, material, effect and shader; each link that leads nowhere is no color. */
 static void collada_faces_have_the_colors_that_are_bound(void **state)
 {
-    static const char text[] =
-        DAE_BEGIN DAE_FACE("a", "0 0 0 2 0 1") DAE_FACE("b", "0 0 0 1 0 3")
-            DAE_FACE("c", "0 0 0 3 0 2")
-                DAE_FACE("d", "0 1 0 2 0 3") "</mesh></geometry></"
-                                             "library_geometries><library_effects>" DAE_EFFECT(
-                                                 "red", "<phong>" DAE_COLOR("1 0 0 0.5") "</phong>")
-                                                 DAE_EFFECT("lit",
-                                                            "<constant><emission><color>0 0.5 1 "
-                                                            "1</color></emission></constant>")
-                                                     DAE_EFFECT(
-                                                         "skin", "<lambert><diffuse><texture "
-                                                                 "texture='t'/></diffuse></"
-                                                                 "lambert>") "</"
-                                                                             "library_effects><"
-                                                                             "library_materials>"
-                                                                             "<material "
-                                                                             "id='A'><instance_"
-                                                                             "effect "
-                                                                             "url='#red'/></"
-                                                                             "material>"
-                                                                             "<material "
-                                                                             "id='B'><instance_"
-                                                                             "effect "
-                                                                             "url='#lit'/></"
-                                                                             "material>"
-                                                                             "<material "
-                                                                             "id='C'><instance_"
-                                                                             "effect "
-                                                                             "url='#skin'/></"
-                                                                             "material>"
-                                                                             "<material "
-                                                                             "id='D'><instance_"
-                                                                             "effect "
-                                                                             "url='#none'/></"
-                                                                             "material></"
-                                                                             "library_materials>"
-                                                                             "<library_visual_"
-                                                                             "scenes><visual_scene "
-                                                                             "id='x'><node><"
-                                                                             "instance_geometry "
-                                                                             "url='#g'>"
-                                                                             "<bind_material><"
-                                                                             "technique_common><"
-                                                                             "instance_material "
-                                                                             "symbol='b' "
-                                                                             "target='#B'/>"
-                                                                             "<instance_material "
-                                                                             "symbol='a' "
-                                                                             "target='#A'/"
-                                                                             "><instance_material "
-                                                                             "symbol='c' "
-                                                                             "target='#C'/>"
-                                                                             "<instance_material "
-                                                                             "symbol='d' "
-                                                                             "target='#D'/></"
-                                                                             "technique_common></"
-                                                                             "bind_material>"
-                                                                             "</"
-                                                                             "instance_geometry></"
-                                                                             "node><node><"
-                                                                             "translate>5 0 "
-                                                                             "0</"
-                                                                             "translate>" DAE_SHOW
-                                                                             "</node>" DAE_END;
+    static const char text[] = DAE_BEGIN DAE_FACE("a", "0 0 0 2 0 1") DAE_FACE("b", "0 0 0 1 0 3")
+        DAE_FACE("c", "0 0 0 3 0 2")
+            DAE_FACE("d", "0 1 0 2 0 3") "</mesh></geometry></"
+                                         "library_geometries><library_effects>" DAE_EFFECT(
+                                             "red", "<phong>" DAE_COLOR("1 0 0 0.5") "</phong>")
+                                             DAE_EFFECT("lit", "<constant><emission><color>0 0.5 1 "
+                                                               "1</color></emission></constant>")
+                                                 DAE_EFFECT("skin",
+                                                            "<lambert><diffuse><texture "
+                                                            "texture='t'/></diffuse></"
+                                                            "lambert>") "</"
+                                                                        "library_effects><"
+                                                                        "library_materials>"
+                                                                        "<material "
+                                                                        "id='A'><instance_"
+                                                                        "effect "
+                                                                        "url='#red'/></"
+                                                                        "material>"
+                                                                        "<material "
+                                                                        "id='B'><instance_"
+                                                                        "effect "
+                                                                        "url='#lit'/></"
+                                                                        "material>"
+                                                                        "<material "
+                                                                        "id='C'><instance_"
+                                                                        "effect "
+                                                                        "url='#skin'/></"
+                                                                        "material>"
+                                                                        "<material "
+                                                                        "id='D'><instance_"
+                                                                        "effect "
+                                                                        "url='#none'/></"
+                                                                        "material></"
+                                                                        "library_materials>"
+                                                                        "<library_visual_"
+                                                                        "scenes><visual_scene "
+                                                                        "id='x'><node><"
+                                                                        "instance_geometry "
+                                                                        "url='#g'>"
+                                                                        "<bind_material><"
+                                                                        "technique_common><"
+                                                                        "instance_material "
+                                                                        "symbol='b' "
+                                                                        "target='#B'/>"
+                                                                        "<instance_material "
+                                                                        "symbol='a' "
+                                                                        "target='#A'/"
+                                                                        "><instance_material "
+                                                                        "symbol='c' "
+                                                                        "target='#C'/>"
+                                                                        "<instance_material "
+                                                                        "symbol='d' "
+                                                                        "target='#D'/></"
+                                                                        "technique_common></"
+                                                                        "bind_material>"
+                                                                        "</"
+                                                                        "instance_geometry></"
+                                                                        "node><node><"
+                                                                        "translate>5 0 "
+                                                                        "0</"
+                                                                        "translate>" DAE_SHOW
+                                                                        "</node>" DAE_END;
 
     (void)state;
     if (parse_dae(text)) {
@@ -381,7 +379,7 @@ static void collada_faces_have_the_colors_that_are_bound(void **state)
     for (int face = 2; face < 8; face++) {
         assert_int_equal(mesh.tint[face], -1);
     }
-    assert_non_null(strstr(mesh.remark, "picture"));
+    assert_non_null(strstr(mesh.remark, "texture"));
 }
 
 static void collada_faces_of_every_kind_are_read(void **state)
