@@ -10,6 +10,7 @@ import { check, launch, plan, untilReady, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
 const TESTS = 19;
+const PATIENCE_MS = 2 * WAIT_MS; // four pages, each with meshes, drawn by the processor
 
 // ---- meshes whose answer is known ----
 
@@ -165,10 +166,10 @@ function isHue({ r, g, b }, [x, y, z]) {
 
 async function open(browser, url, viewport, errors) {
   const page = await browser.newPage({ viewport, colorScheme: 'light' });
-  page.setDefaultTimeout(WAIT_MS);
+  page.setDefaultTimeout(PATIENCE_MS);
   page.on('pageerror', (error) => errors.push(error.message));
   await page.goto(`${url}&quality=low`);
-  await page.waitForFunction(isWhole, null, { timeout: WAIT_MS });
+  await page.waitForFunction(isWhole, null, { timeout: PATIENCE_MS });
   return page;
 }
 
