@@ -179,6 +179,26 @@ struct robot_capsule {
     double length;      /* of the axis, without the ends, m */
 };
 
+enum robot_visual_shape { VISUAL_MESH, VISUAL_BOX, VISUAL_SPHERE, VISUAL_CYLINDER, VISUAL_CAPSULE };
+
+enum { ROBOT_VISUALS_MAX = 1024 };
+
+/* What a body looks like in a picture; nothing touches it, and no equation depends on it. */
+struct robot_visual {
+    const char *name;
+    int body;
+    enum robot_visual_shape shape;
+    double position[3];  /* of its own frame in the body frame, m */
+    double rotation[9];  /* shape to body, row-major; a cylinder's and a capsule's axis is z */
+    double half[3];      /* half the sides of a box, m */
+    double radius;       /* m */
+    double length;       /* of a cylinder; of a capsule's axis, without the ends, m */
+    const char *file;    /* path of a mesh, a binary STL in m; NULL of other shapes, or missing */
+    const char *missing; /* why there is no mesh, for people; NULL = there is one */
+    bool colored;
+    double color[4]; /* sRGB and opacity, 0 to 1 */
+};
+
 /* Six-axis force-torque sensor: what the part below it (distal) exerts through it, in its frame. */
 struct robot_ft_sensor {
     const char *name;
@@ -213,6 +233,8 @@ struct robot {
     int imu_frame; /* -1 = none */
     struct robot_hydraulic_supply hydraulic_supply;
     double total_mass;
+    struct robot_visual *visual; /* what it looks like */
+    size_t nvisual;
 };
 
 /* Reads a robot file; variant names one of its variants, NULL or "" the default. Everything lives
@@ -250,7 +272,8 @@ enum error_code robot_describe_drive(const char *path, struct arena *arena,
  * without inertia: the dynamics of what passes are not singular. Not RT-safe. */
 enum error_code robot_finish(struct robot *robot, struct error *error);
 
-/* A copy that may be changed: bodies, joints, frames and capsules are its own, the rest is shared.
+/* A copy that may be changed: bodies, joints, frames, capsules and visuals are its own, the rest is
+ * shared.
  * Memory from arena. Not RT-safe. */
 enum error_code robot_copy(const struct robot *robot, struct arena *arena, struct robot **copy,
                            struct error *error);

@@ -26,8 +26,9 @@ enum error_code robot_copy(const struct robot *robot, struct arena *arena, struc
         copy->joint = copy_array(arena, robot->joint, robot->njoint, sizeof *copy->joint);
         copy->frame = copy_array(arena, robot->frame, robot->nframe, sizeof *copy->frame);
         copy->capsule = copy_array(arena, robot->capsule, robot->ncapsule, sizeof *copy->capsule);
+        copy->visual = copy_array(arena, robot->visual, robot->nvisual, sizeof *copy->visual);
     }
-    if (!copy || !copy->body || !copy->joint || !copy->frame || !copy->capsule) {
+    if (!copy || !copy->body || !copy->joint || !copy->frame || !copy->capsule || !copy->visual) {
         return error_set(error, ERROR_MEMORY, "no memory for another robot like %s", robot->name);
     }
     *out = copy;
@@ -79,6 +80,12 @@ enum error_code robot_fix_base(struct robot *robot, const double position[3],
         if (robot->capsule[c].body == 0) {
             place_point(R, position, robot->capsule[c].position);
             place_rotation(R, robot->capsule[c].rotation);
+        }
+    }
+    for (size_t v = 0; v < robot->nvisual; v++) {
+        if (robot->visual[v].body == 0) {
+            place_point(R, position, robot->visual[v].position);
+            place_rotation(R, robot->visual[v].rotation);
         }
     }
     return robot_finish(robot, error);

@@ -403,6 +403,61 @@ static const struct yaml_field capsule_fields[] = {
 static const struct yaml_schema capsule_schema =
     SCHEMA("a capsule", struct capsule_yaml, capsule_fields);
 
+static const struct yaml_enum visual_shapes[] = {
+    {"mesh", VISUAL_MESH},         {"box", VISUAL_BOX},         {"sphere", VISUAL_SPHERE},
+    {"cylinder", VISUAL_CYLINDER}, {"capsule", VISUAL_CAPSULE}, {NULL, 0}};
+
+static const struct yaml_field visual_fields[] = {
+    NAME(struct visual_yaml),
+    REFERENCE("body", struct visual_yaml, body),
+    VECTOR("xyz_m", struct visual_yaml, xyz, false),
+    VECTOR("rpy_rad", struct visual_yaml, rpy, false),
+    {.key = "shape",
+     .type = YAML_ENUM,
+     .required = true,
+     .offset = offsetof(struct visual_yaml, shape),
+     .names = visual_shapes},
+    {.key = "half_extents_m",
+     .type = YAML_REALS,
+     .offset = offsetof(struct visual_yaml, half_extents),
+     .count = 3,
+     .min = DBL_MIN,
+     .max = 1e3,
+     .given_offset = offsetof(struct visual_yaml, has_half_extents)},
+    {.key = "radius_m",
+     .type = YAML_REAL,
+     .offset = offsetof(struct visual_yaml, radius),
+     .min = DBL_MIN,
+     .max = 1e3,
+     .given_offset = offsetof(struct visual_yaml, has_radius)},
+    {.key = "length_m",
+     .type = YAML_REAL,
+     .offset = offsetof(struct visual_yaml, length),
+     .min = 0.0,
+     .max = 1e3,
+     .given_offset = offsetof(struct visual_yaml, has_length)},
+    {.key = "file",
+     .type = YAML_STRING,
+     .offset = offsetof(struct visual_yaml, file),
+     .min = 1,
+     .max = 255,
+     .mark_offset = offsetof(struct visual_yaml, file_mark)},
+    {.key = "missing",
+     .type = YAML_STRING,
+     .offset = offsetof(struct visual_yaml, missing),
+     .min = 1,
+     .max = 400},
+    {.key = "color",
+     .type = YAML_REALS,
+     .offset = offsetof(struct visual_yaml, color),
+     .count = 4,
+     .min = 0.0,
+     .max = 1.0,
+     .given_offset = offsetof(struct visual_yaml, has_color)},
+};
+static const struct yaml_schema visual_schema =
+    SCHEMA("a visual", struct visual_yaml, visual_fields);
+
 static const struct yaml_field ft_fields[] = {
     NAME(struct ft_yaml),
     REFERENCE("frame", struct ft_yaml, frame),
@@ -524,6 +579,7 @@ static const struct yaml_field robot_fields[] = {
     LIST("joints", YAML_LIST, struct robot_yaml, joint, njoint, joint_schema),
     LIST("frames", YAML_LIST, struct robot_yaml, frame, nframe, frame_schema),
     LIST("capsules", YAML_LIST, struct robot_yaml, capsule, ncapsule, capsule_schema),
+    LIST("visuals", YAML_LIST, struct robot_yaml, visual, nvisual, visual_schema),
     LIST("ft_sensors", YAML_LIST, struct robot_yaml, ft, nft, ft_schema),
     {.key = "imu",
      .type = YAML_MAP,

@@ -89,6 +89,7 @@ static enum error_code check_all_names(struct robot_builder *b)
         (code = CHECK_NAMED(b, "joint", file->joint, file->njoint)) ||
         (code = CHECK_NAMED(b, "frame", file->frame, file->nframe)) ||
         (code = CHECK_NAMED(b, "capsule", file->capsule, file->ncapsule)) ||
+        (code = CHECK_NAMED(b, "visual", file->visual, file->nvisual)) ||
         (code = CHECK_NAMED(b, "sensor", file->ft, file->nft)) ||
         (code = CHECK_NAMED(b, "pose", file->pose, file->npose)) ||
         (code = CHECK_NAMED(b, "variant", file->variant, file->nvariant))) {
@@ -212,7 +213,8 @@ enum error_code robot_load(const char *path, const char *variant, struct arena *
         (code = choose_variant(&b, variant)) || (code = robot_check_own_drives(&b)) ||
         (code = robot_build_hydraulic_supply(&b)) || (code = robot_build_tree(&b)) ||
         (code = robot_build_frames(&b)) || (code = robot_build_capsules(&b)) ||
-        (code = robot_build_sensors(&b)) || (code = robot_build_poses(&b))) {
+        (code = robot_build_visuals(&b)) || (code = robot_build_sensors(&b)) ||
+        (code = robot_build_poses(&b))) {
         return code;
     }
 

@@ -4,7 +4,8 @@
  * robot_schema.c (keys and ranges), robot_yaml.c (names, variants, the order of the work),
  * robot_yaml_tree.c (bodies and joints), robot_yaml_drive.c (drives and their catalogue),
  * robot_yaml_hydraulic.c (hydraulic drives), robot_yaml_effects.c (what drives do beside the
- * paper's equations), robot_yaml_frames.c (frames, sensors, poses).
+ * paper's equations), robot_yaml_frames.c (frames, sensors, poses), robot_yaml_visuals.c (what
+ * bodies look like).
  *
  * Units are in the keys of the file and the same here. Memory is the arena's. Functions return
  * ERROR_INPUT with file:line:column, or ERROR_MEMORY. Not RT-safe.
@@ -210,6 +211,18 @@ struct capsule_yaml {
     double xyz[3], rpy[3], radius, length;
 };
 
+struct visual_yaml {
+    struct yaml_mark mark;
+    const char *name;
+    const char *body;
+    struct yaml_mark body_mark;
+    int shape;
+    double xyz[3], rpy[3], half_extents[3], radius, length, color[4];
+    const char *file, *missing; /* NULL = not given */
+    struct yaml_mark file_mark;
+    bool has_half_extents, has_radius, has_length, has_color;
+};
+
 struct ft_yaml {
     struct yaml_mark mark;
     const char *name;
@@ -264,11 +277,12 @@ struct robot_yaml {
     struct joint_yaml *joint;
     struct frame_yaml *frame;
     struct capsule_yaml *capsule;
+    struct visual_yaml *visual;
     struct ft_yaml *ft;
     struct imu_yaml imu;
     struct pose_yaml *pose;
     struct variant_yaml *variant;
-    size_t nbody, njoint, nframe, ncapsule, nft, npose, nvariant;
+    size_t nbody, njoint, nframe, ncapsule, nvisual, nft, npose, nvariant;
     bool has_imu, has_hydraulic_supply;
 };
 
@@ -342,10 +356,11 @@ enum error_code robot_build_hydraulic_supply(struct robot_builder *b);
 enum error_code robot_build_effects(struct robot_builder *b, const struct drive_yaml *given,
                                     struct robot_sea *sea);
 
-/* Bodies and joints, in the order of the joints; then frames, capsules, sensors and poses. */
+/* Bodies and joints, in the order of the joints; then frames, capsules, visuals, sensors, poses. */
 enum error_code robot_build_tree(struct robot_builder *b);
 enum error_code robot_build_frames(struct robot_builder *b);
 enum error_code robot_build_capsules(struct robot_builder *b);
+enum error_code robot_build_visuals(struct robot_builder *b);
 enum error_code robot_build_sensors(struct robot_builder *b);
 enum error_code robot_build_poses(struct robot_builder *b);
 

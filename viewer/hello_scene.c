@@ -121,6 +121,41 @@ static json_t *scene_shapes(const struct viewer *viewer)
     return array;
 }
 
+/* What the robot looks like: as its file has it, beside what can touch. */
+static json_t *scene_visual(const struct robot *robot, size_t index)
+{
+    static const char *const shapes[] = {
+        [VISUAL_MESH] = "mesh",         [VISUAL_BOX] = "box",         [VISUAL_SPHERE] = "sphere",
+        [VISUAL_CYLINDER] = "cylinder", [VISUAL_CAPSULE] = "capsule",
+    };
+    const struct robot_visual *visual = &robot->visual[index];
+    json_t *object = scene_place(visual->name, visual->body, shapes[visual->shape],
+                                 visual->position, visual->rotation);
+
+    json_object_set_new(object, "radius_m", hello_number(visual->radius));
+    json_object_set_new(object, "length_m", hello_number(visual->length));
+    json_object_set_new(object, "half_extent_m", hello_numbers(visual->half, 3));
+    json_object_set_new(object, "color",
+                        visual->colored ? hello_numbers(visual->color, 4) : json_null());
+    if (visual->missing) {
+        json_object_set_new(object, "missing", control_text(visual->missing));
+    } else if (visual->shape == VISUAL_MESH) {
+        json_object_set_new(object, "mesh",
+                            json_sprintf("/visual/%zu", viewer_visual_source(robot, index)));
+    }
+    return object;
+}
+
+static json_t *scene_visuals(const struct robot *robot)
+{
+    json_t *array = json_array();
+
+    for (size_t i = 0; i < robot->nvisual; i++) {
+        json_array_append_new(array, scene_visual(robot, i));
+    }
+    return array;
+}
+
 static json_t *scene_contacts(const struct rig *rig)
 {
     json_t *array = json_array();
@@ -137,9 +172,9 @@ json_t *hello_scene(const struct viewer *viewer)
 {
     const struct rig *rig = viewer->rig;
 
-    return json_pack("{s:o, s:b, s:f, s:o, s:o, s:o, s:o}", "gravity_m_s2",
+    return json_pack("{s:o, s:b, s:f, s:o, s:o, s:o, s:o, s:o}", "gravity_m_s2",
                      hello_numbers(rig->robot->gravity, 3), "floating", rig->robot->floating,
                      "robot_mass_kg", rig->robot->total_mass, "bodies", scene_bodies(rig), "joints",
-                     scene_joints(rig), "shapes", scene_shapes(viewer), "contacts",
-                     scene_contacts(rig));
+                     scene_joints(rig), "shapes", scene_shapes(viewer), "visuals",
+                     scene_visuals(rig->robot), "contacts", scene_contacts(rig));
 }

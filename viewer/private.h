@@ -26,6 +26,7 @@ enum {
     VIEWER_TRACE = 128 * 1024, /* bytes of frames that wait for the next state */
     VIEWER_LINE = 256 * 1024,  /* longest answer of the control socket */
     VIEWER_MESHES = 1024,
+    VIEWER_VISUAL_BYTES = 128 << 20, /* of the files of all visuals together */
 };
 
 #define VIEWER_NO_COLUMN UINT16_MAX
@@ -131,7 +132,9 @@ struct viewer {
     size_t hello_size;
     char *database; /* JSON of the buses' messages, made when first asked for; on the heap */
     size_t database_size;
-    struct viewer_file *mesh; /* by surface; data NULL = not made yet */
+    struct viewer_file *mesh;   /* by surface; data NULL = not made yet */
+    struct viewer_file *visual; /* by visual of the robot, likewise */
+    size_t visual_bytes;        /* of all of them */
 
     pthread_mutex_t events_lock;
     uint64_t nevent; /* in all */
@@ -196,7 +199,7 @@ bool control_link_send(struct viewer_client *client, const char *text, size_t si
 /* Answers have come. */
 void control_link_read(struct viewer *viewer, struct viewer_client *client);
 
-/* ---- hello.c, hello_scene.c, database.c, mesh.c ---- */
+/* ---- hello.c, hello_scene.c, database.c, mesh.c, visual.c ---- */
 
 /* Describes what does not change; NULL: no memory. */
 json_t *viewer_hello(const struct viewer *viewer);
@@ -209,6 +212,13 @@ bool viewer_make_database(struct viewer *viewer);
 
 /* A surface's triangles; NULL: it has none, or no memory. */
 const struct viewer_file *viewer_mesh_file(struct viewer *viewer, size_t surface);
+
+/* The STL file of a visual, read when first asked for; NULL with the reason, for people. */
+const struct viewer_file *viewer_visual_file(struct viewer *viewer, size_t visual,
+                                             struct error *error);
+
+/* The first visual with the same file. */
+size_t viewer_visual_source(const struct robot *robot, size_t visual);
 
 /* ---- state.c ---- */
 

@@ -20,6 +20,8 @@
     "Cache-Control: no-store\r\n"                                                                  \
     "Connection: close\r\n"
 
+enum { RESPONSE_MAX = 1024 + sizeof(struct error) }; /* a head and a message */
+
 static const char index_page[] =
     "<!doctype html>\n"
     "<html lang=\"en\">\n"
@@ -73,23 +75,32 @@ static const struct status_text *find_status_text(int status)
     return &texts[1];
 }
 
-/* A head, and what follows it from memory that stays. */
-static void respond_file(struct viewer *viewer, struct viewer_client *client, int status,
-                         const struct viewer_file *file)
+/* A head, with after it a text that does not stay (NULL: none), and what follows from memory that
+ * does. */
+static void respond_with(struct viewer *viewer, struct viewer_client *client, int status,
+                         const struct viewer_file *file, const char *text)
 {
-    char *to = (char *)client_room(viewer, client, 1024);
+    char *to = (char *)client_room(viewer, client, RESPONSE_MAX);
 
     client->mode = CLIENT_CLOSING;
     if (!to) {
         return;
     }
-    client->filled += (size_t)snprintf(
-        to, 1024, "HTTP/1.1 %d %s\r\n" HEADERS "Content-Type: %s\r\n%sContent-Length: %zu\r\n\r\n",
-        status, find_status_text(status)->phrase, file->type,
-        file->gzip ? "Content-Encoding: gzip\r\n" : "", file->size);
+    client->filled += (size_t)snprintf(to, RESPONSE_MAX,
+                                       "HTTP/1.1 %d %s\r\n" HEADERS
+                                       "Content-Type: %s\r\n%sContent-Length: %zu\r\n\r\n%s",
+                                       status, find_status_text(status)->phrase, file->type,
+                                       file->gzip ? "Content-Encoding: gzip\r\n" : "",
+                                       text ? strlen(text) : file->size, text ? text : "");
     client->body = file->data;
     client->body_size = file->size;
     client_flush(viewer, client);
+}
+
+static void respond_file(struct viewer *viewer, struct viewer_client *client, int status,
+                         const struct viewer_file *file)
+{
+    respond_with(viewer, client, status, file, NULL);
 }
 
 static void respond_text(struct viewer *viewer, struct viewer_client *client, int status)
@@ -98,6 +109,13 @@ static void respond_text(struct viewer *viewer, struct viewer_client *client, in
 
     respond_file(viewer, client, status,
                  &(struct viewer_file){"text/plain; charset=utf-8", text, strlen(text), false});
+}
+
+/* Not found, and why: a text that does not stay. */
+static void respond_reason(struct viewer *viewer, struct viewer_client *client, const char *text)
+{
+    respond_with(viewer, client, 404,
+                 &(struct viewer_file){"text/plain; charset=utf-8", NULL, 0, false}, text);
 }
 
 /* ---- tokens ---- */
@@ -152,6 +170,25 @@ static void respond_mesh(struct viewer *viewer, struct viewer_client *client, co
     }
     if (file) {
         respond_file(viewer, client, 200, file);
+    } else {
+        respond_text(viewer, client, 404);
+    }
+}
+
+/* The mesh of a visual, or in words why there is none. */
+static void respond_visual(struct viewer *viewer, struct viewer_client *client, const char *number)
+{
+    const struct viewer_file *file = NULL;
+    struct error why = {.text = ""};
+    int64_t visual;
+
+    if (text_to_int(number, 0, (int64_t)viewer->rig->robot->nvisual - 1, &visual)) {
+        file = viewer_visual_file(viewer, (size_t)visual, &why);
+    }
+    if (file) {
+        respond_file(viewer, client, 200, file);
+    } else if (why.text[0]) {
+        respond_reason(viewer, client, why.text);
     } else {
         respond_text(viewer, client, 404);
     }
@@ -220,6 +257,8 @@ void viewer_respond(struct viewer *viewer, struct viewer_client *client, int sta
             &(struct viewer_file){"text/plain; charset=utf-8", events->data, events->size, false});
     } else if (strncmp(path, "/mesh/", 6) == 0) {
         respond_mesh(viewer, client, path + 6);
+    } else if (strncmp(path, "/visual/", 8) == 0) {
+        respond_visual(viewer, client, path + 8);
     } else {
         respond_text(viewer, client, 404);
     }

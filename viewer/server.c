@@ -277,6 +277,7 @@ static enum error_code viewer_allocate(const struct viewer_config *config, struc
     viewer->listener = viewer->event = -1;
     viewer->histogram = arena_alloc(arena, 1, sizeof *viewer->histogram);
     viewer->mesh = arena_alloc(arena, VIEWER_MESHES, sizeof *viewer->mesh);
+    viewer->visual = arena_alloc(arena, ROBOT_VISUALS_MAX, sizeof *viewer->visual);
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
         struct viewer_client *client = &viewer->client[i];
 
@@ -425,6 +426,9 @@ void viewer_destroy(struct viewer *viewer)
     }
     for (size_t i = 0; i < VIEWER_MESHES && viewer->mesh; i++) {
         free((void *)(uintptr_t)viewer->mesh[i].data);
+    }
+    for (size_t i = 0; i < ROBOT_VISUALS_MAX && viewer->visual; i++) {
+        free((void *)(uintptr_t)viewer->visual[i].data);
     }
     free(viewer->hello);
     free(viewer->database);

@@ -13,11 +13,29 @@
 
 enum { NOTES_SHOWN = 12 };
 
+/* What the user must know of: the robot is not what the file says. */
+static void import_print_notes(const struct import_notes *notes, enum import_fate fate)
+{
+    size_t shown = 0;
+
+    for (size_t i = 0; i < notes->count; i++) {
+        const struct import_note *note = &notes->note[i];
+
+        if (note->fate == fate && shown++ < NOTES_SHOWN) {
+            printf("%s:%d: %s%s\n", note->file, note->line,
+                   fate == IMPORT_MISSING ? "missing: " : "", note->text);
+        }
+    }
+    if (shown > NOTES_SHOWN) {
+        printf("... and %zu more\n", shown - NOTES_SHOWN);
+    }
+}
+
 static void import_print_result(const struct import_result *result)
 {
     const struct robot *robot = result->loaded;
     const struct import_notes *notes = &result->notes;
-    size_t drives = 0, shown = 0;
+    size_t drives = 0;
 
     for (size_t j = 0; j < robot->njoint; j++) {
         drives += robot_joint_is_driven(&robot->joint[j]);
@@ -25,8 +43,9 @@ static void import_print_result(const struct import_result *result)
     printf("robot     %s: %s base, %zu bodies, %zu joints, %zu drives, %zu frames, %.7g kg\n",
            result->robot, robot->floating ? "floating" : "fixed", robot->nbody, robot->njoint,
            drives, robot->nframe, robot->total_mass);
-    printf("sensors   %zu F/T, %s inertial; %zu capsules, %zu meshes, %zu poses\n", robot->nft,
-           robot->imu_frame < 0 ? "no" : "one", robot->ncapsule, result->meshes, robot->npose);
+    printf("sensors   %zu F/T, %s inertial; %zu capsules, %zu meshes, %zu visuals, %zu poses\n",
+           robot->nft, robot->imu_frame < 0 ? "no" : "one", robot->ncapsule, result->meshes,
+           robot->nvisual, robot->npose);
     printf("rig       %s: %zu buses, %.1f %% of the fullest at the worst\n", result->rig,
            result->nbus, 100.0 * result->worst_load);
     if (result->standing[0]) {
@@ -39,17 +58,8 @@ static void import_print_result(const struct import_result *result)
     }
     printf("\n");
 
-    /* What the user must know of: the robot is not what the file says */
-    for (size_t i = 0; i < notes->count; i++) {
-        const struct import_note *note = &notes->note[i];
-
-        if (note->fate == IMPORT_CHANGED && shown++ < NOTES_SHOWN) {
-            printf("%s:%d: %s\n", note->file, note->line, note->text);
-        }
-    }
-    if (shown > NOTES_SHOWN) {
-        printf("... and %zu more\n", shown - NOTES_SHOWN);
-    }
+    import_print_notes(notes, IMPORT_MISSING);
+    import_print_notes(notes, IMPORT_CHANGED);
     printf("next      coman-hil run %s --task hold\n", result->rig);
 }
 

@@ -338,7 +338,7 @@ static enum error_code collada_add_positions(struct collada *c, const struct col
 }
 
 enum error_code collada_read_geometry(struct collada *c, const xmlNode *geometry,
-                                      const struct collada_place *place)
+                                      const xmlNode *instance, const struct collada_place *place)
 {
     static const struct {
         const char *name;
@@ -368,6 +368,7 @@ enum error_code collada_read_geometry(struct collada *c, const xmlNode *geometry
                 continue;
             }
             c->to->line = xml_line(part);
+            c->to->tint = collada_find_tint(c, instance, part);
             code = collada_read_inputs(c, part, &corners);
             code = code ? code : collada_read_positions(c, corners.vertices, &positions);
             code = code ? code : collada_add_positions(c, place, &positions);

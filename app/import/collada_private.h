@@ -35,6 +35,8 @@ enum error_code collada_refuse(struct collada *c, const xmlNode *node, const cha
 
 /* Counts a visit of an element, or of all that is in it; refuses a scene that wants too many. */
 enum error_code collada_visit(struct collada *c, const xmlNode *node, bool all);
+/* The element of that name that a reference, "#" and an id, means; NULL = there is none. */
+const xmlNode *collada_find(const struct collada *c, const char *reference, const char *name);
 
 /* What an attribute of the node refers to: an element of that name in the same document. */
 enum error_code collada_follow(struct collada *c, const xmlNode *node, const char *attribute,
@@ -42,8 +44,14 @@ enum error_code collada_follow(struct collada *c, const xmlNode *node, const cha
 
 /* ---- collada_faces.c ---- */
 
-/* All faces of a <geometry> at its place; only counts them while c->counting. */
+/* All faces of a <geometry> at its place, in the colors that the <instance_geometry> binds; only
+ * counts them while c->counting. */
 enum error_code collada_read_geometry(struct collada *c, const xmlNode *geometry,
-                                      const struct collada_place *place);
+                                      const xmlNode *instance, const struct collada_place *place);
+
+/* ---- collada_colors.c ---- */
+
+/* The tint of a primitive's material as the <instance_geometry> binds it, -1 = none. */
+int collada_find_tint(struct collada *c, const xmlNode *instance, const xmlNode *primitive);
 
 #endif

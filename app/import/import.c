@@ -7,6 +7,7 @@
 #include "app/import/mjcf.h"
 #include "app/import/shapes.h"
 #include "app/import/urdf.h"
+#include "app/import/visuals.h"
 #include "app/import/write.h"
 #include "base/count.h"
 #include "rig/rig.h"
@@ -313,10 +314,12 @@ static enum error_code import_write_files(struct importer *m)
     char meshes[PATH_MAX];
     enum error_code code;
 
-    /* The robot, with its shapes, and as it is read back */
+    /* The robot, with its shapes and looks, and as it is read back */
     if ((code = path_make(m, "meshes", "", "", meshes)) ||
         (code = import_add_shapes(&m->robot, &m->request->packages, meshes, m->arena,
                                   &result->notes, &result->meshes, m->error)) ||
+        (code = import_add_visuals(&m->robot, &m->request->packages, meshes, m->arena,
+                                   &result->notes, m->error)) ||
         (code = import_copy_drives(m)) ||
         (code = import_write_robot(&m->robot, result->robot, m->error)) ||
         (code = robot_load(result->robot, NULL, m->arena, &result->loaded, m->error))) {

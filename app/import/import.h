@@ -28,7 +28,7 @@ struct import_result {
     char robot[PATH_MAX], rig[PATH_MAX], standing[PATH_MAX], report[PATH_MAX]; /* "" = none */
     const struct robot *loaded; /* as robots/NAME.yaml has it */
     struct import_notes notes;
-    size_t meshes; /* that were written */
+    size_t meshes; /* of what touches, that were written */
     size_t nbus;
     double worst_load; /* of a bus, of 1 */
 };

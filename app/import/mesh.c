@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Files of meshes: where they are found, how they are written. */
-#include "app/import/mesh.h"
+#include "app/import/mesh_private.h"
 
 #include "app/import/path.h"
+#include "base/vec3.h"
 #include "base/whole_file.h"
 
 #include <errno.h>
@@ -171,24 +172,23 @@ enum error_code import_find_mesh(const struct import_model *model,
 
 /* ---- reading and writing ---- */
 
-enum error_code import_read_mesh(const char *path, const double scale[3], struct arena *arena,
-                                 struct import_mesh *mesh, struct error *error)
+enum error_code mesh_read_file(const char *path, size_t most, char **out, size_t *size,
+                               struct error *error)
 {
     int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     struct stat status;
-    enum error_code code;
-    size_t size = 0;
+    enum error_code code = ERROR_NONE;
     ssize_t got = 1;
     char *text = NULL;
 
+    *size = 0;
     if (fd < 0 || fstat(fd, &status)) {
         code = error_set_file(error, errno, path, "cannot be read");
         goto done;
     }
-    if (!S_ISREG(status.st_mode) || status.st_size > IMPORT_MESH_BYTES_MAX) {
-        code =
-            error_set(error, ERROR_INPUT, "%.200s: found %s, expected at most %d bytes", path,
-                      S_ISREG(status.st_mode) ? "more" : "no regular file", IMPORT_MESH_BYTES_MAX);
+    if (!S_ISREG(status.st_mode) || (size_t)status.st_size > most) {
+        code = error_set(error, ERROR_INPUT, "%.200s: found %s, expected at most %zu bytes", path,
+                         S_ISREG(status.st_mode) ? "more" : "no regular file", most);
         goto done;
     }
     text = malloc((size_t)status.st_size + 1);
@@ -196,17 +196,31 @@ enum error_code import_read_mesh(const char *path, const double scale[3], struct
         code = error_set(error, ERROR_MEMORY, "%.200s: no memory to read it", path);
         goto done;
     }
-    while (got > 0 && size < (size_t)status.st_size) {
-        got = read(fd, text + size, (size_t)status.st_size - size);
-        size += got > 0 ? (size_t)got : 0;
+    while (got > 0 && *size < (size_t)status.st_size) {
+        got = read(fd, text + *size, (size_t)status.st_size - *size);
+        *size += got > 0 ? (size_t)got : 0;
     }
-    code = import_parse_mesh(path, text, size, scale, arena, mesh, error);
+    *out = text;
 
 done:
-    free(text);
     if (fd >= 0) {
         close(fd);
     }
+    return code;
+}
+
+enum error_code import_read_mesh(const char *path, const double scale[3], struct arena *arena,
+                                 struct import_mesh *mesh, struct error *error)
+{
+    char *text;
+    size_t size;
+    enum error_code code = mesh_read_file(path, IMPORT_MESH_BYTES_MAX, &text, &size, error);
+
+    if (code) {
+        return code;
+    }
+    code = mesh_parse(path, true, text, size, scale, arena, mesh, error);
+    free(text);
     return code;
 }
 
@@ -226,6 +240,80 @@ enum error_code import_write_mesh(const struct import_mesh *mesh, const char *pa
     for (size_t f = 0; f < mesh->nface; f++) {
         fprintf(file.out, "f %d %d %d\n", mesh->face[f][0] + 1, mesh->face[f][1] + 1,
                 mesh->face[f][2] + 1);
+    }
+    return whole_file_close(&file, ERROR_NONE, error);
+}
+
+/* ---- binary STL ---- */
+
+static void stl_put_word(unsigned char *to, uint32_t word)
+{
+    for (int i = 0; i < 4; i++) {
+        to[i] = (unsigned char)(word >> 8 * i);
+    }
+}
+
+static void stl_put_vector(unsigned char *to, const double value[3])
+{
+    for (int m = 0; m < 3; m++) {
+        float real = (float)value[m];
+        uint32_t word;
+
+        memcpy(&word, &real, sizeof word);
+        stl_put_word(to + 4 * m, word);
+    }
+}
+
+/* A face of three corners with its normal, 0 where it has no area that is seen. */
+static void stl_put_face(unsigned char to[50], const double *const corner[3])
+{
+    double a[3], b[3], normal[3], length;
+
+    vec3_sub(corner[1], corner[0], a);
+    vec3_sub(corner[2], corner[0], b);
+    vec3_cross(a, b, normal);
+    length = vec3_norm(normal);
+    for (int m = 0; m < 3; m++) {
+        normal[m] = length > 0.0 ? normal[m] / length : 0.0;
+    }
+    memset(to, 0, 50);
+    stl_put_vector(to, normal);
+    for (int c = 0; c < 3; c++) {
+        stl_put_vector(to + 12 + 12 * c, corner[c]);
+    }
+}
+
+size_t import_count_tint(const struct import_mesh *mesh, int tint)
+{
+    size_t count = 0;
+
+    for (size_t f = 0; f < mesh->nface; f++) {
+        count += mesh->tint[f] == tint;
+    }
+    return count;
+}
+
+enum error_code import_write_tint(const struct import_mesh *mesh, int tint, const char *path,
+                                  struct error *error)
+{
+    unsigned char header[84] = "Made by coman-hil import", face[50];
+    struct whole_file file;
+    enum error_code code = whole_file_open(&file, path, error);
+
+    if (code) {
+        return code;
+    }
+    stl_put_word(header + 80, (uint32_t)import_count_tint(mesh, tint));
+    fwrite(header, 1, sizeof header, file.out);
+    for (size_t f = 0; f < mesh->nface; f++) {
+        const int *at = mesh->face[f];
+        const double *const corner[3] = {mesh->vertex[at[0]], mesh->vertex[at[1]],
+                                         mesh->vertex[at[2]]};
+
+        if (mesh->tint[f] == tint) {
+            stl_put_face(face, corner);
+            fwrite(face, 1, sizeof face, file.out);
+        }
     }
     return whole_file_close(&file, ERROR_NONE, error);
 }

@@ -4,7 +4,8 @@
  * frame of the link after scaling; a scale that mirrors turns the faces round, so that outside
  * stays outside. Corners at the same place become one vertex. Files are found by what the robot
  * file says and nowhere else: package:// below the folders that are given and above the file,
- * file:// and plain paths by the rules of path.h. Bounded; no name ever reaches a shell. Not
+ * file:// and plain paths by the rules of path.h. Bounded; no name ever reaches a shell. Colors are
+ * those of materials (diffuse), of an OBJ from the MTL files beside it; textures are not read. Not
  * RT-safe.
  */
 #ifndef APP_IMPORT_MESH_H
@@ -14,7 +15,11 @@
 
 #include <stddef.h>
 
-enum { IMPORT_MESH_BYTES_MAX = 256 << 20, IMPORT_MESH_FACES_MAX = 1 << 20 };
+enum {
+    IMPORT_MESH_BYTES_MAX = 256 << 20,
+    IMPORT_MESH_FACES_MAX = 1 << 20,
+    IMPORT_COLORS_MAX = 32, /* of a mesh; further ones become the nearest of these */
+};
 
 /* Scratch for one mesh, in address space. */
 #define IMPORT_MESH_ARENA ((size_t)1 << 30)
@@ -28,8 +33,12 @@ struct import_packages {
 
 struct import_mesh {
     size_t nvertex, nface;
-    double (*vertex)[3]; /* m, in the link's frame but for the shape's own place */
-    int (*face)[3];      /* counterclockwise from outside */
+    double (*vertex)[3];                /* m, in the link's frame but for the shape's own place */
+    int (*face)[3];                     /* counterclockwise from outside */
+    signed char *tint;                  /* by face: of its color below, -1 = it has none */
+    double color[IMPORT_COLORS_MAX][4]; /* sRGB and opacity, 0 to 1 */
+    size_t ncolor;
+    const char *remark; /* of what its looks lack, NULL = nothing */
 };
 
 /* Refuses a mesh whose name leads where it may not, whether there is a file or not. */
@@ -63,5 +72,10 @@ double import_measure_mesh(const struct import_mesh *mesh, bool exact, double ce
 /* Writes it as OBJ. */
 enum error_code import_write_mesh(const struct import_mesh *mesh, const char *path,
                                   struct error *error);
+
+/* Writes the faces of a tint as a binary STL file; how many there are. */
+enum error_code import_write_tint(const struct import_mesh *mesh, int tint, const char *path,
+                                  struct error *error);
+size_t import_count_tint(const struct import_mesh *mesh, int tint);
 
 #endif

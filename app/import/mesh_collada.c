@@ -2,7 +2,7 @@
 /*
  * COLLADA 1.4 and 1.5: the geometries of a scene where its nodes put them. <unit> scales; <up_axis>
  * is not obeyed, as RViz and Gazebo do not either: a URDF's origin is written for what they show.
- * What is no surface (lines, cameras, lights, materials) is passed over. The document is walked
+ * What is no surface (lines, cameras, lights) is passed over. The document is walked
  * twice, the first time to count; parts may stand in a scene many times, so the work is bounded.
  */
 #include "app/import/collada_private.h"
@@ -76,16 +76,10 @@ static enum error_code collada_list_ids(struct collada *c)
     return ERROR_NONE;
 }
 
-enum error_code collada_follow(struct collada *c, const xmlNode *node, const char *attribute,
-                               const char *name, const xmlNode **found)
+const xmlNode *collada_find(const struct collada *c, const char *reference, const char *name)
 {
-    const char *reference;
-    enum error_code code = xml_need(&c->file, node, attribute, &reference, c->to->error);
     size_t low = 0, high = c->nid;
 
-    if (code) {
-        return code;
-    }
     while (reference[0] == '#' && low < high) {
         size_t middle = (low + high) / 2;
 
@@ -97,7 +91,22 @@ enum error_code collada_follow(struct collada *c, const xmlNode *node, const cha
     }
     if (reference[0] == '#' && low < c->nid &&
         !collada_compare_id(&c->id[low], reference + 1, name) && xml_is(c->id[low].node, name)) {
-        *found = c->id[low].node;
+        return c->id[low].node;
+    }
+    return NULL;
+}
+
+enum error_code collada_follow(struct collada *c, const xmlNode *node, const char *attribute,
+                               const char *name, const xmlNode **found)
+{
+    const char *reference;
+    enum error_code code = xml_need(&c->file, node, attribute, &reference, c->to->error);
+
+    if (code) {
+        return code;
+    }
+    *found = collada_find(c, reference, name);
+    if (*found) {
         return ERROR_NONE;
     }
     return import_error(c->to->error, c->file.name, xml_line(node),
@@ -217,7 +226,7 @@ static enum error_code collada_walk(struct collada *c, const xmlNode *node,
             code = code ? code : collada_walk(c, found, place, depth + 1);
         } else if (xml_is(child, "instance_geometry")) {
             code = collada_follow(c, child, "url", "geometry", &found);
-            code = code ? code : collada_read_geometry(c, found, &place);
+            code = code ? code : collada_read_geometry(c, found, child, &place);
         } else if (xml_is(child, "instance_controller")) {
             code = collada_refuse(c, child, "(a skin), expected <instance_geometry>");
         } else {

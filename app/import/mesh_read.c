@@ -10,7 +10,7 @@
 #include <string.h>
 #include <strings.h>
 
-enum { STL_HEADER = 80, STL_FACE = 50, WORD_MAX = 64, POLYGON_MAX = 256 };
+enum { STL_HEADER = 80, STL_FACE = 50, POLYGON_MAX = 256 };
 
 #define COORDINATE_MAX_M 1e6
 
@@ -28,8 +28,9 @@ enum error_code mesh_make_room(struct mesh_reader *r, size_t vertices, size_t fa
     }
     r->mesh->vertex = arena_alloc(r->arena, vertices + 1, sizeof *r->mesh->vertex);
     r->mesh->face = arena_alloc(r->arena, faces + 1, sizeof *r->mesh->face);
+    r->mesh->tint = arena_alloc(r->arena, faces + 1, sizeof *r->mesh->tint);
     r->capacity = faces;
-    return r->mesh->vertex && r->mesh->face ? ERROR_NONE : mesh_no_memory(r);
+    return r->mesh->vertex && r->mesh->face && r->mesh->tint ? ERROR_NONE : mesh_no_memory(r);
 }
 
 enum error_code mesh_add_vertex(struct mesh_reader *r, const double xyz[3])
@@ -51,8 +52,9 @@ enum error_code mesh_add_vertex(struct mesh_reader *r, const double xyz[3])
 
 void mesh_add_face(struct mesh_reader *r, int a, int b, int c)
 {
-    int *face = r->mesh->face[r->mesh->nface++];
+    int *face = r->mesh->face[r->mesh->nface];
 
+    r->mesh->tint[r->mesh->nface++] = (signed char)r->tint;
     face[0] = a;
     face[1] = b;
     face[2] = c;
@@ -108,8 +110,7 @@ static bool mesh_is_blank(char c)
     return c == ' ' || c == '\t' || c == '\r';
 }
 
-/* The next word of the line; false at its end, where the reader stays. */
-static bool mesh_next_word(struct mesh_reader *r, char word[WORD_MAX])
+bool mesh_next_word(struct mesh_reader *r, char word[MESH_WORD_MAX])
 {
     size_t length = 0;
 
@@ -117,7 +118,7 @@ static bool mesh_next_word(struct mesh_reader *r, char word[WORD_MAX])
         r->at++;
     }
     while (r->at < r->end && !mesh_is_blank(*r->at) && *r->at != '\n') {
-        if (length + 1 < WORD_MAX) {
+        if (length + 1 < MESH_WORD_MAX) {
             word[length++] = *r->at ? *r->at : '?';
         }
         r->at++;
@@ -126,7 +127,7 @@ static bool mesh_next_word(struct mesh_reader *r, char word[WORD_MAX])
     return length > 0;
 }
 
-static void mesh_skip_line(struct mesh_reader *r)
+void mesh_skip_line(struct mesh_reader *r)
 {
     const char *end = memchr(r->at, '\n', (size_t)(r->end - r->at));
 
@@ -136,7 +137,7 @@ static void mesh_skip_line(struct mesh_reader *r)
 
 static enum error_code mesh_read_xyz(struct mesh_reader *r, double xyz[3])
 {
-    char word[WORD_MAX];
+    char word[MESH_WORD_MAX];
 
     for (int m = 0; m < 3; m++) {
         if (!mesh_next_word(r, word) || !text_to_double(word, &xyz[m])) {
@@ -151,7 +152,7 @@ static enum error_code mesh_read_xyz(struct mesh_reader *r, double xyz[3])
 /* How many lines begin with a word. */
 static size_t mesh_count_lines(struct mesh_reader r, const char *first, size_t *corners)
 {
-    char word[WORD_MAX];
+    char word[MESH_WORD_MAX];
     size_t count = 0;
 
     *corners = 0;
@@ -169,7 +170,7 @@ static size_t mesh_count_lines(struct mesh_reader r, const char *first, size_t *
 
 static enum error_code stl_read_text(struct mesh_reader *r)
 {
-    char word[WORD_MAX];
+    char word[MESH_WORD_MAX];
     size_t corners, vertices = mesh_count_lines(*r, "vertex", &corners);
     enum error_code code = mesh_make_room(r, vertices, vertices / 3);
     double xyz[3];
@@ -199,7 +200,8 @@ static enum error_code stl_read_text(struct mesh_reader *r)
 /* ---- OBJ ---- */
 
 /* The vertex that a corner (v, v/vt, v//vn, v/vt/vn) names. */
-static enum error_code mesh_read_corner(struct mesh_reader *r, char word[WORD_MAX], int *vertex)
+static enum error_code mesh_read_corner(struct mesh_reader *r, char word[MESH_WORD_MAX],
+                                        int *vertex)
 {
     size_t digits = strcspn(word, "/");
     int64_t index, count = (int64_t)r->mesh->nvertex;
@@ -219,7 +221,7 @@ static enum error_code mesh_read_corner(struct mesh_reader *r, char word[WORD_MA
 /* A polygon as a fan of triangles. */
 static enum error_code mesh_read_polygon(struct mesh_reader *r)
 {
-    char word[WORD_MAX];
+    char word[MESH_WORD_MAX];
     int first = 0, last = 0, next = 0, corners = 0;
 
     while (mesh_next_word(r, word)) {
@@ -244,7 +246,7 @@ static enum error_code mesh_read_polygon(struct mesh_reader *r)
 
 static enum error_code mesh_read_obj_lines(struct mesh_reader *r)
 {
-    char word[WORD_MAX];
+    char word[MESH_WORD_MAX];
     size_t corners, faces, ignored;
     size_t vertices = mesh_count_lines(*r, "v", &ignored);
     enum error_code code;
@@ -259,6 +261,10 @@ static enum error_code mesh_read_obj_lines(struct mesh_reader *r)
             code = code ? code : mesh_add_vertex(r, xyz);
         } else if (!strcmp(word, "f")) {
             code = mesh_read_polygon(r);
+        } else if (!strcmp(word, "mtllib")) {
+            mesh_read_library(r);
+        } else if (!strcmp(word, "usemtl")) {
+            mesh_use_material(r);
         }
         mesh_skip_line(r);
     }
@@ -317,6 +323,7 @@ static enum error_code mesh_join_vertices(struct mesh_reader *r)
             corner[c] = same[face[c]];
         }
         if (corner[0] != corner[1] && corner[1] != corner[2] && corner[2] != corner[0]) {
+            mesh->tint[nface] = mesh->tint[f];
             memcpy(mesh->face[nface++], corner, sizeof corner);
             number[corner[0]] = number[corner[1]] = number[corner[2]] = 0;
         }
@@ -348,36 +355,47 @@ static void mesh_unmirror(struct mesh_reader *r)
     }
 }
 
-enum error_code import_parse_mesh(const char *name, const char *text, size_t size,
-                                  const double scale[3], struct arena *arena,
-                                  struct import_mesh *mesh, struct error *error)
+/* The faces of a file by what its name ends in, as they stand in it. */
+static enum error_code mesh_read_faces(struct mesh_reader *r)
+{
+    const char *ending = strrchr(r->name, '.');
+
+    ending = ending ? ending + 1 : "";
+    if (!strcasecmp(ending, "stl")) {
+        return stl_is_binary(r->at, (size_t)(r->end - r->at)) ? stl_read_binary(r)
+                                                              : stl_read_text(r);
+    }
+    if (!strcasecmp(ending, "obj")) {
+        return mesh_read_obj_lines(r);
+    }
+    if (!strcasecmp(ending, "dae")) {
+        return mesh_read_collada(r);
+    }
+    return error_set(r->error, ERROR_INPUT,
+                     "%.200s: found a mesh of type \"%.20s\", expected stl, obj or dae; "
+                     "`assimp export FILE.%.20s FILE.stl` (Debian package assimp-utils) "
+                     "converts it",
+                     r->name, ending, ending);
+}
+
+enum error_code mesh_parse(const char *name, bool is_file, const char *text, size_t size,
+                           const double scale[3], struct arena *arena, struct import_mesh *mesh,
+                           struct error *error)
 {
     struct mesh_reader r = {.name = name,
+                            .is_file = is_file,
                             .at = text,
                             .end = text + size,
                             .line = 1,
                             .scale = scale,
+                            .tint = -1,
                             .arena = arena,
                             .mesh = mesh,
                             .error = error};
-    const char *ending = strrchr(name, '.');
     enum error_code code;
 
     *mesh = (struct import_mesh){0};
-    ending = ending ? ending + 1 : "";
-    if (!strcasecmp(ending, "stl")) {
-        code = stl_is_binary(text, size) ? stl_read_binary(&r) : stl_read_text(&r);
-    } else if (!strcasecmp(ending, "obj")) {
-        code = mesh_read_obj_lines(&r);
-    } else if (!strcasecmp(ending, "dae")) {
-        code = mesh_read_collada(&r);
-    } else {
-        return error_set(error, ERROR_INPUT,
-                         "%.200s: found a mesh of type \"%.20s\", expected stl, obj or dae; "
-                         "`assimp export FILE.%.20s FILE.stl` (Debian package assimp-utils) "
-                         "converts it",
-                         name, ending, ending);
-    }
+    code = mesh_read_faces(&r);
     code = code ? code : mesh_join_vertices(&r);
     if (code) {
         return code;
@@ -389,4 +407,11 @@ enum error_code import_parse_mesh(const char *name, const char *text, size_t siz
         mesh_unmirror(&r);
     }
     return ERROR_NONE;
+}
+
+enum error_code import_parse_mesh(const char *name, const char *text, size_t size,
+                                  const double scale[3], struct arena *arena,
+                                  struct import_mesh *mesh, struct error *error)
+{
+    return mesh_parse(name, false, text, size, scale, arena, mesh, error);
 }

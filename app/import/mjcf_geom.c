@@ -252,6 +252,35 @@ static enum error_code geom_read_size(const struct mjcf_reader *r, const xmlNode
     return ERROR_NONE;
 }
 
+/* The color of a geom, by its rgba or its material, and whether MuJoCo's viewer shows it: groups 0
+ * to 2 are. Colors in the file of a mesh do not count. */
+static enum error_code geom_read_looks(const struct mjcf_reader *r, const xmlNode *node,
+                                       const char *childclass, struct import_geometry *g)
+{
+    static const double gray[4] = {0.5, 0.5, 0.5, 1.0}, white[4] = {1.0, 1.0, 1.0, 1.0};
+    const char *name = mjcf_attribute(r, node, childclass, "material");
+    const struct mjcf_name *material = name ? mjcf_find(&r->materials, name) : NULL;
+    double group = 0.0;
+    bool own;
+    enum error_code code;
+
+    memcpy(g->color, gray, sizeof g->color);
+    if ((code = mjcf_reals(r, node, childclass, "group", 1, &group, NULL)) ||
+        (code = mjcf_reals(r, node, childclass, "rgba", 4, g->color, &own))) {
+        return code;
+    }
+    if (!own && material) {
+        memcpy(g->color, white, sizeof g->color);
+        code = mjcf_reals(r, material->node, NULL, "rgba", 4, g->color, NULL);
+    }
+    for (int m = 0; m < 4; m++) {
+        g->color[m] = fmin(fmax(g->color[m], 0.0), 1.0);
+    }
+    g->visual = group < 3.0 && g->color[3] > 0.0;
+    g->colored = g->repaints = true;
+    return code;
+}
+
 enum error_code mjcf_read_geom(const struct mjcf_reader *r, const xmlNode *node,
                                const char *childclass, int link, struct robot_inertia *inertia)
 {
@@ -275,6 +304,9 @@ enum error_code mjcf_read_geom(const struct mjcf_reader *r, const xmlNode *node,
         return code;
     }
     g.collision = type != 0 || affinity != 0;
+    if ((code = geom_read_looks(r, node, childclass, &g))) {
+        return code;
+    }
     r->model->geometry[r->model->ngeometry++] = g;
     return ERROR_NONE;
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* MJCF: default classes, names of meshes, places, actuators, keyframes. */
+/* MJCF: default classes, names of meshes and materials, places, actuators, keyframes. */
 #include "app/import/mjcf_private.h"
 
 #include "base/vec3.h"
@@ -119,11 +119,34 @@ static enum error_code mjcf_index_meshes(struct mjcf_reader *r)
     return ERROR_NONE;
 }
 
+static enum error_code mjcf_index_materials(struct mjcf_reader *r)
+{
+    size_t count = 0;
+
+    for (const xmlNode *at = mjcf_next(r, "asset", "material", NULL); at;
+         at = mjcf_next(r, "asset", "material", at)) {
+        count++;
+    }
+    r->materials.entry = arena_alloc(r->arena, count + 1, sizeof *r->materials.entry);
+    if (!r->materials.entry) {
+        return mjcf_no_memory(r);
+    }
+    for (const xmlNode *at = mjcf_next(r, "asset", "material", NULL); at;
+         at = mjcf_next(r, "asset", "material", at)) {
+        if (xml_attribute(at, "name")) {
+            mjcf_add_name(&r->materials, xml_attribute(at, "name"), NULL, at);
+        }
+    }
+    qsort(r->materials.entry, r->materials.count, sizeof *r->materials.entry, mjcf_compare_names);
+    return ERROR_NONE;
+}
+
 enum error_code mjcf_index(struct mjcf_reader *r)
 {
     enum error_code code = mjcf_index_classes(r);
 
-    return code ? code : mjcf_index_meshes(r);
+    code = code ? code : mjcf_index_meshes(r);
+    return code ? code : mjcf_index_materials(r);
 }
 
 /* An attribute that a class gives to elements of that name: the last one that says so. */

@@ -31,7 +31,7 @@ struct mjcf_reader {
     struct import_notes *notes;
     struct error *error;
 
-    struct mjcf_names classes, meshes;
+    struct mjcf_names classes, meshes, materials;
     double angle; /* rad of the file's unit */
     char eulerseq[4];
     bool autolimits, exact_meshes;
@@ -60,7 +60,7 @@ const char *mjcf_file(const struct mjcf_reader *r, const xmlNode *node);
 /* Puts what is in other files in the place of <include>. */
 enum error_code mjcf_expand_includes(const struct mjcf_reader *r);
 
-/* Lists default classes and meshes by name. */
+/* Lists default classes, meshes and materials by name. */
 enum error_code mjcf_index(struct mjcf_reader *r);
 
 /* The first entry of a name; those after it, within the list, may have it too. NULL = none. */

@@ -47,13 +47,16 @@ struct import_geometry {
     const char *file;
     int line;
     int link;
-    bool collision; /* else only to be looked at */
+    bool collision, visual; /* what it is for: one of them or both */
     enum import_shape shape;
     double radius, length; /* of a capsule the length without its ends */
     double half[3];        /* of a box, an ellipsoid */
     const char *mesh;      /* as the file names it */
     double scale[3];
     struct import_place place; /* in the link */
+    bool colored;              /* the file gives it a color */
+    bool repaints;             /* ... that goes before those of the mesh itself */
+    double color[4];           /* sRGB and opacity, 0 to 1 */
 };
 
 struct import_link {
@@ -114,6 +117,7 @@ enum import_fate {
     IMPORT_MERGED,  /* part of another body now, exactly */
     IMPORT_CHANGED, /* not what the file says, but what can be had of it */
     IMPORT_ASSUMED, /* the file does not say it */
+    IMPORT_MISSING, /* a mesh that is not there or cannot be read */
     IMPORT_SHAPED,  /* a collision shape that is a capsule now */
     IMPORT_FATES,
 };

@@ -147,7 +147,7 @@ static bool shape_fit_mesh(const struct shape_builder *b, const struct import_ge
     if (arena_init(&scratch, IMPORT_MESH_ARENA, &why) ||
         import_find_mesh(model, shape, b->packages, &scratch, &file, &why) ||
         import_read_mesh(file, shape->scale, &scratch, &mesh, &why)) {
-        import_note_add(b->notes, IMPORT_DROPPED, shape->file, shape->line,
+        import_note_add(b->notes, IMPORT_MISSING, shape->file, shape->line,
                         "collision mesh of link \"%.63s\": %.300s", model->link[shape->link].name,
                         why.text);
         arena_fini(&scratch);

@@ -99,7 +99,7 @@ enum error_code srdf_read(const struct xml_file *file, struct arena *arena,
                           struct import_model *model, struct import_notes *notes,
                           struct error *error)
 {
-    struct urdf_reader r = {file, arena, model, notes, error};
+    struct urdf_reader r = {file, arena, model, notes, error, NULL, 0};
     size_t values, states = srdf_count_states(file->root, &values);
     enum error_code code = ERROR_NONE;
 

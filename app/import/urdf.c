@@ -308,7 +308,7 @@ enum error_code urdf_read(const struct xml_file *file, struct arena *arena,
                           struct import_model *model, struct import_notes *notes,
                           struct error *error)
 {
-    struct urdf_reader r = {file, arena, model, notes, error};
+    struct urdf_reader r = {file, arena, model, notes, error, NULL, 0};
     enum error_code code;
 
     *model = (struct import_model){.file = arena_strdup(arena, file->name)};
@@ -317,7 +317,8 @@ enum error_code urdf_read(const struct xml_file *file, struct arena *arena,
     }
     if ((code = xml_check_elements(file, error)) || (code = urdf_check_root(&r)) ||
         (code = urdf_need_text(&r, file->root, "name", &model->name)) ||
-        (code = urdf_make_room(&r)) || (code = urdf_read_elements(&r))) {
+        (code = urdf_make_room(&r)) || (code = urdf_read_materials(&r)) ||
+        (code = urdf_read_elements(&r))) {
         return code;
     }
     return urdf_resolve_names(&r);

@@ -152,6 +152,7 @@ static enum error_code urdf_read_geometry(const struct urdf_reader *r, const xml
     enum error_code code;
 
     shape.collision = xml_is(node, "collision");
+    shape.visual = !shape.collision;
     if ((code = urdf_read_origin(r, node, &shape.place)) ||
         (code = urdf_only_child(r, node, "geometry", &geometry))) {
         return code;
@@ -172,6 +173,9 @@ static enum error_code urdf_read_geometry(const struct urdf_reader *r, const xml
                             "collision sphere of link \"%.63s\", a point, has a radius of %g m",
                             model->link[link].name, POINT_RADIUS_M);
         }
+    }
+    if (shape.visual) {
+        urdf_read_color(r, node, &shape);
     }
     model->geometry[model->ngeometry++] = shape;
     return ERROR_NONE;

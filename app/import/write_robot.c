@@ -179,6 +179,62 @@ static void write_capsules(FILE *out, const struct robot *robot)
     }
 }
 
+/* A text between double quotes: what would end it is left out. */
+static void write_quoted(FILE *out, const char *text)
+{
+    fputc('"', out);
+    for (; *text; text++) {
+        if (*text != '"' && *text != '\\' && (unsigned char)*text >= ' ' &&
+            (unsigned char)*text < 0x7f) {
+            fputc(*text, out);
+        }
+    }
+    fputc('"', out);
+}
+
+/* The shape of a visual with its size. */
+static void write_visual_shape(FILE *out, const struct robot_visual *visual)
+{
+    switch (visual->shape) {
+    case VISUAL_BOX:
+        fputs("shape: box, half_extents_m: ", out);
+        import_write_reals(out, visual->half, 3);
+        break;
+    case VISUAL_SPHERE:
+        fprintf(out, "shape: sphere, radius_m: %.9g", visual->radius);
+        break;
+    case VISUAL_CYLINDER:
+    case VISUAL_CAPSULE:
+        fprintf(out, "shape: %s, radius_m: %.9g, length_m: %.9g",
+                visual->shape == VISUAL_CYLINDER ? "cylinder" : "capsule", visual->radius,
+                visual->length);
+        break;
+    default:
+        fprintf(out, "shape: mesh, %s: ", visual->missing ? "missing" : "file");
+        write_quoted(out, visual->missing ? visual->missing : visual->file);
+        break;
+    }
+}
+
+static void write_visuals(FILE *out, const struct robot *robot)
+{
+    fputs(robot->nvisual ? "\nvisuals:\n" : "", out);
+    for (size_t v = 0; v < robot->nvisual; v++) {
+        const struct robot_visual *visual = &robot->visual[v];
+
+        fprintf(out, "  - {name: \"%s\", body: \"%s\", ", visual->name,
+                robot->body[visual->body].name);
+        write_robot_place(out, visual->position, visual->rotation);
+        fputs(",\n     ", out);
+        write_visual_shape(out, visual);
+        if (visual->colored) {
+            fprintf(out, ", color: [%.4g, %.4g, %.4g, %.4g]", visual->color[0], visual->color[1],
+                    visual->color[2], visual->color[3]);
+        }
+        fputs("}\n", out);
+    }
+}
+
 static void write_sensors(FILE *out, const struct robot *robot)
 {
     fputs(robot->nft ? "\nft_sensors:\n" : "", out);
@@ -239,19 +295,6 @@ static const char *path_find_name(const char *path)
     return slash ? slash + 1 : path;
 }
 
-/* A text between double quotes: what would end it is left out. */
-static void write_quoted(FILE *out, const char *text)
-{
-    fputc('"', out);
-    for (; *text; text++) {
-        if (*text != '"' && *text != '\\' && (unsigned char)*text >= ' ' &&
-            (unsigned char)*text < 0x7f) {
-            fputc(*text, out);
-        }
-    }
-    fputc('"', out);
-}
-
 enum error_code import_write_robot(const struct import_robot *from, const char *path,
                                    struct error *error)
 {
@@ -280,6 +323,7 @@ enum error_code import_write_robot(const struct import_robot *from, const char *
     }
     write_frames(file.out, robot);
     write_capsules(file.out, robot);
+    write_visuals(file.out, robot);
     write_sensors(file.out, robot);
     write_poses(file.out, robot);
     return whole_file_close(&file, ERROR_NONE, error);
@@ -314,7 +358,7 @@ const char *import_fate_word(enum import_fate fate)
 {
     static const char *const word[] = {
         [IMPORT_DROPPED] = "dropped", [IMPORT_MERGED] = "merged", [IMPORT_CHANGED] = "changed",
-        [IMPORT_ASSUMED] = "assumed", [IMPORT_SHAPED] = "shaped",
+        [IMPORT_ASSUMED] = "assumed", [IMPORT_SHAPED] = "shaped", [IMPORT_MISSING] = "missing",
     };
 
     return word[fate];
@@ -333,8 +377,8 @@ size_t import_count_notes(const struct import_notes *notes, enum import_fate fat
 enum error_code import_write_report(const struct import_notes *notes, const char *source,
                                     const char *path, struct error *error)
 {
-    static const enum import_fate order[] = {IMPORT_CHANGED, IMPORT_ASSUMED, IMPORT_DROPPED,
-                                             IMPORT_SHAPED, IMPORT_MERGED};
+    static const enum import_fate order[] = {IMPORT_MISSING, IMPORT_CHANGED, IMPORT_ASSUMED,
+                                             IMPORT_DROPPED, IMPORT_SHAPED,  IMPORT_MERGED};
     struct whole_file file;
     enum error_code code = whole_file_open(&file, path, error);
 

@@ -6,6 +6,8 @@ hil_script_test(page_bundle LABELS service TIMEOUT 60
 # With a picture drawn by the processor; alone, for it takes all of it
 hil_script_test(page_browser LABELS service TIMEOUT 120 SERIAL
     COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/service/page_node.sh browser $<TARGET_FILE:coman-hil>)
+hil_script_test(page_visual LABELS service TIMEOUT 240 SERIAL
+    COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/service/page_node.sh visual $<TARGET_FILE:coman-hil>)
 hil_script_test(page_replay LABELS service TIMEOUT 120 SERIAL
     COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/service/page_node.sh replay $<TARGET_FILE:coman-hil>)
 hil_script_test(page_recording LABELS service TIMEOUT 60

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bodies of a scene as solids: meshes, capsules, boxes and spheres of the description; drums
-// where joints turn, bones between them; a box of equal inertia for a body that has no shape.
+// The bodies of a scene as solids: what they look like where their file says it, else what can touch:
+// meshes, capsules, boxes and spheres of the description; drums where joints turn, bones between
+// them; a box of equal inertia for a body that has no shape.
 import * as THREE from 'three';
+import { makeLooks } from './looks.js';
+import { place, primitiveGeometry, setShadow } from './solids.js';
 
 const SKIN = {
   light: { shell: 0xdfe4ea, metal: 0x5b6673, drum: 0x323a45, free: 0xc69a5b, world: 0xb9c0ca },
@@ -12,13 +15,6 @@ const WARM = new THREE.Color(0xe0a526);
 const HOT = new THREE.Color(0xd1372c);
 
 const vector = (array) => new THREE.Vector3(...array);
-
-function place(object, position, quaternion) {
-  const [w, x, y, z] = quaternion;
-  object.position.fromArray(position);
-  object.quaternion.set(x, y, z, w);
-  return object;
-}
 
 /** The box of uniform density that has a body's principal moments, as a mesh in the body. */
 function equivalentBox(body, material) {
@@ -55,24 +51,6 @@ async function meshGeometry(load, url) {
   return flat;
 }
 
-function shapeGeometry(shape) {
-  switch (shape.shape) {
-    case 'sphere': return new THREE.SphereGeometry(shape.radius_m, 32, 20);
-    case 'box': return new THREE.BoxGeometry(...shape.half_extent_m.map((a) => 2 * a));
-    case 'capsule': {
-      const geometry = new THREE.CapsuleGeometry(shape.radius_m, shape.length_m, 12, 28);
-      return geometry.rotateX(Math.PI / 2);
-    }
-    default: return null;
-  }
-}
-
-function setShadow(object) {
-  object.traverse((part) => {
-    if (part.isMesh) part.castShadow = part.receiveShadow = true;
-  });
-}
-
 /** The material of a solid: a matt one where a processor has to draw, whose program is the shorter. */
 export function makeSkin(matt, roughness, metalness, other) {
   return matt ? new THREE.MeshLambertMaterial(other)
@@ -106,7 +84,7 @@ export function makeBodies(hello, loadMesh, changed, matt) {
     const owner = shape.body < 0 ? group : places[shape.body];
     const skin = shape.body < 0 ? material.world
       : shape.body >= nrobot ? material.free : material.shell;
-    const mesh = new THREE.Mesh(shapeGeometry(shape) ?? new THREE.BufferGeometry(), skin);
+    const mesh = new THREE.Mesh(primitiveGeometry(shape) ?? new THREE.BufferGeometry(), skin);
     place(mesh, shape.position_m, shape.quaternion);
     setShadow(mesh);
     owner.add(mesh);
@@ -159,11 +137,22 @@ export function makeBodies(hello, loadMesh, changed, matt) {
     return bone;
   });
 
+  // What the robot's file says that it looks like, in colors of its own or that of the body's skin
+  const painted = []; // {skin, own, body}
+  const paint = (color, body) => {
+    if (!color) return skins[body];
+    const own = new THREE.Color().setRGB(color[0], color[1], color[2], THREE.SRGBColorSpace);
+    const skin = makeSkin(matt, 0.55, 0.05, { color: own, transparent: color[3] < 1, opacity: color[3] });
+    painted.push({ skin, own, body });
+    return skin;
+  };
+
   let marked = null;
   // Every body of the robot has a skin of its own, which takes the color of its joint's torque
   const skins = bodies.map((_, i) => i < nrobot ? material.shell.clone() : material.free);
   const skinOf = (mesh) => skins[mesh.parent.userData.body];
   for (const solid of solids) solid.material = skinOf(solid);
+  const looks = makeLooks(hello.scene.visuals ?? [], loadMesh, places, paint, (whole) => changed(whole));
 
   /** The color of a share of the greatest torque. */
   function tint(color, calm, part) {
@@ -174,6 +163,19 @@ export function makeBodies(hello, loadMesh, changed, matt) {
   return {
     group,
     bodies: places,
+    lacks: looks.lacks,
+    parts: looks.parts,
+
+    /** The box in the world about all that is seen of the bodies. */
+    bounds() {
+      const box = new THREE.Box3();
+      group.updateMatrixWorld(true);
+      for (const body of places) box.expandByPoint(body.position);
+      for (const part of [...solids, ...looks.parts]) {
+        if (part.visible) box.expandByObject(part);
+      }
+      return box;
+    },
 
     setTheme(theme) {
       for (const [name, color] of Object.entries(SKIN[theme])) material[name].color.set(color);
@@ -184,10 +186,12 @@ export function makeBodies(hello, loadMesh, changed, matt) {
     /** Which body is chosen, null = none. */
     mark(index) {
       marked = index;
-      skins.slice(0, nrobot).forEach((skin, i) => {
+      const shine = (skin, i) => {
         skin.emissive.set(i === index ? 0x1f6feb : 0);
         skin.emissiveIntensity = 0.5;
-      });
+      };
+      skins.slice(0, nrobot).forEach(shine);
+      for (const { skin, body } of painted) shine(skin, body);
       changed();
     },
 
@@ -209,31 +213,38 @@ export function makeBodies(hello, loadMesh, changed, matt) {
         object.position.set(x, y, z);
         object.quaternion.set(qx, qy, qz, qw);
       });
+      const covered = places.map((_, i) => show.visuals && !show.skeleton && looks.covers(i));
       for (const bone of bones) {
         const from = places[bone.userData.body].position;
         const way = places[bone.userData.child].position.clone().sub(from);
         const length = way.length();
-        bone.visible = length > 0.02;
+        bone.visible = length > 0.02 && !covered[bone.userData.child];
         if (bone.visible) {
           bone.position.copy(from);
           bone.scale.set(1, length, 1);
           bone.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), way.divideScalar(length));
         }
       }
+      const loads = []; // by body: the share of its joint's torque
       drums.forEach((drum, j) => {
         const limit = joints[j].torque_limit_nm || 50;
         const part = Math.min(1, Math.abs(state.joints[2 * j + 1]) / limit);
         const skin = skins[joints[j].body];
+        drum.visible = !covered[joints[j].body];
         tint(drum.material.color, CALM, part);
         tint(skin.color, material.shell.color, part);
         if (!show.torques) {
           drum.material.color.copy(material.drum.color);
           skin.color.copy(material.shell.color);
         }
+        loads[joints[j].body] = show.torques ? part : 0;
       });
+      for (const { skin, own, body } of painted) tint(skin.color, own, loads[body] ?? 0);
       for (const solid of solids) {
-        if (solid.parent.userData.body < nrobot) solid.visible = !show.skeleton;
+        const { body } = solid.parent.userData;
+        if (body < nrobot) solid.visible = !show.skeleton && !covered[body];
       }
+      for (const part of looks.parts) part.visible = show.visuals && !show.skeleton;
       for (const part of glasses) {
         part.visible = show.skeleton && part.parent.userData.body < nrobot;
       }

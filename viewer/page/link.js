@@ -104,7 +104,7 @@ export class Link extends EventTarget {
   /** A file of the server that needs the token. */
   async fetch(path) {
     const answer = await fetch(path, { headers: { Authorization: `Bearer ${this.token}` } });
-    if (!answer.ok) throw new Error(`${path}: ${answer.status}`);
+    if (!answer.ok) throw new Error(await answer.text() || `${path}: ${answer.status}`);
     return answer;
   }
 }

@@ -17,7 +17,7 @@ const KEYS = [['Space', 'pause, go on'], ['.', 'one tick'], [',', 'ten ticks'], 
 const REPLAY_KEYS = [['Space', 'play, pause'], ['. ,', 'a row on, back'], ['→ ←', 'a second on, back'],
   ['] [', 'next event, event before'], ['Home End', 'begin, end'], ['1 2 6', 'panels']];
 const ALL_KEYS = [['/', 'search a signal'], ['F', 'forces'], ['C', 'center of mass'],
-  ['I', 'ellipsoids of inertia'], ['R', 'look at the robot'], ['T', 'light or dark'], ['?', 'this list']];
+  ['I', 'ellipsoids of inertia'], ['V', 'how it looks, or what can touch'], ['R', 'look at the robot'], ['T', 'light or dark'], ['?', 'this list']];
 
 for (const text of [plotStyle, style]) {
   const sheet = new CSSStyleSheet();
@@ -151,8 +151,25 @@ function makeView(hello) {
   return h('section', { class: 'view' }, stage,
     h('div', { class: 'overlay' }, page.badge, page.picked),
     h('div', { class: 'toggles' }, toggle('forces', 'Forces', 'F'), toggle('centers', 'Center of mass', 'C'),
-      toggle('torques', 'Torques', 'Q'), toggle('skeleton', 'Inertia', 'I'), toggle('follow', 'Follow', '')),
+      toggle('torques', 'Torques', 'Q'), toggle('skeleton', 'Inertia', 'I'), toggle('follow', 'Follow', ''),
+      hello.scene.visuals?.length ? toggle('visuals', 'Looks', 'V') : null),
+    makeLacks(),
     page.past.element);
+}
+
+/** What of the robot cannot be shown as its file means it, by name: nothing while all is there. */
+function makeLacks() {
+  const sum = h('summary', {});
+  const list = h('ul', {});
+  const element = h('details', { class: 'lacks', hidden: true, role: 'status' }, sum, list);
+  page.scene.loaded = () => {
+    const { lacks } = page.scene.robot;
+    element.hidden = lacks.length === 0;
+    setText(sum, `${lacks.length} ${lacks.length === 1 ? 'shape is' : 'shapes are'} missing`);
+    list.replaceChildren(...lacks.map(({ name, reason }) => h('li', {}, h('b', {}, name), ` ${reason}`)));
+  };
+  page.scene.loaded();
+  return element;
 }
 
 function makeTabs(name, panels, first) {
@@ -245,8 +262,8 @@ const REPLAY_ACTIONS = {
   Home: () => page.past.show(page.hello.run.replay.from_s),
   End: () => page.past.show(page.hello.run.replay.to_s),
 };
-for (const [key, name] of [['f', 'forces'], ['c', 'centers'], ['q', 'torques'], ['i', 'skeleton']]) {
-  ACTIONS[key] = () => document.querySelector(`[data-show=${name}]`).click();
+for (const [key, name] of [['f', 'forces'], ['c', 'centers'], ['q', 'torques'], ['i', 'skeleton'], ['v', 'visuals']]) {
+  ACTIONS[key] = () => document.querySelector(`[data-show=${name}]`)?.click();
 }
 
 addEventListener('keydown', (event) => {

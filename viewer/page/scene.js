@@ -3,6 +3,7 @@
 import * as THREE from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { makeBodies, makeSkin } from './bodies.js';
+import { distanceToFit } from './framing.js';
 
 const COLORS = {
   light: { sky: 0xf4f6f9, ground: 0xe9ecf1, line: 0xc3cad4, strong: 0x9aa4b2 },
@@ -78,7 +79,7 @@ function drawsBySoftware() {
 }
 
 export class Scene {
-  show = { forces: true, centers: true, torques: true, skeleton: false, follow: true };
+  show = { forces: true, centers: true, torques: true, skeleton: false, follow: true, visuals: true };
 
   /** quality high: as beautiful as can be, however long it takes; low: for the slowest; else by
    * itself. */
@@ -98,10 +99,11 @@ export class Scene {
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.enableDamping = false;
     this.controls.addEventListener('change', () => { this.dirty = true; });
+    this.controls.addEventListener('start', () => { this.touched = true; });
     this.target = new THREE.Vector3();
     this.#makeLights();
     this.#makeGround();
-    this.robot = makeBodies(hello, loadMesh, () => { this.dirty = true; }, this.plain);
+    this.robot = makeBodies(hello, loadMesh, (whole) => this.#take(whole), this.plain);
     this.scene.add(this.robot.group);
     this.#makeMarks();
     new ResizeObserver(() => this.#resize()).observe(canvas.parentElement);
@@ -125,10 +127,20 @@ export class Scene {
     this.scene.add(this.sun, this.sun.target, new THREE.HemisphereLight(0xffffff, 0x8a93a0, 1.5));
   }
 
+  /** More is there to be seen; with whole, all of it: a picture that nobody has turned fits it. */
+  #take(whole) {
+    this.dirty = true;
+    if (whole && !this.touched) this.framed = false;
+    if (this.state) this.update(this.state);
+    if (whole) this.loaded?.();
+  }
+
+  /** That of the scene; where there is none and the robot does not float, one to stand below it. */
   #makeGround() {
     const plane = this.hello.scene.shapes.find((s) => s.shape === 'half_space' && s.body < 0);
     this.ground = new THREE.Group();
-    this.ground.visible = Boolean(plane);
+    this.firm = Boolean(plane);
+    this.ground.visible = this.firm || !this.hello.scene.floating;
     this.floor = new THREE.Mesh(new THREE.CircleGeometry(GROUND_M, 64),
       makeSkin(this.plain, 1, 0));
     this.floor.receiveShadow = true;
@@ -165,7 +177,7 @@ export class Scene {
   setTheme(theme) {
     const colors = COLORS[theme];
     this.scene.background = new THREE.Color(colors.sky);
-    this.scene.fog = new THREE.Fog(colors.sky, 3.5, 9);
+    this.#makeFog();
     this.floor.material.map?.dispose();
     this.floor.material.map = makeSquares(colors, this.renderer.capabilities.getMaxAnisotropy());
     this.floor.material.needsUpdate = true;
@@ -186,20 +198,36 @@ export class Scene {
 
   /** Where the robot stands in the picture at first: all of it, from the front left. */
   #frame() {
-    const box = new THREE.Box3();
-    this.robot.group.updateMatrixWorld(true);
-    for (const body of this.robot.bodies) box.expandByPoint(body.position);
-    box.expandByScalar(0.12);
-    const size = box.getSize(new THREE.Vector3());
-    const reach = Math.max(size.z, size.y, size.x, 0.3);
-    const far = reach * 0.6 / Math.tan(this.camera.fov * Math.PI / 360)
-      * Math.max(1, 0.8 / this.camera.aspect);
+    const box = this.robot.bounds().expandByScalar(0.02);
+    const direction = new THREE.Vector3(0.82, -0.62, 0.28).normalize();
+    const far = Math.max(0.4, distanceToFit(this.camera, box, direction, 0.84));
     box.getCenter(this.target);
     this.controls.target.copy(this.target);
-    this.camera.position.copy(this.target).add(new THREE.Vector3(0.82, -0.62, 0.28)
-      .normalize().multiplyScalar(far));
+    this.camera.position.copy(this.target).addScaledVector(direction, far);
+    this.#suitSize(far, box);
     this.controls.update(); // turns the camera, so that this picture shows the robot already
     this.base = this.#basePosition();
+  }
+
+  /** What depends on how large the robot is: depths, fog, the reach of shadows and of the ground. */
+  #suitSize(far, box) {
+    const reach = Math.max(1.6, 0.6 * box.getSize(new THREE.Vector3()).length());
+    this.camera.near = Math.min(0.05, 0.02 * far);
+    this.camera.far = Math.max(60, 20 * far);
+    this.camera.updateProjectionMatrix();
+    this.far = far;
+    this.#makeFog();
+    Object.assign(this.sun.shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach,
+      near: 0.3 * reach, far: 6 * reach });
+    this.sun.shadow.camera.updateProjectionMatrix();
+    this.height = 2.1 * reach; // of the sun
+    this.floor.scale.setScalar(Math.max(1, Math.ceil(far / 3)));
+    if (!this.firm) this.ground.position.z = Math.min(0, box.min.z) - 0.001;
+  }
+
+  #makeFog() {
+    const far = this.far ?? 0;
+    this.scene.fog = new THREE.Fog(this.scene.background, Math.max(3.5, 1.6 * far), Math.max(9, 4 * far));
   }
 
   #basePosition() {
@@ -215,7 +243,8 @@ export class Scene {
       this.camera.position.add(by);
     }
     this.base = now;
-    this.sun.position.copy(this.controls.target).add(new THREE.Vector3(1.2, -1.6, 3.4));
+    this.sun.position.copy(this.controls.target).add(new THREE.Vector3(0.35, -0.47, 1)
+      .multiplyScalar(this.height ?? 3.4));
     this.sun.target.position.copy(this.controls.target);
   }
 
@@ -224,7 +253,7 @@ export class Scene {
   #pressureCenter(body, force, moment) {
     const square = force.lengthSq();
     const at = force.clone().cross(moment).divideScalar(square).add(body.position);
-    if (this.ground.visible) {
+    if (this.firm) {
       const normal = UP.clone().applyQuaternion(this.ground.quaternion);
       const slope = force.dot(normal);
       const height = normal.dot(body.position.clone().sub(this.ground.position));
@@ -361,6 +390,6 @@ export class Scene {
   }
 
   reset() {
-    this.framed = false;
+    this.framed = this.touched = false;
   }
 }

@@ -308,6 +308,74 @@ static void a_sound_file_becomes_a_robot(void **state)
     assert_near(robot->pose[0].joint[1], 0.2, 0.0);
 }
 
+/* A robot has looks, whose paths are those of the folder, and is the same without. */
+static void visuals_are_read_and_change_no_dynamics(void **state)
+{
+    const struct robot *plain, *robot;
+    struct robot *held;
+    struct error error;
+    double up[4] = {1, 0, 0, 0};
+
+    (void)state;
+    assert_int_equal(load_changed("", "", NULL, &plain, &error), ERROR_NONE);
+    if (load_changed("ft_sensors:",
+                     "visuals:\n"
+                     "  - {name: a, body: trunk, shape: mesh, file: m/a.stl, xyz_m: [1, 2, 3],\n"
+                     "     color: [0.1, 0.2, 0.3, 1]}\n"
+                     "  - {name: b, body: hand, shape: capsule, radius_m: 0.1, length_m: 0}\n"
+                     "  - {name: c, body: arm, shape: mesh, missing: \"why: so\"}\n"
+                     "ft_sensors:",
+                     NULL, &robot, &error)) {
+        fail_msg("%s", error.text);
+    }
+    assert_int_equal(robot->nvisual, 3);
+    assert_true(robot->hash == plain->hash && robot->massless_hash == plain->massless_hash);
+    assert_string_equal(robot->visual[0].file, "/tmp/m/a.stl");
+    assert_near(robot->visual[0].color[2], 0.3, 0.0);
+    assert_int_equal(robot->visual[1].shape, VISUAL_CAPSULE);
+    assert_false(robot->visual[1].colored);
+    assert_string_equal(robot->visual[2].missing, "why: so");
+    assert_null(robot->visual[2].file);
+
+    /* They stay where they were when the base is clamped half a meter up */
+    assert_int_equal(robot_copy(robot, &arena, &held, &error), ERROR_NONE);
+    assert_int_equal(robot_fix_base(held, (double[3]){0, 0, 0.5}, up, &error), ERROR_NONE);
+    assert_near(held->visual[0].position[2], 3.5, 0.0);
+    assert_near(robot->visual[0].position[2], 3.0, 0.0);
+}
+
+static void wrong_visuals_are_refused(void **state)
+{
+    static const struct {
+        const char *visual, *expected;
+    } cases[] = {
+        {"shape: box", "found a box without \"half_extents_m\", expected it"},
+        {"shape: mesh", "found a mesh without \"file\""},
+        {"shape: sphere, radius_m: 1, length_m: 1", "found a sphere with \"length_m\""},
+        {"shape: sphere, radius_m: 1, file: a.stl", "found a sphere with \"file\""},
+        {"shape: sphere, radius_m: 0", "found 0"},
+        {"shape: mesh, file: a.stl, missing: x", "found \"file\" beside \"missing\""},
+        {"shape: mesh, file: /etc/passwd", "found absolute path"},
+        {"shape: mesh, file: ../../x.stl", "leaves the configuration tree"},
+        {"shape: mesh, file: a.stl, color: [1, 1, 1, 2]", "found 2"},
+        {"shape: cone, radius_m: 1", "found \"cone\""},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const struct robot *robot;
+        struct error error;
+        char text[256];
+
+        snprintf(text, sizeof text,
+                 "visuals:\n  - {name: a, body: arm, %s}\nft_sensors:", cases[i].visual);
+        assert_int_equal(load_changed("ft_sensors:", text, NULL, &robot, &error), ERROR_INPUT);
+        if (!strstr(error.text, cases[i].expected) || !strstr(error.text, ":29:")) {
+            fail_msg("%s, expected %s", error.text, cases[i].expected);
+        }
+    }
+}
+
 static void assert_stop(const struct robot_stop *stop, double stiffness, double damping)
 {
     assert_near(stop->stiffness, stiffness, 1e-12 * stiffness);
@@ -616,6 +684,8 @@ int main(void)
         TEST(the_forearms_make_it_heavier_and_move_the_wrists),
         TEST(an_unknown_variant_is_refused_with_the_nearest),
         TEST(a_sound_file_becomes_a_robot),
+        TEST(visuals_are_read_and_change_no_dynamics),
+        TEST(wrong_visuals_are_refused),
         TEST(limits_have_stops),
         TEST(springs_with_room_have_stops),
         TEST(coman_has_stops),

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Meshes of foreign robots: formats, scales, joined corners, hostile bytes. */
-#include "app/import/mesh.h"
+#include "app/import/mesh_private.h"
 #include "contact/mesh.h"
 
 #include <math.h>
@@ -133,6 +133,107 @@ static void text_stl_and_obj_are_the_same(void **state)
     assert_near(mesh_signed_volume(), 1.0 / 6.0, 1e-15);
 }
 
+/* ---- colors ---- */
+
+static void expect_color(int tint, double red, double green, double blue)
+{
+    assert_in_range(tint, 0, mesh.ncolor - 1);
+    assert_near(mesh.color[tint][0], red, 1e-9);
+    assert_near(mesh.color[tint][1], green, 1e-9);
+    assert_near(mesh.color[tint][2], blue, 1e-9);
+    assert_near(mesh.color[tint][3], 1.0, 0.0);
+}
+
+/* Writes a file of that name into a folder. */
+static void write_text(const char *folder, const char *name, const char *text)
+{
+    char path[128];
+    FILE *out;
+
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    out = fopen(path, "w");
+    assert_non_null(out);
+    assert_true(fputs(text, out) >= 0);
+    assert_int_equal(fclose(out), 0);
+}
+
+/* Faces before the first usemtl, and of a material that is not there, have no color. */
+static void an_obj_has_the_colors_of_its_materials(void **state)
+{
+    static const char obj[] = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\n"
+                              "usemtl red\nf 1 2 4\nusemtl sky\nf 1 4 3\nusemtl none\nf 2 3 4\n";
+    char folder[] = "/tmp/import-mesh-XXXXXX", path[64];
+
+    (void)state;
+    assert_non_null(mkdtemp(folder));
+    write_text(folder, "b.obj", obj);
+    write_text(folder, "m.mtl",
+               "# two\nKd 9 9 9\nnewmtl red\nKa 0 0 0\nKd 0.8 0.1 0\nmap_Kd skin.png\n\n"
+               "newmtl sky\n  Kd 0.2 0.4 2\nnewmtl dull\nKd x\n");
+    snprintf(path, sizeof path, "%s/b.obj", folder);
+    assert_int_equal(import_read_mesh(path, one, &arena, &mesh, &error), ERROR_NONE);
+    assert_int_equal(mesh.nface, 4);
+    assert_int_equal(mesh.tint[0], -1);
+    expect_color(mesh.tint[1], 0.8, 0.1, 0.0);
+    expect_color(mesh.tint[2], 0.2, 0.4, 1.0);
+    assert_int_equal(mesh.tint[3], -1);
+    assert_non_null(strstr(mesh.remark, "skin.png"));
+
+    /* Without a path no file is read, and from a path only what is beside it */
+    assert_int_equal(import_parse_mesh("b.obj", obj, strlen(obj), one, &arena, &mesh, &error),
+                     ERROR_NONE);
+    assert_int_equal(mesh.ncolor, 0);
+    write_text(folder, "b.obj", "mtllib ../m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    assert_int_equal(import_read_mesh(path, one, &arena, &mesh, &error), ERROR_NONE);
+    assert_non_null(strstr(mesh.remark, "expected a file beside it"));
+    write_text(folder, "b.obj", "mtllib n.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    assert_int_equal(import_read_mesh(path, one, &arena, &mesh, &error), ERROR_NONE);
+    assert_non_null(strstr(mesh.remark, "cannot be read"));
+    snprintf(path, sizeof path, "rm -r '%s'", folder);
+    assert_int_equal(system(path), 0);
+}
+
+/* More colors than there is room for become the nearest ones. */
+static void colors_are_bounded(void **state)
+{
+    (void)state;
+    mesh = (struct import_mesh){0};
+    for (int i = 0; i <= 200; i++) {
+        const double color[4] = {i * 5e-3, 0.0, 0.0, 1.0};
+        int tint = mesh_find_tint(&mesh, color);
+
+        assert_in_range(tint, 0, IMPORT_COLORS_MAX - 1);
+        assert_true(i >= IMPORT_COLORS_MAX || tint == i);
+    }
+    assert_int_equal(mesh.ncolor, IMPORT_COLORS_MAX);
+    assert_int_equal(mesh_find_tint(&mesh, (double[4]){1, 0, 0, 1}), IMPORT_COLORS_MAX - 1);
+}
+
+/* What is written for one tint is read back as its faces, and no others. */
+static void faces_of_a_tint_are_written_as_stl(void **state)
+{
+    unsigned char bytes[512];
+    size_t size = make_binary_stl(bytes);
+    char path[] = "/tmp/import-tint-XXXXXX.stl";
+    int fd = mkstemps(path, 4);
+
+    (void)state;
+    assert_true(fd >= 0);
+    close(fd);
+    assert_int_equal(
+        import_parse_mesh("x.stl", (const char *)bytes, size, one, &arena, &mesh, &error),
+        ERROR_NONE);
+    mesh.tint[2] = 0;
+    assert_int_equal(import_count_tint(&mesh, 0), 1);
+    assert_int_equal(import_count_tint(&mesh, -1), 3);
+    assert_int_equal(import_write_tint(&mesh, -1, path, &error), ERROR_NONE);
+    mesh.tint[2] = -1;
+    assert_int_equal(import_read_mesh(path, one, &arena, &mesh, &error), ERROR_NONE);
+    assert_int_equal(mesh.nface, 3);
+    assert_int_equal(mesh.nvertex, 4);
+    unlink(path);
+}
+
 /* ---- COLLADA ---- */
 
 /* The tetrahedron as positions after a leading number, with texture coordinates beside. */
@@ -193,6 +294,92 @@ static void collada_scenes_are_put_together(void **state)
         "<node><matrix>0 3 0 100 2 0 0 0 0 0 1 0 0 0 0 1</matrix><instance_node url='#n'/>"
         "</node><node><translate>-500 0 0</translate><instance_node url='#n'/></node>" DAE_END,
         8, 1e-6 + 1e-6 / 6.0);
+}
+
+#define DAE_EFFECT(id, shader)                                                                     \
+    "<effect id='" id "'><profile_COMMON><technique>" shader                                       \
+    "</technique></profile_COMMON></effect>"
+#define DAE_COLOR(text) "<diffuse><color>" text "</color></diffuse>"
+#define DAE_FACE(symbol, corners)                                                                  \
+    "<triangles material='" symbol "' count='1'>" DAE_INPUTS "<p>" corners "</p></triangles>"
+
+/* By symbol, binding, material, effect and shader; each link that leads nowhere is no color. */
+static void collada_faces_have_the_colors_that_are_bound(void **state)
+{
+    static const char text[] = DAE_BEGIN DAE_FACE("a", "0 0 0 2 0 1") DAE_FACE("b", "0 0 0 1 0 3")
+        DAE_FACE("c", "0 0 0 3 0 2")
+            DAE_FACE("d", "0 1 0 2 0 3") "</mesh></geometry></"
+                                         "library_geometries><library_effects>" DAE_EFFECT(
+                                             "red", "<phong>" DAE_COLOR("1 0 0 0.5") "</phong>")
+                                             DAE_EFFECT("lit", "<constant><emission><color>0 0.5 1 "
+                                                               "1</color></emission></constant>")
+                                                 DAE_EFFECT("skin",
+                                                            "<lambert><diffuse><texture "
+                                                            "texture='t'/></diffuse></"
+                                                            "lambert>") "</"
+                                                                        "library_effects><"
+                                                                        "library_materials>"
+                                                                        "<material "
+                                                                        "id='A'><instance_"
+                                                                        "effect "
+                                                                        "url='#red'/></"
+                                                                        "material>"
+                                                                        "<material "
+                                                                        "id='B'><instance_"
+                                                                        "effect "
+                                                                        "url='#lit'/></"
+                                                                        "material>"
+                                                                        "<material "
+                                                                        "id='C'><instance_"
+                                                                        "effect "
+                                                                        "url='#skin'/></"
+                                                                        "material>"
+                                                                        "<material "
+                                                                        "id='D'><instance_"
+                                                                        "effect "
+                                                                        "url='#none'/></"
+                                                                        "material></"
+                                                                        "library_materials>"
+                                                                        "<library_visual_"
+                                                                        "scenes><visual_scene "
+                                                                        "id='x'><node><"
+                                                                        "instance_geometry "
+                                                                        "url='#g'>"
+                                                                        "<bind_material><"
+                                                                        "technique_common><"
+                                                                        "instance_material "
+                                                                        "symbol='b' "
+                                                                        "target='#B'/>"
+                                                                        "<instance_material "
+                                                                        "symbol='a' "
+                                                                        "target='#A'/"
+                                                                        "><instance_material "
+                                                                        "symbol='c' "
+                                                                        "target='#C'/>"
+                                                                        "<instance_material "
+                                                                        "symbol='d' "
+                                                                        "target='#D'/></"
+                                                                        "technique_common></"
+                                                                        "bind_material>"
+                                                                        "</"
+                                                                        "instance_geometry></"
+                                                                        "node><node><"
+                                                                        "translate>5 0 "
+                                                                        "0</"
+                                                                        "translate>" DAE_SHOW
+                                                                        "</node>" DAE_END;
+
+    (void)state;
+    if (parse_dae(text)) {
+        fail_msg("%s", error.text);
+    }
+    assert_int_equal(mesh.nface, 8);
+    expect_color(mesh.tint[0], 1.0, 0.0, 0.0);
+    expect_color(mesh.tint[1], 0.0, 0.5, 1.0);
+    for (int face = 2; face < 8; face++) {
+        assert_int_equal(mesh.tint[face], -1);
+    }
+    assert_non_null(strstr(mesh.remark, "texture"));
 }
 
 static void collada_faces_of_every_kind_are_read(void **state)
@@ -451,6 +638,10 @@ int main(void)
         TEST(binary_stl_joins_its_corners),
         TEST(scales_measure_and_mirror),
         TEST(text_stl_and_obj_are_the_same),
+        TEST(an_obj_has_the_colors_of_its_materials),
+        TEST(colors_are_bounded),
+        TEST(faces_of_a_tint_are_written_as_stl),
+        TEST(collada_faces_have_the_colors_that_are_bound),
         TEST(wrong_meshes_are_refused),
         TEST(collada_scenes_are_put_together),
         TEST(collada_faces_of_every_kind_are_read),

@@ -2,6 +2,7 @@
 /* Whole imports into a folder: what is written loads, and no bus is loaded beyond the plan's share,
  * whatever the number of joints and what the boards speak. */
 #include "app/import/import.h"
+#include "app/import/write.h"
 #include "rig/rig.h"
 
 #include <math.h>
@@ -204,6 +205,132 @@ static void a_box_gets_the_capsule_that_holds_it(void **state)
     assert_true(fabs(capsule->position[2] - 0.03) < 1e-6);
 }
 
+#define VISUAL_INERTIAL                                                                            \
+    "<inertial><origin xyz='0 0 -0.1'/><mass value='1'/><inertia ixx='0.01' iyy='0.01' "           \
+    "izz='0.01' ixy='0' ixz='0' iyz='0'/></inertial>"
+#define VISUAL_JOINT(name, parent, child)                                                          \
+    "<joint name='" name "' type='revolute'><parent link='" parent "'/><child link='" child        \
+    "'/><axis xyz='1 0 0'/><limit lower='-2' upper='2' effort='60' velocity='4'/></joint>"
+
+/* Writes a text into the folder. */
+static void write_file(const char *name, const char *text)
+{
+    char path[96];
+    FILE *out;
+
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    out = fopen(path, "w");
+    assert_non_null(out);
+    assert_true(fputs(text, out) >= 0);
+    assert_int_equal(fclose(out), 0);
+}
+
+static size_t count_files(const char *command)
+{
+    char line[128];
+    unsigned count = 0;
+    FILE *in;
+
+    snprintf(line, sizeof line, command, folder);
+    assert_non_null(in = popen(line, "r"));
+    assert_int_equal(fscanf(in, "%u", &count), 1);
+    pclose(in);
+    return count;
+}
+
+/* A link on a fixed joint brings its shape along; the same mesh is written once; materials count by
+ * name from wherever they are; what is missing or damaged is named; nothing of it moves a body. */
+static void visuals_come_with_their_places_and_colors(void **state)
+{
+    static const char begin[] = "<robot name='r'><link name='base'>" VISUAL_INERTIAL;
+    static const char looks[] =
+        "<visual><geometry><box size='0.2 0.4 0.6'/></geometry><material name='sea'/></visual>";
+    static const char middle[] = "</link><link name='tip'>";
+    static const char more[] =
+        "<visual><origin xyz='0 0 0.5' rpy='0 0 1.5707963267948966'/><geometry>"
+        "<mesh filename='a.obj' scale='2 2 2'/></geometry><material name='sea'><color rgba='0.1 "
+        "0.2 "
+        "0.3 0.5'/></material></visual>"
+        "<visual><geometry><mesh filename='a.obj' scale='2 2 2'/></geometry></visual>"
+        "<visual><geometry><mesh filename='none.stl'/></geometry></visual>"
+        "<visual><geometry><mesh filename='bad.obj'/></geometry></visual>"
+        "<visual><geometry><cylinder radius='0.1' length='0.3'/></geometry><material name='x'>"
+        "<color rgba='1 0'/></material></visual>";
+    static const char end[] = "</link><link name='arm'>" VISUAL_INERTIAL "</link>"
+                              "<joint name='weld' type='fixed'><parent link='arm'/><child "
+                              "link='tip'/><origin xyz='1 0 0'/>"
+                              "</joint>" VISUAL_JOINT("j", "base", "arm") "</robot>\n";
+    char text[4096];
+    struct import_result plain, result;
+    const struct robot_visual *visual;
+
+    (void)state;
+    write_file("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    write_file("bad.obj", "v 0 0 0\nv 1 zero 0\n");
+    snprintf(text, sizeof text, "%s%s%s", begin, middle, end);
+    write_file("r.urdf", text);
+    import_limbs(IMPORT_ICUB, &plain);
+    snprintf(text, sizeof text, "%s%s%s%s%s", begin, looks, middle, more, end);
+    write_file("r.urdf", text);
+    import_limbs(IMPORT_ICUB, &result);
+    assert_int_equal(result.loaded->nvisual, 6);
+    assert_true(result.loaded->hash == plain.loaded->hash);
+    assert_int_equal(import_count_notes(&result.notes, IMPORT_MISSING), 2);
+
+    /* The box, in the color that a later link gives the name */
+    visual = result.loaded->visual;
+    assert_int_equal(visual[0].shape, VISUAL_BOX);
+    assert_int_equal(visual[0].body, 0);
+    assert_true(visual[0].half[1] == 0.2 && visual[0].colored && visual[0].color[3] == 0.5);
+
+    /* The meshes, on the body that carries their link */
+    assert_int_equal(visual[1].body, 1);
+    assert_true(visual[1].position[0] == 1.0 && visual[1].position[2] == 0.5);
+    assert_true(fabs(visual[1].rotation[3] - 1.0) < 1e-12);
+    assert_true(visual[1].color[2] == 0.3);
+    assert_string_equal(visual[1].file, visual[2].file);
+    assert_false(visual[2].colored);
+    assert_int_equal(count_files("ls '%s'/meshes/*.stl | wc -l"), 1);
+
+    /* Why there is none, with the place */
+    assert_null(visual[3].file);
+    assert_non_null(strstr(visual[3].missing, "found no file for mesh none.stl"));
+    assert_non_null(strstr(visual[4].missing, "bad.obj:2: found zero"));
+    assert_int_equal(visual[5].shape, VISUAL_CYLINDER);
+    assert_false(visual[5].colored);
+    assert_int_equal(count_files("grep -c 'visual mesh of link' '%s'/r-import.txt"), 2);
+}
+
+/* Groups from 3 on are hidden, what touches may be seen, a material's color is that of the geom. */
+static void geoms_of_mjcf_are_seen_as_in_its_viewer(void **state)
+{
+    struct import_result result;
+    const struct robot_visual *visual;
+
+    (void)state;
+    write_file("a.obj", "mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    write_file("a.mtl", "newmtl m\nKd 0 0 1\n");
+    write_file(
+        "r.urdf",
+        "<mujoco model='r'><asset><mesh name='a' file='a.obj'/><material name='steel' "
+        "rgba='0.1 0.2 0.3 1'/></asset><worldbody><body name='base'><inertial pos='0 0 0' "
+        "mass='1' diaginertia='1e-2 1e-2 1e-2'/>"
+        "<geom type='sphere' size='0.1' group='3'/><geom type='sphere' size='0.2'/>"
+        "<body name='arm'><joint name='j' axis='1 0 0' range='-60 60'/><inertial pos='0 0 0' "
+        "mass='1' diaginertia='1e-2 1e-2 1e-2'/><geom type='mesh' mesh='a' contype='0' "
+        "conaffinity='0' material='steel'/><geom type='box' size='1 2 3' contype='0' "
+        "conaffinity='0' rgba='0 1 0 0.5' material='steel'/></body></body></worldbody>"
+        "</mujoco>\n");
+    import_limbs(IMPORT_ICUB, &result);
+    visual = result.loaded->visual;
+    assert_int_equal(result.loaded->nvisual, 3);
+    assert_int_equal(result.loaded->ncapsule, 2);
+    assert_true(visual[0].radius == 0.2 && visual[0].color[0] == 0.5);
+    assert_int_equal(visual[1].shape, VISUAL_MESH);
+    assert_true(visual[1].color[2] == 0.3); /* not the blue of its file */
+    assert_true(visual[2].half[2] == 3.0 && visual[2].color[1] == 1.0 && visual[2].color[3] == 0.5);
+}
+
 /* A biped of 40 kg whose center is 0.85 m above its ankles, which alone show little inertia: they
  * are stiff enough to keep it from tipping over them, and other joints are as before. */
 static void ankles_hold_up_what_stands_on_them(void **state)
@@ -267,6 +394,8 @@ int main(void)
         TEST(a_box_gets_the_capsule_that_holds_it),
         TEST(ankles_hold_up_what_stands_on_them),
         TEST(a_second_import_asks_before_it_writes_over_the_first),
+        TEST(visuals_come_with_their_places_and_colors),
+        TEST(geoms_of_mjcf_are_seen_as_in_its_viewer),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

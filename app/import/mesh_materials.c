@@ -1,0 +1,158 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Colors of meshes: the table of a mesh, and the materials of an OBJ (MTL files). */
+#include "app/import/mesh_private.h"
+
+#include "base/text.h"
+
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    MTL_BYTES_MAX = 1 << 20,
+    MATERIALS_MAX = 512,
+    LIBRARIES_MAX = 16,          /* that an OBJ names */
+    MATERIAL_WORK_MAX = 1 << 24, /* names compared in one OBJ */
+};
+
+int mesh_find_tint(struct import_mesh *mesh, const double color[4])
+{
+    double nearest = INFINITY;
+    int found = -1;
+
+    for (size_t i = 0; i < mesh->ncolor; i++) {
+        double distance = 0.0;
+
+        for (int m = 0; m < 4; m++) {
+            double apart = mesh->color[i][m] - color[m];
+
+            distance += apart * apart;
+        }
+        if (distance < nearest) {
+            nearest = distance;
+            found = (int)i;
+        }
+    }
+    if (nearest > 1e-6 && mesh->ncolor < IMPORT_COLORS_MAX) {
+        found = (int)mesh->ncolor++;
+        for (int m = 0; m < 4; m++) {
+            mesh->color[found][m] = fmin(fmax(color[m], 0.0), 1.0);
+        }
+    }
+    return found;
+}
+
+/* ---- MTL ---- */
+
+/* Remarks what a mesh is without, once: before and after stand about the name. */
+static void mesh_remark(struct mesh_reader *r, const char *before, const char *name,
+                        const char *after)
+{
+    char line[200], shown[100];
+
+    if (!r->mesh->remark) {
+        snprintf(shown, sizeof shown, "%s", name);
+        text_make_printable(shown);
+        snprintf(line, sizeof line, "without %s \"%s\"%s", before, shown, after);
+        r->mesh->remark = arena_strdup(r->arena, line);
+    }
+}
+
+/* The material of a name, added when there is none and room for it. */
+static struct mesh_material *mtl_find_material(struct mesh_reader *r, const char *name, bool add)
+{
+    for (size_t i = 0; i < r->nmaterial && r->material_work < MATERIAL_WORK_MAX; i++) {
+        r->material_work++;
+        if (!strcmp(r->material[i].name, name)) {
+            return &r->material[i];
+        }
+    }
+    if (!add || r->nmaterial == MATERIALS_MAX) {
+        return NULL;
+    }
+    if (!r->material) {
+        r->material = arena_alloc(r->arena, MATERIALS_MAX, sizeof *r->material);
+    }
+    if (!r->material) {
+        return NULL;
+    }
+    r->material[r->nmaterial].tint = -1;
+    snprintf(r->material[r->nmaterial].name, MESH_WORD_MAX, "%s", name);
+    return &r->material[r->nmaterial++];
+}
+
+/* Three numbers of a line, 0 to 1; false where they are none. */
+static bool mtl_read_color(struct mesh_reader *lines, double color[4])
+{
+    char word[MESH_WORD_MAX];
+
+    for (int m = 0; m < 3; m++) {
+        if (!mesh_next_word(lines, word) || !text_to_double(word, &color[m])) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* The colors of all materials in the text of an MTL file: newmtl NAME, then Kd R G B. */
+static void mtl_read(struct mesh_reader *r, const char *text, size_t size)
+{
+    struct mesh_reader lines = {.at = text, .end = text + size};
+    struct mesh_material *material = NULL;
+    char word[MESH_WORD_MAX];
+
+    while (lines.at < lines.end) {
+        double color[4] = {0, 0, 0, 1};
+
+        if (!mesh_next_word(&lines, word)) {
+            /* an empty line */
+        } else if (!strcmp(word, "newmtl")) {
+            material = mesh_next_word(&lines, word) ? mtl_find_material(r, word, true) : NULL;
+        } else if (!strcmp(word, "Kd") && material && mtl_read_color(&lines, color)) {
+            material->tint = mesh_find_tint(r->mesh, color);
+        } else if (!strcmp(word, "map_Kd") && mesh_next_word(&lines, word)) {
+            mesh_remark(r, "the texture", word, "");
+        }
+        mesh_skip_line(&lines);
+    }
+}
+
+/* ---- lines of an OBJ ---- */
+
+void mesh_read_library(struct mesh_reader *r)
+{
+    const char *slash = strrchr(r->name, '/');
+    char word[MESH_WORD_MAX], path[PATH_MAX], *text;
+    struct error why;
+    size_t size;
+
+    if (!r->is_file || r->libraries == LIBRARIES_MAX || !mesh_next_word(r, word)) {
+        return;
+    }
+
+    r->libraries++;
+
+    /* Beside the OBJ or below its folder, nowhere else */
+    snprintf(path, sizeof path, "%.*s%s", slash ? (int)(slash - r->name) + 1 : 0, r->name, word);
+    if (word[0] == '/' || strstr(word, "..")) {
+        mesh_remark(r, "its materials", word, ": expected a file beside it");
+    } else if (mesh_read_file(path, MTL_BYTES_MAX, &text, &size, &why)) {
+        mesh_remark(r, "its materials", word, ", which cannot be read");
+    } else {
+        mtl_read(r, text, size);
+        free(text);
+    }
+}
+
+void mesh_use_material(struct mesh_reader *r)
+{
+    const struct mesh_material *material = NULL;
+    char word[MESH_WORD_MAX];
+
+    if (mesh_next_word(r, word)) {
+        material = mtl_find_material(r, word, false);
+    }
+    r->tint = material ? material->tint : -1;
+}

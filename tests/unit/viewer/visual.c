@@ -1,0 +1,145 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Files of visuals: what is a binary STL is passed on as it is, all else is refused in words. */
+#include "viewer/private.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+enum { VISUALS = 3 };
+
+static char folder[] = "/tmp/hil-visual-XXXXXX", path[64];
+static struct robot_visual visual[VISUALS] = {{.name = "a", .file = path}, {.name = "b"}};
+static struct robot robot = {.visual = visual, .nvisual = VISUALS};
+static const struct rig rig = {.robot = &robot};
+static struct viewer_file file[VISUALS];
+static struct viewer *viewer;
+static struct error error;
+
+static int open_viewer(void **state)
+{
+    (void)state;
+    strcpy(folder + sizeof folder - 7, "XXXXXX");
+    memset(file, 0, sizeof file);
+    viewer = calloc(1, sizeof *viewer);
+    if (!viewer || !mkdtemp(folder)) {
+        return -1;
+    }
+    snprintf(path, sizeof path, "%s/a.stl", folder);
+    viewer->rig = &rig;
+    viewer->visual = file;
+    return 0;
+}
+
+static int close_viewer(void **state)
+{
+    (void)state;
+    for (int i = 0; i < VISUALS; i++) {
+        free((void *)(uintptr_t)file[i].data);
+    }
+    free(viewer);
+    (void)unlink(path);
+    return rmdir(folder);
+}
+
+/* A file that says it has so many faces and has so many bytes. */
+static void write_stl(uint32_t faces, size_t size)
+{
+    unsigned char bytes[512];
+    FILE *out = fopen(path, "w");
+
+    for (size_t i = 0; i < sizeof bytes; i++) {
+        bytes[i] = (unsigned char)i;
+    }
+    for (int i = 0; i < 4; i++) {
+        bytes[80 + i] = (unsigned char)(faces >> 8 * i);
+    }
+    assert_non_null(out);
+    assert_int_equal(fwrite(bytes, 1, size, out), size);
+    assert_int_equal(fclose(out), 0);
+}
+
+static void a_sound_file_is_passed_on_byte_for_byte(void **state)
+{
+    const struct viewer_file *got;
+
+    (void)state;
+    write_stl(2, 184);
+    got = viewer_visual_file(viewer, 0, &error);
+    assert_non_null(got);
+    assert_int_equal(got->size, 184);
+    assert_int_equal(((const unsigned char *)got->data)[183], 183);
+    assert_int_equal(viewer->visual_bytes, 184);
+
+    /* Once: the file may go */
+    assert_int_equal(unlink(path), 0);
+    assert_ptr_equal(viewer_visual_file(viewer, 0, &error), got);
+    assert_null(viewer_visual_file(viewer, 1, &error)); /* no mesh */
+}
+
+static void what_is_no_stl_is_refused_by_name(void **state)
+{
+    static const struct {
+        uint32_t faces;
+        size_t size;
+    } cases[] = {{2, 183}, {2, 185}, {0, 0}, {0, 83}, {UINT32_MAX, 184}, {0x33333333, 134}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        write_stl(cases[i].faces, cases[i].size);
+        assert_null(viewer_visual_file(viewer, 0, &error));
+        assert_non_null(strstr(error.text, "a.stl: found"));
+        assert_non_null(strstr(error.text, "expected a binary STL file"));
+    }
+    assert_int_equal(unlink(path), 0);
+    assert_null(viewer_visual_file(viewer, 0, &error));
+    assert_non_null(strstr(error.text, "a.stl: cannot be read"));
+
+    /* A pipe would wait for a writer for ever */
+    assert_int_equal(mkfifo(path, 0600), 0);
+    assert_null(viewer_visual_file(viewer, 0, &error));
+    assert_non_null(strstr(error.text, "no regular file"));
+}
+
+static void all_visuals_together_are_bounded(void **state)
+{
+    (void)state;
+    write_stl(2, 184);
+    viewer->visual_bytes = VIEWER_VISUAL_BYTES - 183;
+    assert_null(viewer_visual_file(viewer, 0, &error));
+    assert_non_null(strstr(error.text, "at most 128 MB"));
+    viewer->visual_bytes--;
+    assert_non_null(viewer_visual_file(viewer, 0, &error));
+}
+
+static void the_same_file_is_asked_for_once(void **state)
+{
+    (void)state;
+    visual[2].file = "other.stl";
+    assert_int_equal(viewer_visual_source(&robot, 2), 2);
+    visual[2].file = path;
+    assert_int_equal(viewer_visual_source(&robot, 2), 0);
+    visual[2].file = NULL;
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, open_viewer, close_viewer)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(a_sound_file_is_passed_on_byte_for_byte),
+        TEST(what_is_no_stl_is_refused_by_name),
+        TEST(all_visuals_together_are_bounded),
+        TEST(the_same_file_is_asked_for_once),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the robot looks like: the visual shapes of its file, meshes as they come, and what is missing.
+import * as THREE from 'three';
+import { place, primitiveGeometry, setShadow } from './solids.js';
+
+const LOADERS = 3; // at a time: the server has few places
+const TRIES = 3;
+const AGAIN_MS = 400;
+
+/** Calls functions that make promises, so many at a time. */
+function makeQueue(lanes) {
+  const waiting = [];
+  let running = 0;
+  const next = () => {
+    if (running === lanes || !waiting.length) return;
+    running++;
+    waiting.shift()().finally(() => {
+      running--;
+      next();
+    });
+  };
+  return (task) => new Promise((resolve, reject) => {
+    waiting.push(() => task().then(resolve, reject));
+    next();
+  });
+}
+
+/** The triangles of a binary STL file. */
+function readStl(buffer) {
+  const view = new DataView(buffer);
+  const faces = view.getUint32(80, true);
+  const corners = new Float32Array(9 * faces);
+  for (let face = 0, at = 96, to = 0; face < faces; face++, at += 50) {
+    for (let k = 0; k < 9; k++) corners[to++] = view.getFloat32(at + 4 * k, true);
+  }
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute('position', new THREE.BufferAttribute(corners, 3));
+  geometry.computeVertexNormals(); // flat: no two faces share a corner
+  geometry.computeBoundingBox();
+  return geometry;
+}
+
+async function loadPatiently(load, url) {
+  for (let tried = 1; ; tried++) {
+    try {
+      return readStl(await load(url));
+    } catch (error) {
+      if (!(error instanceof TypeError) || tried === TRIES) throw error; // no answer: perhaps no place
+      await new Promise((resolve) => { setTimeout(resolve, AGAIN_MS * tried); });
+    }
+  }
+}
+
+/**
+ * The visual shapes of hello.scene in the bodies' groups. makeMaterial(color): of a color with its
+ * opacity, null = the usual one of that body; changed(whole): there is more to see, and with whole
+ * nothing is awaited any more.
+ */
+export function makeLooks(visuals, load, places, makeMaterial, changed) {
+  const queue = makeQueue(LOADERS);
+  const files = new Map(); // geometries by their address: parts that stand in a robot several times
+  const count = places.map(() => ({ all: 0, there: 0, missing: 0 }));
+  const lacks = []; // {name, reason} of what cannot be shown
+  const parts = [];
+  let awaited = 0;
+
+  function lose(visual, reason) {
+    count[visual.body].missing++;
+    lacks.push({ name: visual.name, body: visual.body, reason });
+  }
+
+  function show(visual, geometry) {
+    const mesh = new THREE.Mesh(geometry, makeMaterial(visual.color, visual.body));
+    place(mesh, visual.position_m, visual.quaternion);
+    setShadow(mesh);
+    places[visual.body].add(mesh);
+    parts.push(mesh);
+    count[visual.body].there++;
+  }
+
+  function fetchMesh(visual) {
+    if (!files.has(visual.mesh)) files.set(visual.mesh, queue(() => loadPatiently(load, visual.mesh)));
+    awaited++;
+    files.get(visual.mesh).then((geometry) => show(visual, geometry),
+      (error) => lose(visual, error.message)).then(() => changed(--awaited === 0));
+  }
+
+  for (const visual of visuals) {
+    count[visual.body].all++;
+    if (visual.missing) lose(visual, visual.missing);
+    else if (visual.shape === 'mesh') fetchMesh(visual);
+    else show(visual, primitiveGeometry(visual));
+  }
+
+  return {
+    parts,
+    lacks,
+
+    /** Whether a body is seen by its visual shapes: all have come that will, and there is one. */
+    covers(body) {
+      const { all, there, missing } = count[body];
+      return there > 0 && there + missing === all;
+    },
+  };
+}

@@ -1,0 +1,95 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Meshes that only show what a robot looks like: binary STL files, passed on as they are once their
+ * size is that of their number of triangles. A robot file of a stranger names no other file this
+ * way. */
+#include "viewer/private.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+enum { STL_HEADER = 84, STL_FACE = 50 };
+
+size_t viewer_visual_source(const struct robot *robot, size_t visual)
+{
+    for (size_t i = 0; i < visual; i++) {
+        if (robot->visual[i].file && !strcmp(robot->visual[i].file, robot->visual[visual].file)) {
+            return i;
+        }
+    }
+    return visual;
+}
+
+/* The number of triangles that an STL file says it has. */
+static uint64_t stl_count_faces(const uint8_t *data)
+{
+    return (uint64_t)data[80] | (uint64_t)data[81] << 8 | (uint64_t)data[82] << 16 |
+           (uint64_t)data[83] << 24;
+}
+
+/* Reads up to size bytes; how many there were. */
+static size_t file_read(int fd, uint8_t *data, size_t size)
+{
+    size_t filled = 0;
+    ssize_t got = 1;
+
+    while (got > 0 && filled < size) {
+        got = read(fd, data + filled, size - filled);
+        filled += got > 0 ? (size_t)got : 0;
+    }
+    return filled;
+}
+
+/* Reads a file of a size that was found, into memory of the heap. */
+static enum error_code visual_read_file(const char *path, int fd, size_t size, uint8_t **out,
+                                        struct error *error)
+{
+    uint8_t *data = malloc(size + 1);
+
+    if (!data) {
+        return error_set(error, ERROR_MEMORY, "%.200s: no memory for it", path);
+    }
+    if (file_read(fd, data, size) != size || size < STL_HEADER ||
+        (size - STL_HEADER) != stl_count_faces(data) * STL_FACE) {
+        free(data);
+        return error_set(error, ERROR_INPUT,
+                         "%.200s: found %zu bytes, expected a binary STL file: 84 and 50 for each "
+                         "triangle",
+                         path, size);
+    }
+    *out = data;
+    return ERROR_NONE;
+}
+
+const struct viewer_file *viewer_visual_file(struct viewer *viewer, size_t visual,
+                                             struct error *error)
+{
+    const char *path = viewer->rig->robot->visual[visual].file;
+    struct viewer_file *file = &viewer->visual[visual];
+    struct stat status;
+    uint8_t *data = NULL;
+    int fd;
+
+    if (!path || file->data) {
+        return path ? file : NULL;
+    }
+    fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    if (fd < 0 || fstat(fd, &status)) {
+        error_set_file(error, errno, path, "cannot be read");
+    } else if (!S_ISREG(status.st_mode) ||
+               status.st_size > (off_t)(VIEWER_VISUAL_BYTES - viewer->visual_bytes)) {
+        error_set(error, ERROR_INPUT, "%.200s: found %s, expected at most %d MB for all visuals",
+                  path, S_ISREG(status.st_mode) ? "more" : "no regular file",
+                  VIEWER_VISUAL_BYTES >> 20);
+    } else if (!visual_read_file(path, fd, (size_t)status.st_size, &data, error)) {
+        *file = (struct viewer_file){"model/stl", data, (size_t)status.st_size, false};
+        viewer->visual_bytes += file->size;
+    }
+    if (fd >= 0) {
+        close(fd);
+    }
+    return file->data ? file : NULL;
+}
