@@ -425,6 +425,7 @@ static void messages_by_name_are_encoded_as_the_tables_say(void **state)
     assert_int_equal(hil_client_write(&client), HIL_CLIENT_OK);
     assert_int_equal(hil_client_command(&client, 0, HIL_CLIENT_VOLTAGE, 1.0), HIL_CLIENT_INPUT);
     assert_int_equal(hil_client_command(&client, 99, HIL_CLIENT_VOLTAGE, 1.0), HIL_CLIENT_INPUT);
+    assert_int_equal(hil_client_enable(&client, NULL, 0, HIL_CLIENT_QUANTITIES), HIL_CLIENT_INPUT);
     assert_int_equal(hil_client_find_joint(&client, "LElb"), -1);
     assert_null(hil_client_joint_name(&client, -1));
     close_client(&client);
