@@ -1416,7 +1416,7 @@ static enum hil_client_code board_configure(struct hil_client *client, const str
     return board_command(client, board, 0, &policy, 1);
 }
 
-/* Makes the boards of all buses report, in a stage of four; false in `any` = it was empty. */
+/* Makes the boards of all buses report; those of foc buses need four stages, with ticks between. */
 static enum hil_client_code client_configure(struct hil_client *client, int stage)
 {
     struct hil_client_core *core = client->core;
@@ -1699,11 +1699,14 @@ static enum hil_client_code client_choose(struct hil_client *client, const char 
 {
     struct hil_client_core *core = client->core;
 
+    if ((unsigned)quantity >= HIL_CLIENT_QUANTITIES) {
+        return client_fail(client, HIL_CLIENT_INPUT, "there is no set-point %d", (int)quantity);
+    }
     for (size_t i = 0; i < (count ? count : core->njoint); i++) {
         const int joint = count ? hil_client_find_joint(client, names[i]) : (int)i;
         const struct set_point *point;
 
-        if (joint < 0 || (unsigned)quantity >= HIL_CLIENT_QUANTITIES) {
+        if (joint < 0) {
             return client_fail(client, HIL_CLIENT_INPUT, "rig %s has no joint \"%.60s\"", core->rig,
                                names[i]);
         }

@@ -24,7 +24,7 @@ control() {
         [ -e "$work/ready" ] && break
         sleep 0.1
     done
-    timeout -k 5 150 "$elbow" "$work/tables" "$ready" LElbj RElbj >"$work/$name" 2>"$work/out"
+    timeout -k 5 240 "$elbow" "$work/tables" "$ready" LElbj RElbj >"$work/$name" 2>"$work/out"
     status=$?
     cat "$work/log" >>"$work/out"
     kill "$pid"

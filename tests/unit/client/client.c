@@ -17,7 +17,7 @@
 
 #include <cmocka.h>
 
-enum { TEXT_MAX = 1 << 19, TIMEOUT_MS = 300 };
+enum { TEXT_MAX = 1 << 19, SHORT_MS = 2000, LONG_MS = 20000 };
 
 /* An icub board with a motor and an F/T board on one bus, a compact FD board on another. */
 static const char arm[] =
@@ -117,7 +117,8 @@ void *__wrap_realloc(void *memory, size_t size)
 
 /* ---- the gateway ---- */
 
-/* Each STEP is answered with the next of the answers; NULL = the connection is closed. */
+/* Each STEP is answered with the next of the answers. Behind them stands NULL, and then NULL when
+ * the connection is closed, or a text when it stays. */
 static struct gateway {
     const char *const *answer;
     int listener;
@@ -231,10 +232,11 @@ static int remove_folder(void **state)
     return rmdir(folder);
 }
 
-static void open_client(struct hil_client *client, const char *const *answer, bool lockstep)
+static void open_client(struct hil_client *client, const char *const *answer, bool lockstep,
+                        int timeout_ms)
 {
     struct hil_client_options options = {
-        .tables = folder, .lockstep = lockstep, .timeout_ms = TIMEOUT_MS};
+        .tables = folder, .lockstep = lockstep, .timeout_ms = timeout_ms};
 
     gateway.answer = answer;
     gateway.heard[0] = '\0';
@@ -274,7 +276,7 @@ static void a_controller_in_lockstep_says_what_the_firmware_understands(void **s
     int joint, before;
 
     (void)state;
-    open_client(&client, answers, true);
+    open_client(&client, answers, true, LONG_MS);
     before = allocations;
     joint = hil_client_find_joint(&client, "L-Elb");
     assert_int_equal(hil_client_enable(&client, names, 1, HIL_CLIENT_VOLTAGE), HIL_CLIENT_OK);
@@ -318,11 +320,14 @@ static void a_step_joins_a_run_on_its_way_and_sees_that_others_move_it(void **st
     static const char *const answers[] = {
         "< frame 6FF 0.1 640000000400 arm >",
         "< frame 6FF 0.1 000000000000 arm >< frame 6FF 0.1 650000000000 arm >",
-        "< frame 6FF 0.1 800000000400 arm >", "< frame 6FF 0.1 640000000800 arm >", NULL};
+        "< frame 6FF 0.1 800000000400 arm >",
+        "< frame 6FF 0.1 640000000800 arm >",
+        NULL,
+        NULL};
     struct hil_client client;
 
     (void)state;
-    open_client(&client, answers, true);
+    open_client(&client, answers, true, LONG_MS);
     assert_int_equal(hil_client_step(&client, 1), HIL_CLIENT_OK);
     assert_int_equal(client.tick, 0x65);
     assert_int_equal(hil_client_step(&client, 1), HIL_CLIENT_MOVED);
@@ -342,7 +347,7 @@ static void silence_refusals_and_noise_are_errors(void **state)
     } rows[] = {
         {{"< frame 111 0.1 0000000000000000 arm >", NULL, "open"},
          HIL_CLIENT_TIMEOUT,
-         "tick 0: no answer to STEP within 300 ms"},
+         "tick 0: no answer to STEP within 2000 ms"},
         {{"< error no such\nbus >", NULL, "open"},
          HIL_CLIENT_CONNECTION,
          "the gateway says: no such?bus "},
@@ -358,7 +363,7 @@ static void silence_refusals_and_noise_are_errors(void **state)
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         struct hil_client client;
 
-        open_client(&client, rows[i].answer, true);
+        open_client(&client, rows[i].answer, true, SHORT_MS);
         assert_int_equal(hil_client_step(&client, 1), rows[i].code);
         assert_non_null(strstr(client.message, rows[i].message));
         close_client(&client);
@@ -378,7 +383,7 @@ static void without_lockstep_it_writes_and_receives(void **state)
     int joint;
 
     (void)state;
-    open_client(&client, answers, false);
+    open_client(&client, answers, false, LONG_MS);
     joint = hil_client_find_joint(&client, "Knee");
     assert_int_equal(hil_client_receive(&client, 0), HIL_CLIENT_OK);
     assert_int_equal(hil_client_receive(&client, 20), HIL_CLIENT_TIMEOUT);
@@ -410,7 +415,7 @@ static void messages_by_name_are_encoded_as_the_tables_say(void **state)
     struct hil_client client;
 
     (void)state;
-    open_client(&client, answers, false);
+    open_client(&client, answers, false, LONG_MS);
     assert_int_equal(hil_client_send(&client, "arm", "b_COMMAND", &gain, 1), HIL_CLIENT_OK);
     assert_int_equal(hil_client_send(&client, "arm", "b_COMMAND", &ask, 1), HIL_CLIENT_OK);
     assert_int_equal(hil_client_send(&client, "arm", "b_COMMAND", &far, 1), HIL_CLIENT_OK);
@@ -420,6 +425,7 @@ static void messages_by_name_are_encoded_as_the_tables_say(void **state)
     assert_int_equal(hil_client_write(&client), HIL_CLIENT_OK);
     assert_int_equal(hil_client_command(&client, 0, HIL_CLIENT_VOLTAGE, 1.0), HIL_CLIENT_INPUT);
     assert_int_equal(hil_client_command(&client, 99, HIL_CLIENT_VOLTAGE, 1.0), HIL_CLIENT_INPUT);
+    assert_int_equal(hil_client_enable(&client, NULL, 0, HIL_CLIENT_QUANTITIES), HIL_CLIENT_INPUT);
     assert_int_equal(hil_client_find_joint(&client, "LElb"), -1);
     assert_null(hil_client_joint_name(&client, -1));
     close_client(&client);
