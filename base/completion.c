@@ -1,17 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Completion of command lines in bash and zsh, from the same tables as --help. */
-#include "base/completion.h"
-
-#include "base/options.h"
-#include "base/program.h"
+#include "base/completion_private.h"
 
 #include <ctype.h>
 #include <string.h>
 
+const char *const completion_shell_names[COMPLETION_SHELLS] = {"bash", "zsh", "fish"};
+
 /* ---- what an argument may be ---- */
 
-/* What the scripts know: "none", "files", "folders", "noun" (names of one) or "words". */
-static const char *completion_kind(const struct option_spec *option)
+const char *completion_kind(const struct option_spec *option)
 {
     static const char *const folders[] = {"DIR", NULL};
     static const char *const files[] = {"FILE", "PATH", NULL};
@@ -35,15 +33,14 @@ static const char *completion_kind(const struct option_spec *option)
     return "none";
 }
 
-static void completion_put_words(const struct option_spec *option, FILE *out)
+void completion_put_words(const struct option_spec *option, FILE *out)
 {
     for (const struct option_word *w = option->words; w && w->word; w++) {
         fprintf(out, " %s", w->word);
     }
 }
 
-/* A name that may be a shell function's: "coman-hil" becomes "_coman_hil". */
-static void completion_put_function(const char *name, FILE *out)
+void completion_put_function(const char *name, FILE *out)
 {
     putc('_', out);
     for (; *name; name++) {
@@ -112,6 +109,7 @@ static const char bash_begin[] =
     "    local word=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD - 1]}\n"
     "    local command=${COMP_WORDS[1]} options='' valued='' value='' many=0 operands=() at "
     "count=0\n"
+    "    local rig='' rigs='' names='' mark=''\n"
     "    # bash makes words of their own of --name, = and what follows\n"
     "    if [[ $word == '=' ]]; then\n"
     "        word=''\n"
@@ -155,9 +153,35 @@ static const char bash_end[] =
     "    words*) COMPREPLY=($(compgen -W \"${value#words}\" -- \"$word\")) ;;\n"
     "    noun*)\n"
     "        local program=${COMP_WORDS[0]%-bench}\n"
-    "        COMPREPLY=($(compgen -W \"$(\"${program/#~\\//$HOME/}\" list ${value#noun} --names "
-    "2>/dev/null)\" \\\n"
-    "            -- \"$word\"))\n"
+    "        program=${program/#~\\//$HOME/} value=${value#noun }\n"
+    "        # what a rig has: of the rig that stands on the line\n"
+    "        if [[ $value == joints || $value == faults ]]; then\n"
+    "            rigs=$'\\n'$(\"$program\" list rigs --names 2>/dev/null)$'\\n'\n"
+    "            for at in \"${COMP_WORDS[@]:2}\"; do\n"
+    "                if [[ $rigs == *$'\\n'\"$at\"$'\\n'* || ($at == *.yaml && -f $at) ]]; then\n"
+    "                    rig=$at\n"
+    "                fi\n"
+    "            done\n"
+    "        fi\n"
+    "        mapfile -t names < <(\"$program\" list \"$value\" ${rig:+\"$rig\"} --names "
+    "2>/dev/null)\n"
+    "        # a name with spaces is one word: in the quotes that stand there, or by backslashes\n"
+    "        if [[ $word == [\\'\\\"]* ]]; then\n"
+    "            mark=${word:0:1} word=${word:1}\n"
+    "        else\n"
+    "            word=${word//\\\\/}\n"
+    "        fi\n"
+    "        for at in \"${names[@]}\"; do\n"
+    "            if [[ $at == \"$word\"* ]]; then\n"
+    "                [[ $mark ]] || printf -v at %q \"$at\"\n"
+    "                COMPREPLY+=(\"$at\")\n"
+    "            fi\n"
+    "        done\n"
+    "        if [[ $value == settings ]]; then\n"
+    "            COMPREPLY=(\"${COMPREPLY[@]/%/=}\")\n"
+    "            compopt -o nospace 2>/dev/null\n"
+    "        fi\n"
+    "        value=noun\n"
     "        ;;\n"
     "    folders)\n"
     "        compopt -o filenames 2>/dev/null\n"
@@ -277,10 +301,25 @@ static void zsh_put_command(const struct command_spec *spec, FILE *out)
 static void zsh_put_program(const struct program *program, FILE *out)
 {
     fprintf(out, "_coman_hil_names() {\n"
-                 "    local -a names\n"
-                 "    names=(${(f)\"$(_call_program names ${(q)service%%-bench} list $1 --names "
+                 "    local -a names rigs rig suffix\n"
+                 "    local program=${service%%-bench} word expl\n"
+                 "    # what a rig has: of the rig that stands on the line\n"
+                 "    if [[ $1 == joints || $1 == faults ]]; then\n"
+                 "        rigs=(${(f)\"$(_call_program names ${(q)program} list rigs --names "
                  "2>/dev/null)\"})\n"
-                 "    _alternative \"names:$1:($names)\" 'files:file:_files'\n"
+                 "        for word in $words; do\n"
+                 "            if (($rigs[(Ie)$word])) || [[ $word == *.yaml && -f $word ]]; then\n"
+                 "                rig=($word)\n"
+                 "            fi\n"
+                 "        done\n"
+                 "    fi\n"
+                 "    if [[ $1 == settings ]]; then\n"
+                 "        suffix=(-S =)\n"
+                 "    fi\n"
+                 "    names=(${(f)\"$(_call_program names ${(q)program} list $1 ${(q)rig} --names "
+                 "2>/dev/null)\"})\n"
+                 "    _wanted names expl $1 compadd $suffix -a names\n"
+                 "    [[ $1 == (joints|faults|settings) ]] || _files\n"
                  "}\n\n");
     completion_put_function(program->name, out);
     fputs("() {\n"
@@ -307,25 +346,31 @@ static void zsh_put_program(const struct program *program, FILE *out)
     fputs(" \"$@\"\n", out);
 }
 
-/* ---- both ---- */
+/* ---- all ---- */
 
 void options_completion(const struct command_spec *spec, enum completion_shell shell, FILE *out)
 {
-    if (shell == COMPLETION_BASH) {
-        bash_put_command(spec, out);
-    } else {
-        zsh_put_command(spec, out);
-    }
+    static void (*const put[COMPLETION_SHELLS])(const struct command_spec *spec, FILE *out) = {
+        [COMPLETION_BASH] = bash_put_command,
+        [COMPLETION_ZSH] = zsh_put_command,
+        [COMPLETION_FISH] = completion_put_fish_command,
+    };
+
+    put[shell](spec, out);
 }
 
 void completion_print(const struct program *program, enum completion_shell shell)
 {
-    if (shell == COMPLETION_BASH) {
-        printf("# Completion of %s in bash, made by %s --completion=bash\n", program->name,
-               program->name);
-        bash_put_program(program, stdout);
-    } else {
-        printf("#compdef %s\n# Made by %s --completion=zsh\n\n", program->name, program->name);
-        zsh_put_program(program, stdout);
+    static void (*const put[COMPLETION_SHELLS])(const struct program *program, FILE *out) = {
+        [COMPLETION_BASH] = bash_put_program,
+        [COMPLETION_ZSH] = zsh_put_program,
+        [COMPLETION_FISH] = completion_put_fish_program,
+    };
+
+    if (shell == COMPLETION_ZSH) {
+        printf("#compdef %s\n", program->name);
     }
+    printf("# Completion of %s in %s, made by %s --completion=%s\n", program->name,
+           completion_shell_names[shell], program->name, completion_shell_names[shell]);
+    put[shell](program, stdout);
 }

@@ -190,6 +190,35 @@ enum error_code config_locate(enum config_kind kind, const char *name, char path
     return config_locate_in(kind, name, &trees, path, error);
 }
 
+bool config_is_installed_in(const struct config_trees *trees, const char *file)
+{
+    const char *slash = strrchr(file, '/');
+    char name[PATH_MAX], folder[PATH_MAX], tree[PATH_MAX];
+    int length = snprintf(name, sizeof name, "%.*s", slash ? (int)(slash - file) + 1 : 1,
+                          slash ? file : ".");
+
+    if (length >= PATH_MAX || !realpath(name, folder)) {
+        return false;
+    }
+    for (int i = 0; i < CONFIG_TREES_MAX; i++) {
+        size_t size = trees->folder[i][0] && realpath(trees->folder[i], tree) ? strlen(tree) : 0;
+
+        if (size > 0 && !strncmp(folder, tree, size) &&
+            (folder[size] == '/' || folder[size] == '\0')) {
+            return true;
+        }
+    }
+    return false;
+}
+
+bool config_is_installed(const char *file)
+{
+    struct config_trees trees;
+
+    config_find_trees(&trees);
+    return config_is_installed_in(&trees, file);
+}
+
 enum error_code config_locate_from(enum config_kind kind, const char *name, const char *from,
                                    struct arena *arena, const char **path, struct error *error)
 {

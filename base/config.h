@@ -13,6 +13,7 @@
 #include "base/error.h"
 
 #include <limits.h>
+#include <stdbool.h>
 #include <stddef.h>
 
 enum config_kind {
@@ -58,6 +59,13 @@ enum error_code config_locate_from(enum config_kind kind, const char *name, cons
 /* The same of a rig, to extend or to run it. */
 enum error_code rig_locate_from(const char *name, const char *from, struct arena *arena,
                                 const char **path, struct error *error);
+
+/* Whether a file stands in one of the trees: whoever may put it there may also replace the program.
+ * A link counts by where it stands, not by what it points to. */
+bool config_is_installed(const char *file);
+
+/* The same with the trees given, for tests. */
+bool config_is_installed_in(const struct config_trees *trees, const char *file);
 
 /* All of a kind that can be given by name, in the order of their names, each once. The entries live
  * in arena. ERROR_MEMORY; a tree or folder that is not there has none. */

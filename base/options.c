@@ -323,16 +323,23 @@ void options_help(const struct command_spec *spec, FILE *out)
 /* What is printed for other programs: the source of a manual page, parts of completion scripts. */
 static bool options_print_as(const struct command_spec *spec, const char *word)
 {
-    if (!strcmp(word, "--help=scdoc")) {
-        options_page(spec, stdout);
-    } else if (!strcmp(word, "--help=bash")) {
-        options_completion(spec, COMPLETION_BASH, stdout);
-    } else if (!strcmp(word, "--help=zsh")) {
-        options_completion(spec, COMPLETION_ZSH, stdout);
-    } else {
+    static const char option[] = "--help=";
+    const char *form = word + sizeof option - 1;
+
+    if (strncmp(word, option, sizeof option - 1) != 0) {
         return false;
     }
-    return true;
+    if (!strcmp(form, "scdoc")) {
+        options_page(spec, stdout);
+        return true;
+    }
+    for (int shell = 0; shell < COMPLETION_SHELLS; shell++) {
+        if (!strcmp(form, completion_shell_names[shell])) {
+            options_completion(spec, (enum completion_shell)shell, stdout);
+            return true;
+        }
+    }
+    return false;
 }
 
 bool options_read(const struct command_spec *spec, int argc, char **argv, int *status)

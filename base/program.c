@@ -29,7 +29,8 @@ void program_print_usage(const struct program *program, FILE *out)
         options_wrap(program->command[i].summary, SUMMARY_COLUMN, SUMMARY_COLUMN, out);
     }
     fprintf(out, "\n%s COMMAND --help prints the manual of a %s.\n", program->name, program->noun);
-    fprintf(out, "%s --completion=bash (or zsh) prints that shell's completion.\n", program->name);
+    fprintf(out, "%s --completion=bash (or zsh, fish) prints that shell's completion.\n",
+            program->name);
     if (program->print_more) {
         program->print_more(out);
     }
@@ -42,23 +43,26 @@ void program_print_version(const struct program *program)
 
 void program_print_completions(const struct program *program, enum completion_shell shell)
 {
-    static char argument[COMPLETION_SHELLS][16] = {"--help=bash", "--help=zsh"};
+    char option[32];
 
+    snprintf(option, sizeof option, "--help=%s", completion_shell_names[shell]);
     for (size_t i = 0; i < program->ncommand; i++) {
         char name[64];
 
         snprintf(name, sizeof name, "%s", program->command[i].name);
-        program->command[i].run(2, (char *[]){name, argument[shell], NULL});
+        program->command[i].run(2, (char *[]){name, option, NULL});
     }
 }
 
 /* --completion=SHELL; false: it is something else. */
 static bool program_complete(const struct program *program, const char *word)
 {
-    static const char *const option[COMPLETION_SHELLS] = {"--completion=bash", "--completion=zsh"};
+    static const char option[] = "--completion=";
+    size_t length = sizeof option - 1;
 
     for (int shell = 0; shell < COMPLETION_SHELLS; shell++) {
-        if (!strcmp(word, option[shell])) {
+        if (!strncmp(word, option, length) &&
+            !strcmp(word + length, completion_shell_names[shell])) {
             completion_print(program, (enum completion_shell)shell);
             return true;
         }

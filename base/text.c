@@ -89,24 +89,31 @@ size_t text_utf8_length(const char *text, size_t size)
     return 0;
 }
 
-/* Levenshtein distance of two words of at most LONGEST_WORD letters */
+/* Returns how many letters must be put in, taken out, replaced or swapped with their neighbor to
+ * make one word of the other (optimal string alignment); both have at most LONGEST_WORD letters. */
 static size_t text_edit_distance(const char *a, const char *b)
 {
-    size_t row[LONGEST_WORD + 1], na = strlen(a), nb = strlen(b);
+    size_t rows[3][LONGEST_WORD + 1], na = strlen(a), nb = strlen(b);
+    size_t *before = rows[0], *above = rows[1], *row = rows[2];
 
     for (size_t j = 0; j <= nb; j++) {
         row[j] = j;
     }
     for (size_t i = 1; i <= na; i++) {
-        size_t diagonal = row[0];
+        size_t *spare = before;
 
+        before = above;
+        above = row;
+        row = spare;
         row[0] = i;
         for (size_t j = 1; j <= nb; j++) {
-            size_t best = diagonal + (a[i - 1] != b[j - 1]);
+            size_t best = above[j - 1] + (a[i - 1] != b[j - 1]);
 
-            diagonal = row[j];
-            best = row[j] + 1 < best ? row[j] + 1 : best;
+            best = above[j] + 1 < best ? above[j] + 1 : best;
             best = row[j - 1] + 1 < best ? row[j - 1] + 1 : best;
+            if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1]) {
+                best = before[j - 2] + 1 < best ? before[j - 2] + 1 : best;
+            }
             row[j] = best;
         }
     }

@@ -27,8 +27,9 @@ size_t text_utf8_length(const char *text, size_t size);
  * in UTF-8 too, and bytes that are no UTF-8. The length stays. */
 void text_make_printable(char *text);
 
-/* The word of the list nearest to word by edit distance, or NULL when none is near enough to be
- * worth naming (distance over a third of the length, at least 2). words has count entries. */
+/* The word of the list nearest to word by edit distance, in which two letters that are swapped are
+ * one edit; NULL when none is near enough to be worth naming (distance over a third of the length,
+ * at least 2). words has count entries. */
 const char *text_nearest(const char *word, const char *const *words, size_t count);
 
 #endif

@@ -136,6 +136,13 @@ enum error_code fault_parse(const char *text, const struct fault_names *names, s
  * the number of lines when line is NULL. Not RT-safe. */
 size_t faults_help(size_t line, char *text, size_t size);
 
+/* Takes the beginning of a fault's line, "TARGET KIND", which what it needs and when it is may
+ * follow, and what the kind means; both are borrowed for the call. */
+typedef void (*fault_list_put)(void *context, const char *line, const char *means);
+
+/* Puts out all that can break, by the names. Not RT-safe. */
+void faults_list(const struct fault_names *names, fault_list_put put, void *context);
+
 /* A fault began or ended. */
 struct fault_event {
     int64_t time_ns;

@@ -7,6 +7,9 @@
 #include <stdio.h>
 #include <string.h>
 
+/* Of address space, for the names of a rig. */
+#define NAMES_ARENA ((size_t)4 << 20)
+
 /* Collects the names of a rig for fault_parse; false when memory is used up. */
 static bool rig_collect_fault_names(const struct rig *rig, const bool *wire, struct arena *arena,
                                     struct fault_names *names)
@@ -113,6 +116,61 @@ enum error_code rig_faults_create(const struct rig *rig, const char *const *extr
     }
     code = rig_parse_faults(rig, &names, extra, nextra, fault, error);
     return code ? code : faults_create(fault, count, seed, arena, faults, error);
+}
+
+/* The names of a rig, of whose buses each may be a wire. */
+struct rig_fault_names {
+    bool wire[RIG_BUSES_MAX];
+    struct fault_names names;
+    struct arena arena;
+};
+
+/* Success must be followed by arena_fini of its arena. */
+static enum error_code rig_open_fault_names(const struct rig *rig, struct rig_fault_names *open,
+                                            struct error *error)
+{
+    enum error_code code = arena_init(&open->arena, NAMES_ARENA, error);
+
+    if (code) {
+        return code;
+    }
+    memset(open->wire, true, sizeof open->wire);
+    if (!rig_collect_fault_names(rig, open->wire, &open->arena, &open->names)) {
+        arena_fini(&open->arena);
+        return error_set(error, ERROR_MEMORY, "no memory left for the names of faults");
+    }
+    return ERROR_NONE;
+}
+
+enum error_code rig_list_faults(const struct rig *rig, fault_list_put put, void *context,
+                                struct error *error)
+{
+    struct rig_fault_names open;
+    enum error_code code = rig_open_fault_names(rig, &open, error);
+
+    if (!code) {
+        faults_list(&open.names, put, context);
+        arena_fini(&open.arena);
+    }
+    return code;
+}
+
+enum error_code rig_check_fault(const struct rig *rig, const struct yaml_name *line,
+                                struct error *error)
+{
+    struct rig_fault_names open;
+    struct fault unused;
+    enum error_code code = rig_open_fault_names(rig, &open, error);
+
+    if (code) {
+        return code;
+    }
+    code = rig_parse_fault(rig, line->name, &open.names, &unused, error);
+    if (code) {
+        error_prefix(error, "%.200s:%d:%d", line->mark.file, line->mark.line, line->mark.column);
+    }
+    arena_fini(&open.arena);
+    return code;
 }
 
 /* Checks the lines of the rig file. Whether a bus is a wire is known only when it is opened: here

@@ -12,4 +12,13 @@ enum error_code rig_faults_create(const struct rig *rig, const char *const *extr
                                   uint64_t seed, const bool *wire, struct arena *arena,
                                   struct faults **faults, struct error *error);
 
+/* Puts out all faults that a rig can have (faults_list); every bus may be a wire. Not RT-safe. */
+enum error_code rig_list_faults(const struct rig *rig, fault_list_put put, void *context,
+                                struct error *error);
+
+/* Checks one line of a file other than the rig's, as a scenario; every bus may be a wire here.
+ * Errors begin with file:line:column. Not RT-safe. */
+enum error_code rig_check_fault(const struct rig *rig, const struct yaml_name *line,
+                                struct error *error);
+
 #endif

@@ -501,9 +501,12 @@ static void rig_build_realtime(struct rig_builder *b)
         .overrun = (enum loop_overrun)raw->overrun,
         .stop_after = raw->stop_after,
     };
-    b->rig->record.directory = b->raw->record.directory;
-    b->rig->record.format = (unsigned)b->raw->record.format;
-    b->rig->page.listen = b->raw->page.listen;
+    b->rig->record = (struct rig_record){
+        .directory = b->raw->record.directory,
+        .mark = b->raw->record.directory_mark,
+        .format = (unsigned)b->raw->record.format,
+    };
+    b->rig->page = (struct rig_page){b->raw->page.listen, b->raw->page.listen_mark};
 }
 
 static enum error_code rig_build(struct rig_builder *b)

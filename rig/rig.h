@@ -80,11 +80,13 @@ struct rig_realtime {
 
 struct rig_record {
     const char *directory; /* relative to where the program runs; NULL = none */
+    struct yaml_mark mark; /* where it stands */
     unsigned format;       /* of rows: enum recorder_format */
 };
 
 struct rig_page {
-    const char *listen; /* "[HOST:]PORT" of the page that shows the run; NULL = none */
+    const char *listen;    /* "[HOST:]PORT" of the page that shows the run; NULL = none */
+    struct yaml_mark mark; /* where it stands */
 };
 
 struct rig {

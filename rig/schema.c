@@ -427,7 +427,8 @@ static const struct yaml_schema realtime_schema = {
 
 #define STRUCT raw_record
 static const struct yaml_field record_fields[] = {
-    {"directory", YAML_STRING, false, AT(directory), .min = 1, .max = 4000},
+    {"directory", YAML_STRING, false, AT(directory), .min = 1, .max = 4000,
+     .mark_offset = AT(directory_mark)},
     {"format", YAML_ENUM, false, AT(format), .names = record_format_names},
 };
 #undef STRUCT
@@ -442,7 +443,7 @@ static const struct yaml_schema record_schema = {
 
 #define STRUCT raw_page
 static const struct yaml_field page_fields[] = {
-    {"listen", YAML_STRING, true, AT(listen), .min = 1, .max = 80},
+    {"listen", YAML_STRING, true, AT(listen), .min = 1, .max = 80, .mark_offset = AT(listen_mark)},
 };
 #undef STRUCT
 static const struct yaml_schema page_schema = {

@@ -205,13 +205,13 @@ struct raw_realtime {
 };
 
 struct raw_record {
-    struct yaml_mark mark;
+    struct yaml_mark mark, directory_mark;
     const char *directory;
     int format;
 };
 
 struct raw_page {
-    struct yaml_mark mark;
+    struct yaml_mark mark, listen_mark;
     const char *listen;
 };
 

@@ -18,6 +18,10 @@ static const double FOLLOW_SETTLE_S = 1.0;   /* in the first row, before it begi
 static const double FOLLOW_END_S = 0.5;      /* in the last row, after it has ended */
 static const double FOLLOW_TOLERANCE_RAD = 0.2;
 
+static const char *const follow_setting_name[FOLLOW_SETTINGS + 1] = {
+    [FOLLOW_TOLERANCE] = "follow.tolerance_rad",
+};
+
 struct follow {
     double *from, *first; /* joint angles at the start; of the first row */
     double ramp_s;
@@ -76,7 +80,7 @@ static enum error_code follow_create(struct task *task, struct arena *arena, str
     }
     task->state = follow;
     follow->setting[FOLLOW_TOLERANCE] =
-        (struct task_setting){"follow.tolerance_rad", "rad", 1e-4, 10, false};
+        (struct task_setting){follow_setting_name[FOLLOW_TOLERANCE], "rad", 1e-4, 10, false};
     follow->value[FOLLOW_TOLERANCE] = FOLLOW_TOLERANCE_RAD;
 
     /* Who moves, and from where */
@@ -216,6 +220,7 @@ const struct task_ops task_follow = {
     .start = follow_start,
     .step = follow_step,
     .settings = follow_settings,
+    .setting_name = follow_setting_name,
     .set = follow_set,
     .get = follow_get,
 };

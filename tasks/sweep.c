@@ -57,6 +57,17 @@ struct sweep {
 
 /* ---- settings ---- */
 
+static const char *const sweep_setting_name[SWEEP_SETTINGS + 1] = {
+    [SWEEP_AMPLITUDE_V] = "sweep.amplitude_v",
+    [SWEEP_AMPLITUDE_RAD] = "sweep.amplitude_rad",
+    [SWEEP_FROM] = "sweep.from_hz",
+    [SWEEP_TO] = "sweep.to_hz",
+    [SWEEP_POINTS] = "sweep.points",
+    [SWEEP_SETTLE_PERIODS] = "sweep.settle_periods",
+    [SWEEP_SETTLE] = "sweep.settle_s",
+    [SWEEP_MEASURE_PERIODS] = "sweep.measure_periods",
+};
+
 static void sweep_make_settings(struct sweep *sweep, const struct task_config *config)
 {
     double period_s = 1e-9 * (double)(config->servo.command_period_ns > config->host.period_ns
@@ -64,14 +75,14 @@ static void sweep_make_settings(struct sweep *sweep, const struct task_config *c
                                           : config->host.period_ns);
     double most_hz = SWEEP_NYQUIST / period_s, volts = config->host.supply_v;
     const struct task_setting setting[SWEEP_SETTINGS] = {
-        [SWEEP_AMPLITUDE_V] = {"sweep.amplitude_v", "V", 0, volts, false},
-        [SWEEP_AMPLITUDE_RAD] = {"sweep.amplitude_rad", "rad", 0, 0.5, false},
-        [SWEEP_FROM] = {"sweep.from_hz", "Hz", 0.01, most_hz, false},
-        [SWEEP_TO] = {"sweep.to_hz", "Hz", 0.01, most_hz, false},
-        [SWEEP_POINTS] = {"sweep.points", "", 1, SWEEP_POINTS_MAX, true},
-        [SWEEP_SETTLE_PERIODS] = {"sweep.settle_periods", "", 0, 1000, true},
-        [SWEEP_SETTLE] = {"sweep.settle_s", "s", 0, 60, false},
-        [SWEEP_MEASURE_PERIODS] = {"sweep.measure_periods", "", 2, 1000, true},
+        [SWEEP_AMPLITUDE_V] = {sweep_setting_name[SWEEP_AMPLITUDE_V], "V", 0, volts, false},
+        [SWEEP_AMPLITUDE_RAD] = {sweep_setting_name[SWEEP_AMPLITUDE_RAD], "rad", 0, 0.5, false},
+        [SWEEP_FROM] = {sweep_setting_name[SWEEP_FROM], "Hz", 0.01, most_hz, false},
+        [SWEEP_TO] = {sweep_setting_name[SWEEP_TO], "Hz", 0.01, most_hz, false},
+        [SWEEP_POINTS] = {sweep_setting_name[SWEEP_POINTS], "", 1, SWEEP_POINTS_MAX, true},
+        [SWEEP_SETTLE_PERIODS] = {sweep_setting_name[SWEEP_SETTLE_PERIODS], "", 0, 1000, true},
+        [SWEEP_SETTLE] = {sweep_setting_name[SWEEP_SETTLE], "s", 0, 60, false},
+        [SWEEP_MEASURE_PERIODS] = {sweep_setting_name[SWEEP_MEASURE_PERIODS], "", 2, 1000, true},
     };
 
     memcpy(sweep->setting, setting, sizeof setting);
@@ -347,6 +358,7 @@ const struct task_ops task_sweep = {
     .start = sweep_start,
     .step = sweep_step,
     .settings = sweep_settings,
+    .setting_name = sweep_setting_name,
     .set = sweep_set,
     .get = sweep_get,
 };

@@ -42,6 +42,14 @@ const char *task_summary(const char *name)
     return ops ? ops->summary : NULL;
 }
 
+const char *const *task_setting_names(const char *name)
+{
+    static const char *const none[] = {NULL};
+    const struct task_ops *ops = task_find_ops(name);
+
+    return ops && ops->setting_name ? ops->setting_name : none;
+}
+
 enum error_code task_create(const char *name, const struct task_config *config, struct arena *arena,
                             struct task **out, struct error *error)
 {

@@ -337,4 +337,7 @@ const char *const *task_names(void);
 /* One line on a task, NULL when there is none of that name. RT-safe. */
 const char *task_summary(const char *name);
 
+/* Names of the settings of a task, NULL-terminated; none when there is no such task. RT-safe. */
+const char *const *task_setting_names(const char *name);
+
 #endif

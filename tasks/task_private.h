@@ -31,6 +31,7 @@ struct task_ops {
     /* What may change while it runs; NULL: nothing. Values are checked before. set is called from
      * another thread than step. */
     size_t (*settings)(const struct task *task, const struct task_setting **setting);
+    const char *const *setting_name; /* of all that settings gives, NULL at the end */
     void (*set)(struct task *task, size_t index, double value);
     double (*get)(const struct task *task, size_t index);
 };

@@ -45,6 +45,16 @@ struct walk {
 
 /* ---- settings ---- */
 
+static const char *const walk_setting_name[WALK_SETTINGS + 1] = {
+    [WALK_ON] = "walk.on",
+    [WALK_FORWARD] = "walk.forward_m_s",
+    [WALK_LEFT] = "walk.left_m_s",
+    [WALK_TURN] = "walk.turn_rad_s",
+    [WALK_HEADING] = "walk.heading_rad",
+    [WALK_STEP_TIME] = "walk.step_s",
+    [WALK_STEP_LENGTH] = "walk.step_length_m",
+};
+
 /* The range of a rate: what a step of the rig's time reaches, and what the rig asks for. */
 static struct task_setting walk_rate(const char *name, const char *unit, double least, double most,
                                      double asked)
@@ -57,17 +67,18 @@ static void walk_make_settings(struct walk *walk, const struct walk_config *conf
     const struct gait_config *gait = &config->balance.gait;
     double step_s = gait->swing_s + gait->transfer_s;
     const struct task_setting setting[WALK_SETTINGS] = {
-        [WALK_ON] = {"walk.on", "", 0, 1, true},
-        [WALK_FORWARD] = walk_rate("walk.forward_m_s", "m/s", -gait->reach_back_m / step_s,
-                                   gait->reach_ahead_m / step_s, config->forward_m_s),
-        [WALK_LEFT] = walk_rate("walk.left_m_s", "m/s", -gait->reach_out_m / step_s,
+        [WALK_ON] = {walk_setting_name[WALK_ON], "", 0, 1, true},
+        [WALK_FORWARD] =
+            walk_rate(walk_setting_name[WALK_FORWARD], "m/s", -gait->reach_back_m / step_s,
+                      gait->reach_ahead_m / step_s, config->forward_m_s),
+        [WALK_LEFT] = walk_rate(walk_setting_name[WALK_LEFT], "m/s", -gait->reach_out_m / step_s,
                                 gait->reach_out_m / step_s, config->left_m_s),
-        [WALK_TURN] = walk_rate("walk.turn_rad_s", "rad/s", -TURN_MOST_RAD_S, TURN_MOST_RAD_S,
-                                config->turn_rad_s),
-        [WALK_HEADING] = {"walk.heading_rad", "rad", -1e3, 1e3, false},
-        [WALK_STEP_TIME] = {"walk.step_s", "s", step_s / 2, step_s * 2, false},
-        [WALK_STEP_LENGTH] = {"walk.step_length_m", "m", -gait->reach_back_m, gait->reach_ahead_m,
-                              false},
+        [WALK_TURN] = walk_rate(walk_setting_name[WALK_TURN], "rad/s", -TURN_MOST_RAD_S,
+                                TURN_MOST_RAD_S, config->turn_rad_s),
+        [WALK_HEADING] = {walk_setting_name[WALK_HEADING], "rad", -1e3, 1e3, false},
+        [WALK_STEP_TIME] = {walk_setting_name[WALK_STEP_TIME], "s", step_s / 2, step_s * 2, false},
+        [WALK_STEP_LENGTH] = {walk_setting_name[WALK_STEP_LENGTH], "m", -gait->reach_back_m,
+                              gait->reach_ahead_m, false},
     };
 
     memcpy(walk->setting, setting, sizeof setting);
@@ -293,6 +304,7 @@ const struct task_ops task_walk = {
     .nsignal = BALANCE_SIGNALS,
     .signals = walk_signals,
     .settings = walk_settings,
+    .setting_name = walk_setting_name,
     .set = walk_set,
     .get = walk_get,
 };

@@ -106,7 +106,9 @@ static enum error_code export_rig(const struct dbc_options *o, const struct rig 
     int found;
 
     if (!o->bus) {
-        return export_all(rig, o->output ? o->output : ".", arena, error);
+        enum error_code code = o->output ? folder_make_all(o->output, error) : ERROR_NONE;
+
+        return code ? code : export_all(rig, o->output ? o->output : ".", arena, error);
     }
     found = rig_find_bus(rig, o->bus);
     if (found < 0) {
@@ -134,7 +136,7 @@ int cmd_dbc(int argc, char **argv)
          .value = &o.bus},
         {"--output", OPTION_STRING, "PATH",
          "with --bus the file to write, standard output by default; else the folder to write into, "
-         "which must exist, the current one by default",
+         "which is made when it is not there, the current one by default",
          .value = &o.output, .letter = "-o"},
     };
     static const struct operand_spec operands[] = {

@@ -122,7 +122,7 @@ int cmd_import(int argc, char **argv)
          "drive of the catalogue for all joints, or for those whose names JOINTS matches (* and "
          "?); "
          "may be given more than once",
-         .value = &drives},
+         .noun = "drives", .value = &drives},
         {"--package-path", OPTION_LIST, "DIR",
          "folder that holds the packages of package:// names; may be given more than once",
          .value = &packages},

@@ -2,6 +2,7 @@
 /* coman-hil list: what can be given by name. */
 #include "app/cli/commands.h"
 
+#include "app/cli/list_rig.h"
 #include "app/scenario/scenario.h"
 #include "base/arena.h"
 #include "base/count.h"
@@ -17,11 +18,14 @@
 
 #define LIST_ARENA_BYTES ((size_t)1 << 30) /* of address space */
 
-enum { LIST_TASKS = CONFIG_KINDS, LIST_ALL, NAME_COLUMN = 28 };
+/* What has names everywhere, then what is asked for by its kind alone. */
+enum { LIST_TASKS = CONFIG_KINDS, LIST_SETTINGS, LIST_JOINTS, LIST_FAULTS, LIST_ALL };
+
+enum { NAME_COLUMN = 28 };
 
 static const char of_this_machine[] = "/etc/";
-static const char *const nouns[] = {"rigs",      "robots", "scenarios", "drives",
-                                    "protocols", "tasks",  NULL};
+static const char *const nouns[] = {"rigs",  "robots",   "scenarios", "drives", "protocols",
+                                    "tasks", "settings", "joints",    "faults", NULL};
 
 static void list_print_line(const char *name, const char *text)
 {
@@ -112,26 +116,54 @@ static enum error_code list_print_kind(enum config_kind kind, bool names, struct
     return code;
 }
 
-static void list_print_tasks(bool names)
+/* Prints a name alone. */
+static void list_print_name(const char *name, const char *text)
 {
-    const char *const *name = task_names();
+    (void)text;
+    puts(name);
+}
 
-    for (size_t i = 0; name[i]; i++) {
-        if (names) {
-            puts(name[i]);
-        } else {
-            list_print_line(name[i], task_summary(name[i]));
+static void list_print_tasks(list_put put)
+{
+    for (const char *const *name = task_names(); *name; name++) {
+        put(*name, task_summary(*name));
+    }
+}
+
+static void list_print_settings(list_put put)
+{
+    char text[64];
+
+    for (const char *const *task = task_names(); *task; task++) {
+        snprintf(text, sizeof text, "of the task %s", *task);
+        for (const char *const *name = task_setting_names(*task); *name; name++) {
+            put(*name, text);
         }
     }
 }
 
-static enum error_code list_print_noun(int noun, bool names, struct error *error)
+static enum error_code list_print_noun(int noun, const char *rig, bool names, struct error *error)
 {
-    if (noun == LIST_TASKS) {
-        list_print_tasks(names);
+    list_put put = names ? list_print_name : list_print_line;
+
+    switch (noun) {
+    case LIST_TASKS:
+        list_print_tasks(put);
         return ERROR_NONE;
+    case LIST_SETTINGS:
+        list_print_settings(put);
+        return ERROR_NONE;
+    case LIST_JOINTS:
+    case LIST_FAULTS:
+        if (!rig) {
+            return error_set(error, ERROR_INPUT, "found no RIG behind %s, expected one",
+                             nouns[noun]);
+        }
+        return noun == LIST_JOINTS ? list_rig_joints(rig, put, error)
+                                   : list_rig_faults(rig, put, error);
+    default:
+        return list_print_kind((enum config_kind)noun, names, error);
     }
-    return list_print_kind((enum config_kind)noun, names, error);
 }
 
 static enum error_code list_print_all(bool names, struct error *error)
@@ -150,7 +182,7 @@ static enum error_code list_print_all(bool names, struct error *error)
         if (!names) {
             printf("%s%s\n\n", noun ? "\n" : "", titles[noun]);
         }
-        code = list_print_noun(noun, names, error);
+        code = list_print_noun(noun, NULL, names, error);
     }
     return code;
 }
@@ -168,21 +200,25 @@ static enum error_code list_find_noun(const char *given, int *noun, struct error
     }
     return given && *noun == LIST_ALL ? error_set(error, ERROR_INPUT,
                                                   "found \"%.100s\", expected rigs, robots, "
-                                                  "scenarios, drives, protocols or tasks",
+                                                  "scenarios, drives, protocols, tasks, "
+                                                  "settings, joints or faults",
                                                   given)
                                       : ERROR_NONE;
 }
 
 int cmd_list(int argc, char **argv)
 {
-    static const char *given;
+    static const char *given, *rig;
     static bool names;
     static const struct option_spec options[] = {
         {"--names", OPTION_FLAG, NULL, "names alone, one a line", .value = &names},
     };
     static const struct operand_spec operands[] = {
-        {"KIND", "rigs, robots, scenarios, drives, protocols or tasks; all by default", false,
-         &given, .words = nouns}};
+        {"KIND",
+         "rigs, robots, scenarios, drives, protocols or tasks, all of them by default; settings of "
+         "tasks; joints or faults of a rig",
+         false, &given, .words = nouns},
+        {"RIG", "for joints and faults: a rig's file or name", false, &rig, .noun = "rigs"}};
     static const struct command_spec spec = {
         .name = "list",
         .summary = "List the rigs, robots, scenarios, drives, protocols and tasks that can be "
@@ -202,8 +238,8 @@ int cmd_list(int argc, char **argv)
     }
     code = list_find_noun(given, &noun, &error);
     if (!code) {
-        code =
-            noun == LIST_ALL ? list_print_all(names, &error) : list_print_noun(noun, names, &error);
+        code = noun == LIST_ALL ? list_print_all(names, &error)
+                                : list_print_noun(noun, rig, names, &error);
     }
     return options_end(&spec, code, &error);
 }

@@ -11,10 +11,13 @@
 #include "manual/plot.h"
 
 #include <fnmatch.h>
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 enum { PANEL_WIDTH = 900, PANEL_HEIGHT = 360, PANELS_MAX = SIGNALS_MAX };
 
@@ -35,7 +38,8 @@ static const struct unit {
 };
 
 struct plot_options {
-    const char *file, *output, *title;
+    const char *given, *output, *title;
+    char file[PATH_MAX]; /* of the signals */
     struct option_list names;
     double span[2];
     bool list;
@@ -195,6 +199,25 @@ static enum error_code plot_file(const struct plot_options *o, struct error *err
     return code;
 }
 
+/* Finds the file of signals, which is in the directory of a recording. */
+static enum error_code plot_find_file(struct plot_options *o, struct error *error)
+{
+    struct stat there;
+    bool folder = stat(o->given, &there) == 0 && S_ISDIR(there.st_mode);
+
+    if (snprintf(o->file, sizeof o->file, "%s%s", o->given, folder ? "/signals.csv" : "") >=
+        (int)sizeof o->file) {
+        return error_set(error, ERROR_INPUT, "the name of the file is too long");
+    }
+    if (folder && access(o->file, F_OK)) {
+        return error_set(error, ERROR_INPUT,
+                         "%.200s: found no signals.csv in the directory, expected a recording with "
+                         "one (run --record %.200s --record-format csv or both)",
+                         o->given, o->given);
+    }
+    return ERROR_NONE;
+}
+
 int cmd_plot(int argc, char **argv)
 {
     static struct plot_options o = {.title = "", .span = {-1e9, 1e9}};
@@ -206,7 +229,8 @@ int cmd_plot(int argc, char **argv)
         {"--list", OPTION_FLAG, NULL, "print the titles of the signals, draw nothing",
          .value = &o.list},
         {"--output", OPTION_STRING, "FILE",
-         "SVG file to write, or PNG when its name ends in .png; SVG on standard output by default",
+         "SVG file to write, or PNG when its name ends in .png; by default SVG on standard output, "
+         "unless that is a terminal",
          .value = &o.output, .letter = "-o"},
         {"--title", OPTION_STRING, "TEXT", "title of the plot", .value = &o.title},
         {"--from", OPTION_REAL, "S", "first second to plot", .value = &o.span[0], .min = -1e9,
@@ -215,7 +239,8 @@ int cmd_plot(int argc, char **argv)
          .max = 1e9, .unit = "seconds"},
     };
     static const struct operand_spec operands[] = {
-        {"FILE", "signals.csv of a recording", true, .value = &o.file}};
+        {"FILE", "signals.csv of a recording, or the recording's directory", true,
+         .value = &o.given}};
     static const struct command_spec spec = {
         .name = "plot",
         .summary = "Plot signals of a recording.",
@@ -237,6 +262,12 @@ int cmd_plot(int argc, char **argv)
                   "--signal: found none, expected one or more; --list prints their names");
         return options_fail(&spec, &error);
     }
-    code = plot_file(&o, &error);
+    if (!o.output && !o.list && isatty(STDOUT_FILENO)) {
+        error_set(&error, ERROR_INPUT,
+                  "found a terminal to write an SVG to, expected --output FILE.svg or FILE.png");
+        return options_fail(&spec, &error);
+    }
+    code = plot_find_file(&o, &error);
+    code = code ? code : plot_file(&o, &error);
     return options_end(&spec, code, &error);
 }

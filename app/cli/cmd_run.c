@@ -116,7 +116,7 @@ static void run_request_stop(void *context)
 /* ---- restart on SIGHUP, under a service manager ---- */
 
 static struct notify manager;
-static const char *run_rig_path;
+static const struct run_options *run_given;
 static volatile sig_atomic_t reload_wanted;
 static bool reload;
 
@@ -143,7 +143,8 @@ static void try_reload(struct simulator *simulator, struct monitor *monitor)
         fprintf(stderr, "%sreload refused: %s\n", journal_prefix(JOURNAL_ERROR), error.text);
         return;
     }
-    if (rig_load(run_rig_path, &arena, &rig, &error)) {
+    if (rig_load(run_given->rig, &arena, &rig, &error) ||
+        run_options_check_trust(run_given, rig, &error)) {
         fprintf(stderr, "%sreload refused, the run continues: %s\n", journal_prefix(JOURNAL_ERROR),
                 error.text);
     } else {
@@ -396,7 +397,7 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     }
     if ((options->gateway && run_options_parse_address("--gateway", options->gateway, "29536", host,
                                                        &gateway.host, &gateway.port, &error)) ||
-        rig_command_budget("run", rig, &error) ||
+        run_options_check_trust(options, rig, &error) || rig_command_budget("run", rig, &error) ||
         run_options_configure(options, rig, &config, &error) ||
         task_input_read(&options->input, options->task, rig, arena, &input, &error)) {
         return command_fail("run", &error);
@@ -449,7 +450,7 @@ int cmd_run(int argc, char **argv)
     if (manager.descriptor >= 0) {
         signal(SIGHUP, on_hangup);
     }
-    run_rig_path = options.rig;
+    run_given = &options;
     do {
         reload = false;
         status = rig_command("run", options.rig, &options, run_start_rig);

@@ -37,7 +37,7 @@ static bool task_parse_options(int argc, char **argv, struct task_command *out, 
         {"--set", OPTION_LIST, "NAME=VALUE",
          "a setting that the task begins with, as walk.forward_m_s=0.1; may be given more than "
          "once",
-         .value = &o.set},
+         .value = &o.set, .noun = "settings"},
         TASK_OPTION_ROWS(o.input),
         {"--reconnect", OPTION_FLAG, NULL,
          "start again when the boards are lost, until the task is done", .value = &o.reconnect},

@@ -55,7 +55,7 @@ static const struct topic {
     {"robot", "a robot's file", topic_robot},
     {"scenario", "a test with a verdict", topic_scenario},
     {"bus", "the CAN buses of a rig, and how programs join them", topic_bus},
-    {"board", "what controllers talk to, and the three personalities", topic_board},
+    {"board", "what controllers talk to, and its personalities", topic_board},
     {"fault", "what can break, as a line of text", topic_fault},
     {"signal", "the numbers that scenarios judge", topic_signal},
     {"rt", "real time: the phases of a tick, their budget, overruns, probes", topic_rt},

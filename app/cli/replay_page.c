@@ -6,6 +6,7 @@
 #include "app/cli/page.h"
 #include "app/cli/ready.h"
 #include "app/cli/rig_command.h"
+#include "app/scenario/scenario.h"
 #include "base/journal.h"
 #include "rt/recorder.h"
 
@@ -14,6 +15,7 @@
 #include <jansson.h>
 #include <limits.h>
 #include <semaphore.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <unistd.h>
 
@@ -42,28 +44,55 @@ static enum error_code replay_page_check_format(const char *path, const json_t *
                      path, RECORDING_FORMAT_VERSION);
 }
 
-/* The rig of --rig, or the one that the summary of the recording names: its file where that is
- * still there, else one of that name. */
-static enum error_code replay_page_find_rig(const struct replay_page_options *options,
-                                            char rig[PATH_MAX], struct error *error)
+/* Reads the rig that a scenario of the summary made, with the values that its case had. */
+static enum error_code replay_page_load_case(const char *file, const json_t *values,
+                                             struct arena *arena, const struct rig **rig,
+                                             struct error *error)
+{
+    struct scenario_value value[SCENARIO_PARAMETERS_MAX];
+    struct scenario *cases;
+    size_t nvalue = 0, count;
+    enum error_code code;
+
+    /* In the order of the summary, which is the scenario's */
+    for (void *at = json_object_iter((json_t *)(uintptr_t)values);
+         at && nvalue < SCENARIO_PARAMETERS_MAX;
+         at = json_object_iter_next((json_t *)(uintptr_t)values, at)) {
+        const char *text = json_string_value(json_object_iter_value(at));
+
+        value[nvalue++] = (struct scenario_value){json_object_iter_key(at), text ? text : ""};
+    }
+    code = scenario_read_with(file, value, nvalue, arena, &cases, &count, error);
+    return code ? code : scenario_load_rig(&cases[0], arena, rig, error);
+}
+
+/* Loads the rig of --rig, or the one that the summary of the recording names: that of its scenario
+ * or its file where that is still there, else one of that name. */
+static enum error_code replay_page_load_rig(const struct replay_page_options *options,
+                                            struct arena *arena, const struct rig **rig,
+                                            struct error *error)
 {
     char path[PATH_MAX];
     json_t *summary;
-    const char *name, *file;
+    const char *name, *file, *scenario;
     enum error_code code;
 
     snprintf(path, sizeof path, "%s/" RECORDER_SUMMARY, options->directory);
     summary = json_load_file(path, JSON_REJECT_DUPLICATES, NULL);
     name = json_string_value(json_object_get(summary, "rig"));
     file = json_string_value(json_object_get(summary, "rig_file"));
+    scenario = json_string_value(json_object_get(summary, "scenario_file"));
     code = replay_page_check_format(path, summary, error);
     if (code) {
         goto done;
     }
     if (options->rig) {
-        snprintf(rig, PATH_MAX, "%s", options->rig);
+        code = rig_load(options->rig, arena, rig, error);
+    } else if (scenario && access(scenario, R_OK) == 0) {
+        code =
+            replay_page_load_case(scenario, json_object_get(summary, "values"), arena, rig, error);
     } else if (name) {
-        snprintf(rig, PATH_MAX, "%s", file && access(file, R_OK) == 0 ? file : name);
+        code = rig_load(file && access(file, R_OK) == 0 ? file : name, arena, rig, error);
     } else {
         code = error_set(error, ERROR_INPUT,
                          "%s: found no summary that names the rig, as of a run that was killed, "
@@ -112,9 +141,10 @@ static enum error_code replay_page_serve(const struct replay_page_options *optio
     return code;
 }
 
-static int replay_page_play(void *context, const struct rig *rig, struct arena *arena)
+static enum error_code replay_page_play(const struct replay_page_options *options,
+                                        const struct rig *rig, struct arena *arena,
+                                        struct error *error)
 {
-    const struct replay_page_options *options = context;
     const struct recording_config config = {
         .directory = options->directory,
         .rig = rig,
@@ -123,13 +153,12 @@ static int replay_page_play(void *context, const struct rig *rig, struct arena *
         .speed = options->speed,
     };
     struct recording *recording = NULL;
-    struct error error;
     enum error_code code;
 
     if (isatty(STDERR_FILENO)) {
         fprintf(stderr, "reading %s\n", options->directory);
     }
-    code = recording_open(&config, arena, &recording, &error);
+    code = recording_open(&config, arena, &recording, error);
     if (!code && recording_strange_frames(recording) > 0) {
         fprintf(stderr,
                 "%snotice: %" PRIu64 " frames are of interfaces that the rig does not have, and "
@@ -139,19 +168,25 @@ static int replay_page_play(void *context, const struct rig *rig, struct arena *
     if (!code) {
         fprintf(stderr, "recording: %.3f s of the rig %s\n", recording_duration_s(recording),
                 rig->name);
-        code = replay_page_serve(options, rig, recording, &error);
+        code = replay_page_serve(options, rig, recording, error);
     }
     recording_close(recording);
-    return code ? command_fail("replay", &error) : STATUS_OK;
+    return code;
 }
 
 int replay_page(const struct replay_page_options *options)
 {
-    char rig[PATH_MAX];
+    const struct rig *rig;
+    struct arena arena;
     struct error error;
+    enum error_code code = ready_begin(options->ready, &error);
 
-    if (ready_begin(options->ready, &error) || replay_page_find_rig(options, rig, &error)) {
+    code = code ? code : arena_init(&arena, RIG_COMMAND_ARENA, &error);
+    if (code) {
         return command_fail("replay", &error);
     }
-    return rig_command("replay", rig, (void *)(uintptr_t)options, replay_page_play);
+    code = replay_page_load_rig(options, &arena, &rig, &error);
+    code = code ? code : replay_page_play(options, rig, &arena, &error);
+    arena_fini(&arena);
+    return code ? command_fail("replay", &error) : STATUS_OK;
 }

@@ -3,6 +3,7 @@
 #include "app/cli/run_options.h"
 
 #include "app/cli/manual.h"
+#include "base/config.h"
 #include "base/count.h"
 #include "base/text.h"
 #include "manual/run.h"
@@ -11,6 +12,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
 
 enum { KINDS_SIZE = 4096 };
 
@@ -47,7 +49,7 @@ static const struct option_spec options[] = {
     {"--set", OPTION_LIST, "NAME=VALUE",
      "a setting that the task begins with, as walk.forward_m_s=0.1; \"ctl set\" changes it later; "
      "may be given more than once",
-     .value = &read.set},
+     .value = &read.set, .noun = "settings"},
     TASK_OPTION_ROWS(read.input),
     {"--stimulus", OPTION_STRING, "LOG",
      "feed the boards what the controller has sent in this candump log, or recording, at the same "
@@ -97,7 +99,7 @@ static const struct option_spec options[] = {
      .value = &read.overrun, .words = overrun_words},
     {"--fault", OPTION_LIST, "LINE",
      "arm a fault, as 'motor LKneeSag jam 2..2.5'; may be given more than once; see below",
-     .value = &read.fault},
+     .value = &read.fault, .noun = "faults"},
     {"--seed", OPTION_INT, "N", "seed of sensor noise and faults; the rig's by default",
      .value = &read.seed, .min = 0.0, .max = 9e15},
     {"--record", OPTION_STRING, "DIR", "record into this directory, new or empty",
@@ -111,6 +113,10 @@ static const struct option_spec options[] = {
     {"--force", OPTION_FLAG, NULL,
      "record into DIR even when it is not empty: replaces the recording in it with its summary",
      .value = &read.force},
+    {"--trust", OPTION_FLAG, NULL,
+     "let a rig that is not installed record outside this folder and serve its page to other "
+     "machines",
+     .value = &read.trust},
     {"--quiet", OPTION_FLAG, NULL, "no status line", .value = &read.quiet},
 };
 
@@ -205,6 +211,70 @@ bool run_options_is_loopback(const char *host)
     }
     return IN6_IS_ADDR_LOOPBACK(&six) ||
            (IN6_IS_ADDR_V4MAPPED(&six) && six.s6_addr[12] == IN_LOOPBACKNET);
+}
+
+/* Whether a path leads, or may lead, out of the folder that the program runs in. */
+static bool path_leaves_folder(const char *path)
+{
+    char part[PATH_MAX];
+    struct stat there;
+
+    for (const char *at = path; *at;) {
+        size_t length = strcspn(at, "/");
+
+        if (length == 0 || (length == 2 && !strncmp(at, "..", 2))) {
+            return true;
+        }
+        snprintf(part, sizeof part, "%.*s", (int)(at - path + (ptrdiff_t)length), path);
+        if (!lstat(part, &there) && S_ISLNK(there.st_mode)) {
+            return true;
+        }
+        at += length;
+        at += strspn(at, "/");
+    }
+    return false;
+}
+
+/* Whether the rig's page is for this machine alone; the error is of an address that is none. */
+static enum error_code listens_here(const struct rig_page *page, bool *here, struct error *error)
+{
+    char host[RUN_HOST_SIZE];
+    const char *given;
+    uint16_t port;
+
+    *here = true;
+    if (run_options_parse_address("listen", page->listen, "8080", host, &given, &port, error)) {
+        return error_prefix(error, "%s:%d:%d", page->mark.file, page->mark.line, page->mark.column);
+    }
+    *here = !given || run_options_is_loopback(given);
+    return ERROR_NONE;
+}
+
+enum error_code run_options_check_trust(const struct run_options *given, const struct rig *rig,
+                                        struct error *error)
+{
+    const struct rig_record *record = &rig->record;
+    const struct rig_page *page = &rig->page;
+    bool here = true;
+
+    if (!given->record && record->directory && !given->trust &&
+        !config_is_installed(record->mark.file) && path_leaves_folder(record->directory)) {
+        return yaml_error(error, &record->mark,
+                          "found \"%.200s\", expected a directory below the one that coman-hil "
+                          "runs in: type --trust to let this rig record there, or --record DIR",
+                          record->directory);
+    }
+    if (!given->http && run_options_http(given, rig) && listens_here(page, &here, error)) {
+        return ERROR_INPUT;
+    }
+    if (!here && !given->trust && !config_is_installed(page->mark.file)) {
+        return yaml_error(error, &page->mark,
+                          "found \"%.80s\", which other machines can reach, expected an address of "
+                          "this one, as 127.0.0.1: type --trust to let this rig listen there, or "
+                          "--http [HOST:]PORT",
+                          page->listen);
+    }
+    return ERROR_NONE;
 }
 
 enum error_code run_options_configure(const struct run_options *given, const struct rig *rig,

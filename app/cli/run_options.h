@@ -23,10 +23,17 @@ struct run_options {
     int transport;
     int record_format; /* enum recorder_format; 0 = the rig's */
     bool settle, energy, force, quiet;
+    bool trust; /* the rig may write and listen wherever it says */
 };
 
 /* False when the command is to return *status at once (options_read). */
 bool run_options_read(int argc, char **argv, struct run_options *options, int *status);
+
+/* Refuses what a rig that is not installed must not decide, unless the command line trusts it or
+ * decides otherwise: to record outside the folder that the program runs in, and to serve the page
+ * to other machines. The error names file:line:column. */
+enum error_code run_options_check_trust(const struct run_options *options, const struct rig *rig,
+                                        struct error *error);
 
 /* The simulator's configuration: the rig's settings where the command line has none. It points into
  * both, and has no gateway. */

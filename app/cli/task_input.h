@@ -19,8 +19,8 @@ extern const struct option_word task_interpolation_words[];
 
 /* Rows of a table of options that fill in a struct task_options. */
 #define TASK_OPTION_ROWS(o)                                                                        \
-    {"--joint", OPTION_STRING, "JOINT", "the joint that the task sweep identifies",                \
-     .value = &(o).joint},                                                                         \
+    {"--joint",           OPTION_STRING,   "JOINT", "the joint that the task sweep identifies",    \
+     .value = &(o).joint, .noun = "joints"},                                                       \
         {"--trajectory", OPTION_STRING, "FILE",                                                    \
          "the trajectory of the task follow: CSV with the titles time_s and JOINT_rad or "         \
          "JOINT_deg",                                                                              \

@@ -3,6 +3,7 @@
 #include "app/scenario/private.h"
 
 #include "base/text.h"
+#include "rig/faults.h"
 
 #include <string.h>
 
@@ -98,8 +99,41 @@ static enum error_code bind_stimulus(struct scenario_stimulus *stimulus, const s
     }
 }
 
+/* Checks the lines of all faults: the scenario's own, those of stimuli and of mutations. */
+static enum error_code bind_faults(const struct scenario *scenario, const struct rig *rig,
+                                   struct error *error)
+{
+    enum error_code code = ERROR_NONE;
+
+    for (size_t i = 0; !code && i < scenario->nfault; i++) {
+        code = rig_check_fault(rig, &scenario->fault[i], error);
+    }
+    for (size_t i = 0; !code && i < scenario->nstimulus; i++) {
+        const struct scenario_stimulus *stimulus = &scenario->stimulus[i];
+
+        if (stimulus->action == SCENARIO_FAULT) {
+            code =
+                rig_check_fault(rig, &(struct yaml_name){stimulus->mark, stimulus->fault}, error);
+        }
+    }
+    for (size_t i = 0; !code && i < scenario->nmutation; i++) {
+        const struct scenario_mutation *mutation = &scenario->mutation[i];
+
+        if (mutation->fault_given) {
+            code =
+                rig_check_fault(rig, &(struct yaml_name){mutation->mark, mutation->fault}, error);
+        }
+    }
+    return code;
+}
+
 enum error_code scenario_bind(struct scenario *scenario, const struct rig *rig, struct error *error)
 {
+    enum error_code code = bind_faults(scenario, rig, error);
+
+    if (code) {
+        return code;
+    }
     for (size_t i = 0; i < scenario->nstimulus; i++) {
         if (bind_stimulus(&scenario->stimulus[i], rig, error)) {
             return ERROR_INPUT;

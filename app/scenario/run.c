@@ -4,7 +4,10 @@
 
 #include "app/scenario/program.h"
 #include "base/count.h"
+#include "base/json_text.h"
+#include "sim/summary.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -313,13 +316,54 @@ static enum error_code scenario_run_create(struct run *run, const struct scenari
 
 /* ---- the run ---- */
 
+/* Writes which scenario a summary is of, and with which values of its parameters: its rig is the
+ * one that they make. */
+static void scenario_run_put_origin(const void *context, FILE *out)
+{
+    const struct scenario *scenario = context;
+    char file[PATH_MAX];
+
+    fputs(", \"scenario_file\": ", out);
+    json_text_put(realpath(scenario->file, file) ? file : scenario->file, out);
+    fputs(", \"values\": {", out);
+    for (size_t i = 0; i < scenario->nvalue; i++) {
+        fputs(i ? ", " : "", out);
+        json_text_put(scenario->value[i].name, out);
+        fputs(": ", out);
+        json_text_put(scenario->value[i].text, out);
+    }
+    fputs("}", out);
+}
+
+/* Completes a recording: its files, its summary and the plots of what was not met. */
+static enum error_code scenario_run_finish_recording(struct run *run, const char *record,
+                                                     enum loop_end end,
+                                                     struct scenario_outcome *outcome,
+                                                     struct error *error)
+{
+    struct summary summary = {
+        .simulator = run->view.simulator,
+        .end = end,
+        .recorded = true,
+        .put_origin = scenario_run_put_origin,
+        .context = run->scenario,
+    };
+    enum error_code code =
+        simulator_finish_recording(run->view.simulator, &summary.recorder, error);
+
+    if (code || !record) {
+        return code;
+    }
+    code = summary_write(&summary, record, error);
+    return code ? code : scenario_expectations_plot(run->expectations, outcome, record, error);
+}
+
 static void scenario_run_finish(struct run *run, const struct scenario_options *options,
                                 enum loop_end end, struct scenario_outcome *outcome)
 {
     struct simulator *simulator = run->view.simulator;
     int64_t time_ns = simulator_stats(simulator)->time_ns;
     int64_t planned_ns = (int64_t)scenario_run_ticks(run) * run->view.rig->tick_ns;
-    struct recorder_counters counters;
     struct error error;
 
     /* What the last tick has sent has not been judged yet */
@@ -350,9 +394,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
         outcome->ran = false;
         snprintf(outcome->text, sizeof outcome->text, "%.200s", simulator_failure(simulator));
     }
-    if (simulator_finish_recording(simulator, &counters, &error) ||
-        (options->record &&
-         scenario_expectations_plot(run->expectations, outcome, options->record, &error))) {
+    if (scenario_run_finish_recording(run, options->record, end, outcome, &error)) {
         outcome->ran = false;
         snprintf(outcome->text, sizeof outcome->text, "%.200s", error.text);
     }

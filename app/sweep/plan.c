@@ -13,6 +13,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 /* Of address space. */
 #define MEMORY ((size_t)1 << 30)
@@ -23,7 +24,8 @@ enum { LINE_MAX_BYTES = 1 << 16 };
 struct planner {
     const struct sweep *sweep;
     FILE *lines;
-    const char *folder; /* of the plan, resolved; ends in a slash */
+    const char *folder;               /* of the plan, resolved; ends in a slash */
+    const struct yaml_name *scenario; /* the one whose cases are made */
     size_t ncase;
     struct error *error;
 };
@@ -111,10 +113,10 @@ static enum error_code plan_put_line(struct planner *planner, const struct scena
     }
     if (number > SWEEP_CASES_MAX) {
         json_decref(values);
-        return error_set(planner->error, ERROR_INPUT,
-                         "%.200s: found more than %d cases with those of the scenarios' own "
-                         "parameters, expected fewer",
-                         planner->sweep->mark.file, SWEEP_CASES_MAX);
+        return yaml_error(planner->error, &planner->scenario->mark,
+                          "found more than %d cases with those of the scenarios' own parameters, "
+                          "expected fewer",
+                          SWEEP_CASES_MAX);
     }
     plan_hash_case(scenario, rig_hash, seed, planner->sweep->program, hash);
     for (size_t i = 0; i < scenario->nvalue; i++) {
@@ -131,8 +133,8 @@ static enum error_code plan_put_line(struct planner *planner, const struct scena
     return code;
 }
 
-/* What the values of a case are, before an error that they lead to; `mark` is where a sweep has the
- * one that is looked at. */
+/* Puts before the error of a case where the sweep has what leads to it: the scenario, or the value
+ * that is looked at (at `mark`) with those beside it. */
 static enum error_code plan_blame(const struct planner *planner, const struct yaml_mark *mark,
                                   const struct scenario_value *value)
 {
@@ -140,7 +142,8 @@ static enum error_code plan_blame(const struct planner *planner, const struct ya
     size_t used = 0;
 
     if (!planner->sweep->nparameter) {
-        return ERROR_INPUT;
+        mark = &planner->scenario->mark;
+        return error_prefix(planner->error, "%s:%d:%d", mark->file, mark->line, mark->column);
     }
     for (size_t i = 0; i < planner->sweep->nparameter && used < sizeof text; i++) {
         used += (size_t)snprintf(text + used, sizeof text - used, "%s%s = %s", i ? ", " : "",
@@ -179,7 +182,7 @@ static enum error_code plan_cases(struct planner *planner, const char *path,
         }
     }
     arena_fini(&arena);
-    return code == ERROR_INPUT ? plan_blame(planner, mark ? mark : &planner->sweep->mark, value)
+    return code == ERROR_INPUT ? plan_blame(planner, mark ? mark : &planner->scenario->mark, value)
                                : code;
 }
 
@@ -239,6 +242,7 @@ static enum error_code plan_put_scenario(struct planner *planner, const struct y
     uint64_t rig_hash = 0;
     enum error_code code;
 
+    planner->scenario = scenario;
     if (strpbrk(scenario->name, "/.")) {
         code = yaml_resolve_path(&scenario->mark, scenario->name, arena, &path, planner->error);
     } else {
@@ -247,6 +251,11 @@ static enum error_code plan_put_scenario(struct planner *planner, const struct y
         code = code ? error_prefix(planner->error, "%s:%d:%d", scenario->mark.file,
                                    scenario->mark.line, scenario->mark.column)
                     : ERROR_NONE;
+    }
+    if (!code && access(path, R_OK)) {
+        code = error_set_file(planner->error, errno, path, "cannot be read");
+        error_prefix(planner->error, "%s:%d:%d", scenario->mark.file, scenario->mark.line,
+                     scenario->mark.column);
     }
     for (size_t c = 0; !code && c < sweep->combinations; c++) {
         code = plan_put_combination(planner, path, c, &rig_hash);

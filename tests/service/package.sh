@@ -54,6 +54,7 @@ nothing "$(awk '
     $6 !~ /^\.\/usr\/lib\/systemd\/system\/coman-hil/ &&
     $6 !~ /^\.\/usr\/share\/bash-completion\/completions\/coman-hil(-bench)?$/ &&
     $6 !~ /^\.\/usr\/share\/zsh\/vendor-completions\/_coman-hil(-bench)?$/ &&
+    $6 !~ /^\.\/usr\/share\/fish\/vendor_completions\.d\/coman-hil(-bench)?\.fish$/ &&
     $6 !~ /^\.\/usr\/share\/(coman-hil|doc\/coman-hil|man)\//' "$work/list")"
 result $? "no file is outside of its places"
 (cd "$work/data/usr/share/coman-hil" && find . -type f | sort) >"$work/installed"

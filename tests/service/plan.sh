@@ -25,7 +25,7 @@ run()
 
 says() { grep -q -e "$1" "$work/out"; }
 
-echo 1..13
+echo 1..15
 
 run 0 --plan sweep.yaml --output a.plan && says '^6 cases$' &&
     run 0 --plan sweep.yaml --output b.plan && cmp -s a.plan b.plan && [ "$(wc -l <a.plan)" -eq 7 ]
@@ -102,4 +102,24 @@ run 2 --plan sweep.yaml --output c.plan && says 'squat.yaml:14:27: found unknown
     run 2 --plan --merge a.plan && run 2 --case 7 b.plan && says 'found case 7, expected 1 to 6' &&
     run 2 --case 1 sweep.yaml && says 'sweep.yaml:1: found no head' && [ ! -e c.plan ]
 result $? "what cannot be is refused where it stands"
+
+# within FILE:LINE, the sweep's own, before what is said of the scenario
+sed 's/^scenarios: .*/scenarios: [squat.yaml, nothing.yaml]/' sweep.yaml >missing.yaml
+sed '/^parameters:/,$d' sweep.yaml >plain.yaml
+sed 's/^hold/hoold/; s/^clock/clook/; s/^duration_s/duration/' squat.yaml >broken.yaml
+sed -i 's/^scenarios: .*/scenarios: [broken.yaml]/' plain.yaml
+at=$(grep -n '^scenarios' sweep.yaml | cut -d: -f1)
+run 2 --plan missing.yaml --output c.plan &&
+    says "missing.yaml:$at:[0-9]*: nothing.yaml: cannot be" &&
+    run 2 --plan plain.yaml --output c.plan &&
+    says "plain.yaml:[0-9]*:[0-9]*: broken.yaml:[0-9]*:[0-9]*: " && [ ! -e c.plan ]
+result $? "an error in a scenario names the line of the sweep that brings it in"
+
+sed 's/delay_s: .*/delay_s: {grid: [0.001, 2000]}/' sweep.yaml >late.yaml
+sed 's/delay_s: .*/delay_s: {uniform: [0.001, 2000]}/' sweep.yaml >drawn.yaml
+run 2 --plan late.yaml --output c.plan &&
+    says 'late.yaml:[0-9]*:[0-9]*: with .*delay_s = 2000: squat.yaml:19:5: ' &&
+    says 'found "2000", expected delay=1e-06 to 1 s' && run 2 --plan drawn.yaml --output c.plan &&
+    says "drawn.yaml:[0-9]*:[0-9]*: with .*delay_s = [0-9.]*: squat.yaml:19:5: " && [ ! -e c.plan ]
+result $? "a delay of half an hour is refused before anything runs"
 exit $failed

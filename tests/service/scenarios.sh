@@ -44,7 +44,7 @@ names()
 print(*sorted(c.get("name") for c in tree.parse(sys.argv[1]).iter("testcase")), sep="\n")' "$1"
 }
 
-echo 1..8
+echo 1..9
 
 name="there are at least twenty scenarios"
 if [ "$(find "$scenarios" -name '*.yaml' | wc -l)" -ge 20 ]
@@ -89,6 +89,34 @@ if run 1 --to-the-end --output "$work/results" --junit "$work/wrong.xml" \
     grep -q '<svg' "$work/results/wrong-2/expectation-1.svg" &&
     grep -q '<svg' "$work/results/wrong-1/expectation-3.svg" &&
     [ ! -e "$work/results/wrong-1/expectation-1.svg" ]
+then ok "$name"; else not_ok "$name"; fi
+
+name="its recording says what it was of, and the page plays it, with the rig that the case had"
+sed -e 's/^name: wrong/name: changed/' -e '/^hold:/i\
+changes:\
+  supply_v: ${volts}' -e 's/values: \[1, 2\]/values: [30, 31]/' \
+    "$work/config/scenarios/wrong.yaml" >"$work/config/scenarios/changed.yaml"
+replays()
+{
+    timeout -k 5 60 "$program" replay "$1" --http 0 --ready "$work/ready" 2>"$work/err" &
+    local pid=$! turn
+    for ((turn = 0; turn < 300; turn++)); do
+        [ -e "$work/ready" ] || ! kill -0 $pid 2>/dev/null && break
+        sleep 0.1
+    done
+    [ -e "$work/ready" ] && grep -q 'recording: .* of the rig' "$work/err"
+    local good=$?
+    kill -INT $pid 2>/dev/null
+    wait $pid
+    return $good
+}
+if run 1 --output "$work/results" "$work/config/scenarios/changed.yaml" &&
+    python3 -c 'import json, sys
+one = json.load(open(sys.argv[1])); two = json.load(open(sys.argv[2]))
+assert one["scenario_file"].endswith("wrong.yaml") and one["values"] == {"volts": "2"}, one
+assert two["values"] == {"volts": "31"} and two["ticks"] > 0 and two["rig"], two' \
+        "$work/results/wrong-2/summary.json" "$work/results/changed-2/summary.json" &&
+    replays "$work/results/wrong-2" && replays "$work/results/changed-2"
 then ok "$name"; else not_ok "$name"; fi
 
 name="a run ends at its first failure, and says what was not judged"

@@ -198,6 +198,33 @@ static void the_program_looks_in_etc(void **state)
     assert_non_null(strstr(error.text, "/etc/coman-hil/rigs"));
 }
 
+/* By where it stands: also a link to it, and a rig of a folder that a tree is a link to. */
+static void a_file_of_a_tree_is_installed_and_no_other(void **state)
+{
+    char path[PATH_MAX], link[PATH_MAX], through[PATH_MAX];
+
+    (void)state;
+    touch(built, "mine.yaml");
+    snprintf(path, sizeof path, "%s/mine.yaml", built);
+    assert_true(config_is_installed_in(&trees, path));
+    snprintf(link, sizeof link, "%.100s/link", trees.folder[0]);
+    assert_int_equal(symlink(built, link), 0);
+    snprintf(through, sizeof through, "%.120s/mine.yaml", link);
+    assert_true(config_is_installed_in(&trees, through));
+    assert_int_equal(unlink(link), 0);
+    snprintf(path, sizeof path, "%s/../../mine.yaml", built);
+    assert_false(config_is_installed_in(&trees, path));
+    snprintf(path, sizeof path, "%.120s-like", trees.folder[0]);
+    assert_int_equal(mkdir(path, 0755), 0);
+    strcat(path, "/mine.yaml");
+    assert_false(config_is_installed_in(&trees, path));
+    *strrchr(path, '/') = '\0';
+    assert_int_equal(rmdir(path), 0);
+    assert_false(config_is_installed_in(&trees, "/tmp/mine.yaml"));
+    assert_false(config_is_installed_in(&trees, "mine.yaml"));
+    assert_false(config_is_installed_in(&(struct config_trees){.folder = {""}}, path));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -211,6 +238,7 @@ int main(void)
                                         stop),
         cmocka_unit_test_setup_teardown(a_folder_of_that_name_is_no_file, start, stop),
         cmocka_unit_test_setup_teardown(a_list_has_each_name_once_in_order, start, stop),
+        cmocka_unit_test_setup_teardown(a_file_of_a_tree_is_installed_and_no_other, start, stop),
         cmocka_unit_test(the_program_looks_in_etc),
     };
 

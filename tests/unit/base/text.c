@@ -116,6 +116,16 @@ static void names_the_nearest_word(void **state)
     assert_string_equal(text_nearest("parent", words, ARRAY_COUNT(words)), "parent");
 }
 
+static void two_letters_swapped_are_one_mistake(void **state)
+{
+    static const char *const words[] = {"--ticks", "--tasks-of", "--task", "--talk"};
+
+    (void)state;
+    assert_string_equal(text_nearest("--taks", words, ARRAY_COUNT(words)), "--task");
+    assert_string_equal(text_nearest("--tikcs", words, ARRAY_COUNT(words)), "--ticks");
+    assert_string_equal(text_nearest("-t-ask", words, ARRAY_COUNT(words)), "--task");
+}
+
 static void names_no_word_when_none_is_near(void **state)
 {
     static const char *const words[] = {"mass_kg", "com_m"};
@@ -226,6 +236,7 @@ int main(void)
         cmocka_unit_test(reads_integers_in_decimal_and_hexadecimal_within_limits),
         cmocka_unit_test(refuses_what_is_no_integer_within_limits),
         cmocka_unit_test(names_the_nearest_word),
+        cmocka_unit_test(two_letters_swapped_are_one_mistake),
         cmocka_unit_test(names_no_word_when_none_is_near),
         cmocka_unit_test(passes_over_words_that_are_too_long_to_compare),
         cmocka_unit_test(a_name_is_safe_in_messages_and_file_names),

@@ -30,7 +30,7 @@ conclude() {
     result $? "$1" "$problem"
 }
 
-echo 1..30
+echo 1..35
 
 run 0 --help
 says out 'usage: coman-hil COMMAND'
@@ -55,6 +55,44 @@ run 0 dbc "$source/config/rigs/coman.yaml" --output "$work/long"
 [ -e "$work/long/coman-torso.dbc" ] && diff -r "$work/short" "$work/long" >"$work/out" ||
     problem="$problem; not the same files"
 conclude what_is_written_goes_to_output_or_o
+
+run 0 dbc "$source/config/rigs/coman.yaml" -o "$work/new/deep"
+[ -e "$work/new/deep/coman-torso.dbc" ] || problem="$problem; no file in a folder of its own"
+conclude dbc_makes_its_folder
+
+# In each of these: the names of commands that take a rig by its name
+for name in $("$program" --completion=bash | awk '/^    [a-z]+\)$/ {sub(/\)/, ""); name = $1}
+    /operands=\(/ && /noun rigs/ {print name}' | sort -u); do
+    "$program" list --help | tr '\n' ' ' | sed 's/  */ /g' |
+        grep -q "rigs ([^)]*\b$name\b" || problem="$problem; no $name in list --help"
+done
+conclude the_manual_of_list_has_every_command_that_takes_a_rig
+
+for spelling in taks tsak taskk; do
+    run 2 run coman --$spelling squat
+    says err "found unknown option --$spelling, expected --task"
+done
+conclude an_option_with_two_letters_swapped_is_recognized
+
+# Numbers of things that grow
+run 0 --help
+grep -qE '\b(two|three|four|five|six) personalities' "$work/out" &&
+    problem='a number of personalities'
+grep -qE '[0-9]+ scenarios' "$source/README.md" && problem="$problem; a number of scenarios"
+conclude neither_help_nor_readme_counts_what_is_listed_elsewhere
+
+run 0 run coman --clock free --duration 0.05 --control none --quiet --record "$work/recording"
+run 0 plot "$work/recording" --signal q_LKneeSag_rad
+says out '<svg'
+mkdir "$work/empty"
+run 2 plot "$work/empty" --list
+says err 'found no signals.csv in the directory, expected a recording'
+if command -v script >/dev/null; then
+    script -qec "$program plot $work/recording --signal q_LKneeSag_rad" "$work/typed" >/dev/null
+    grep -q 'found a terminal to write an SVG to, expected --output' "$work/typed" &&
+        ! grep -q '<svg' "$work/typed" || problem="$problem; an SVG in a terminal"
+fi
+conclude plot_takes_a_recording_and_fills_no_terminal
 
 run 0 --version
 says out 'coman-hil 0.'
@@ -202,7 +240,7 @@ done
 conclude a_built_tree_lists_what_is_in_it_with_a_line_each
 
 run 2 list nonsense
-says err 'found "nonsense", expected rigs, robots, scenarios, drives, protocols or tasks'
+says err 'found "nonsense", expected rigs, robots, scenarios, drives'
 conclude list_refuses_what_it_does_not_know
 
 # names, from a folder that has no files of them
@@ -254,7 +292,7 @@ for shell in bash zsh; do
     "$program" --completion=$shell >"$work/out" 2>"$work/err" || problem="$problem; $shell fails"
     silent err
 done
-run 2 --completion=fish
+run 2 --completion=tcsh
 conclude completion_scripts_are_printed
 
 problem=

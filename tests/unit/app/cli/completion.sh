@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # usage: completion.sh COMAN-HIL COMAN-HIL-BENCH
 # The completion scripts: what bash offers for command lines, by running its completion function as
-# bash does, and the syntax of the one for zsh. Prints TAP.
+# bash does, what fish offers, and the syntax of the one for zsh. Prints TAP.
 set -u
 program=$1 bench=$2
 work=$(mktemp -d)
@@ -56,7 +56,7 @@ zsh_found() {
                  s/^ +'([0-9]+|\*)(:?):([^:]*):.*/\1\2 \3/p" | tr '\1\2\3' '[]:'
 }
 
-echo 1..19
+echo 1..31
 commands=$("$program" --help | sed -n '/^coman-hil COMMAND/q; s/^  \([a-z]\+\) .*/\1/p')
 offers "every command" "$(echo $commands --help --version)" "$program" ""
 offers "commands that begin so" "check" "$program" ch
@@ -97,6 +97,30 @@ offers "files where no name begins so" "mine.yaml" "$program" check min
 offers "folders for a recording" "recordings" "$program" run coman --record ""
 offers "commands of ctl" "statistics status" "$program" ctl stat
 
+# lines NAME EXPECTED WORD...: exactly these lines, in any order
+lines() {
+    local name=$1 expected=$2
+    shift 2
+    offer "$@"
+    [ "$(sort <<<"$expected")" = "$(sort "$work/out")" ]
+    result $? "$name"
+}
+offers "joints of the rig on the line" "LKneeSag" "$program" task sweep coman --joint LKn
+COMP_WORDS=("$program" run --joint LKn coman) COMP_CWORD=3 COMPREPLY=()
+_coman_hil
+[ "${COMPREPLY[*]}" = LKneeSag ]
+result $? "also when the cursor stands before it"
+offers "drives of the catalogue" "$("$program" list drives --names | grep '^m')" \
+    "$program" import --drive m
+offers "settings of tasks" "walk.step_s= walk.step_length_m=" "$program" run coman --set walk.st
+lines "faults, their spaces quoted" 'motor\ LKneeSag\ jam' "$program" run coman --fault \
+    'motor\ LKneeSag\ j'
+lines "faults within quotes" 'motor LKneeSag jam' "$program" run coman --fault "'motor LKneeSag j"
+"$program" list faults coman --names >"$work/faults"
+offer "$program" run coman --fault "'"
+[ -s "$work/faults" ] && cmp -s "$work/out" "$work/faults"
+result $? "all faults of the rig"
+
 "$program" --completion=zsh >"$work/_coman-hil"
 wrong=0
 for command in $commands; do
@@ -115,5 +139,37 @@ if command -v zsh >/dev/null; then
     result $? "zsh understands its scripts"
 else
     skip "zsh understands its scripts" "zsh is not installed"
+fi
+
+# fish_offers EXPECTED LINE: fish offers exactly these lines, in any order
+fish_offers() {
+    local expected=$1
+    PATH=$work/bin:$PATH HOME=$work fish --no-config -c "source $work/coman-hil.fish
+        complete -C'$2'" 2>"$work/err" | cut -f 1 >"$work/out"
+    [ "$(sort <<<"$expected")" = "$(sort "$work/out")" ]
+}
+if command -v fish >/dev/null; then
+    mkdir "$work/bin"
+    ln -s "$(realpath "$program")" "$work/bin/coman-hil"
+    "$program" --completion=fish >"$work/coman-hil.fish"
+    "$bench" --completion=fish >"$work/coman-hil-bench.fish"
+    fish --no-execute "$work/coman-hil.fish" && fish --no-execute "$work/coman-hil-bench.fish"
+    result $? "fish understands its scripts"
+    fish_offers "$commands" 'coman-hil '
+    result $? "fish: every command"
+    fish_offers $'real\nlockstep\nfree' 'coman-hil run coman --clock '
+    result $? "fish: words of an option"
+    fish_offers walkman 'coman-hil run --duration 5 walkm' &&
+        fish_offers squat 'coman-hil task sq' && fish_offers walkman 'coman-hil task squat walkm'
+    result $? "fish: rigs and tasks in their places"
+    fish_offers LKneeSag 'coman-hil task sweep coman --joint LKn' &&
+        fish_offers $'walk.step_s=\nwalk.step_length_m=' 'coman-hil run coman --set walk.st' &&
+        fish_offers 'motor LKneeSag jam' 'coman-hil run coman --fault motor\ LKneeSag\ j'
+    result $? "fish: what a rig has"
+else
+    for name in "understands its scripts" "every command" "words of an option" \
+        "rigs and tasks in their places" "what a rig has"; do
+        skip "fish: $name" "fish is not installed"
+    done
 fi
 exit $failed
