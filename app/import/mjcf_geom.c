@@ -144,6 +144,12 @@ static enum error_code geom_add_inertia(const struct mjcf_reader *r, const xmlNo
             "writes inertias",
             own.mass, solid.volume, shell ? " of a shell" : "");
     }
+    if (g->shape == IMPORT_MESH && !by_mass && !r->exact_meshes) {
+        import_note_add(r->notes, IMPORT_ASSUMED, g->file, g->line,
+                        "mesh \"%.100s\" weighs %g kg, by its volume; MuJoCo 2.2 takes that of a "
+                        "box of its inertia unless exactmeshinertia is \"true\"",
+                        g->mesh, own.mass);
+    }
     memcpy(own.com, solid.center, sizeof own.com);
     for (int i = 0; i < 6; i++) {
         own.I[i] = solid.I[i] * own.mass / solid.volume;

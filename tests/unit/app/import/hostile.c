@@ -25,7 +25,7 @@ enum { SIZE = 10 << 20, SHARE = 4, TRIES = 3 };
 #define RATIO_MOST 10.0
 
 /* Below this nothing is measured: it is the time of what does not depend on the size. */
-#define SECONDS_LEAST 0.05
+#define SECONDS_LEAST 0.4
 
 enum reader { READ_ROBOT, READ_SRDF, READ_STL, READ_OBJ, READ_COLLADA };
 
