@@ -196,7 +196,6 @@ static enum error_code visual_repeat(struct visual_builder *b, const struct impo
 static enum error_code visual_add_mesh(struct visual_builder *b,
                                        const struct import_geometry *shape)
 {
-    const struct import_model *model = b->from->model;
     struct visual_source *source = &b->source[b->nsource];
     struct import_mesh mesh;
     struct arena scratch = {0};
