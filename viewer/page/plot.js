@@ -32,8 +32,8 @@ function rangeOf(columns) {
   let high = -Infinity;
   for (const column of columns) {
     for (const value of column) {
-      if (value < low) low = value;
-      if (value > high) high = value;
+      if (value !== null && value < low) low = value;
+      if (value !== null && value > high) high = value;
     }
   }
   if (low > high) return null;
@@ -185,7 +185,7 @@ export class Plot {
       this.#make(Boolean(other));
     }
     const tables = [data, ...other ? [other] : []].map(({ times, columns }) => [times,
-      ...this.names.map((name) => columns.get(name) ?? times.map(() => null))]);
+      ...this.names.map((name) => columns.get(name) ?? Array(times.length).fill(null))]);
     const joined = tables.length > 1 ? uPlot.join(tables) : tables[0];
     this.#plot.batch(() => {
       this.#plot.setData(joined, false);
