@@ -141,7 +141,7 @@ async function judge(browser, run) {
   };
   const image = await saved(() => page.keyboard.press('p'));
   check(image.subarray(1, 4).toString() === 'PNG' && image.length > 5000, 'a picture is saved', image.length);
-  await step(500);
+  for (let i = 0; i < 10; i++) await step(60); // a state each at least
   await wait((from) => window.coman.page.plots.newest > from + 0.5, recordedFrom);
   const files = [];
   page.on('download', (file) => files.push(file));
