@@ -175,7 +175,7 @@ static json_t *hello_run(const struct viewer *viewer)
 {
     const struct simulator_config *config =
         viewer->playback ? NULL : simulator_configuration(viewer->config.simulator);
-    const struct recording *recording = viewer->config.recording;
+    const struct recording *recording = viewer->config.recording, *with = viewer->config.with;
     const char *directory = recording ? recording->config.directory : config->record;
     const char *task = config ? config->task : NULL;
     const struct rig *rig = viewer->rig;
@@ -189,10 +189,11 @@ static json_t *hello_run(const struct viewer *viewer)
 
     if (run && recording) {
         json_object_set_new(run, "replay",
-                            json_pack("{s:f, s:f, s:f}", "from_s",
+                            json_pack("{s:f, s:f, s:f, s:o}", "from_s",
                                       (double)recording->first_ns * 1e-9, "to_s",
                                       (double)recording->last_ns * 1e-9, "period_s",
-                                      (double)recording->period_ns * 1e-9));
+                                      (double)recording->period_ns * 1e-9, "with",
+                                      with ? control_text(with->config.directory) : json_null()));
     }
     return run;
 }

@@ -194,6 +194,26 @@ static void respond_visual(struct viewer *viewer, struct viewer_client *client, 
     }
 }
 
+/* The rows of the recording to compare with, as they were written. */
+static void respond_compared(struct viewer *viewer, struct viewer_client *client, const char *name)
+{
+    const struct recording *with = viewer->config.with;
+    const struct recorded_file *file = NULL;
+
+    if (with && strcmp(name, "signals.csv") == 0) {
+        file = &with->signals.file;
+    } else if (with && strcmp(name, "poses.csv") == 0) {
+        file = &with->poses.file;
+    }
+    if (file) {
+        respond_file(
+            viewer, client, 200,
+            &(struct viewer_file){"text/csv; charset=utf-8", file->data, file->size, false});
+    } else {
+        respond_text(viewer, client, 404);
+    }
+}
+
 /* From here on the connection carries messages. */
 static void respond_upgrade(struct viewer *viewer, struct viewer_client *client,
                             const struct http_request *request)
@@ -255,6 +275,8 @@ void viewer_respond(struct viewer *viewer, struct viewer_client *client, int sta
         respond_file(
             viewer, client, 200,
             &(struct viewer_file){"text/plain; charset=utf-8", events->data, events->size, false});
+    } else if (strncmp(path, "/with/", 6) == 0) {
+        respond_compared(viewer, client, path + 6);
     } else if (strncmp(path, "/mesh/", 6) == 0) {
         respond_mesh(viewer, client, path + 6);
     } else if (strncmp(path, "/visual/", 8) == 0) {

@@ -58,6 +58,7 @@ struct viewer_config {
      * own time, and the rig that was recorded */
     const struct recording *recording;
     const struct rig *rig;
+    const struct recording *with; /* to compare it with, of the same rig; NULL = none */
 };
 
 struct viewer_counters {

@@ -54,7 +54,9 @@ export class Events {
     const listed = this.recorded ? found.slice(from, from + LISTED) : found.slice(-LISTED).reverse();
     this.rows = listed.map((event) => ({ time: event.time,
       element: h('li', { class: WORDS[event.priority] ?? 'info', title: 'show this moment',
-        onclick: () => this.past.show(event.time) },
+        tabIndex: 0, onclick: () => this.past.show(event.time), onkeydown: (key) => {
+          if (key.key === 'Enter') this.past.show(event.time);
+        } },
       h('time', { class: 'mono' }, Number.isFinite(event.time) ? `${fixed(event.time, 3)} s` : ''),
       h('span', {}, event.text)) }));
     this.items.replaceChildren(...this.rows.map(({ element }) => element));

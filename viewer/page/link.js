@@ -8,6 +8,7 @@ export class Link extends EventTarget {
   #socket = null;
   #number = 0;
   #waiting = new Map();
+  #tracing = new Set();
   #wish = { rate_hz: 60, trace: false, signals: [] };
   hello = null;
   open = false;
@@ -90,6 +91,13 @@ export class Link extends EventTarget {
   watch(wish) {
     Object.assign(this.#wish, wish);
     return this.open ? this.#watch() : Promise.resolve();
+  }
+
+  /** Frames are sent as long as somebody wants them. */
+  trace(who, on) {
+    if (on) this.#tracing.add(who);
+    else this.#tracing.delete(who);
+    return this.watch({ trace: this.#tracing.size > 0 });
   }
 
   async #watch() {

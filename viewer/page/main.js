@@ -1,23 +1,32 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page of a run: puts its parts together and keeps them up to date.
 import plotStyle from 'uplot/dist/uPlot.min.css';
+import { Camera, VIEWS } from './camera.js';
+import { Compare } from './compare.js';
 import { count, fixed, h, setClass, setText } from './dom.js';
+import { Drag } from './drag.js';
 import { Events, Past } from './events.js';
 import { Link } from './link.js';
 import { Actions, Boards, Buses, Joints, Parameters } from './panels.js';
 import { Playback } from './playback.js';
 import { Plots } from './plots.js';
+import { Pose } from './pose.js';
+import { Recorder, shoot } from './record.js';
 import { Scene } from './scene.js';
+import { feedStore } from './series_feed.js';
 import style from './style.css';
 import { Trace } from './trace.js';
 
 const TABLES_MS = 120;
 const KEYS = [['Space', 'pause, go on'], ['.', 'one tick'], [',', 'ten ticks'], ['L', 'live again'],
-  ['1 … 6', 'panels']];
+  ['1 … 6', 'panels'],
+  ['J', 'sliders of the task pose'], ['B', 'drag bodies, or turn the camera'], ['Ctrl drag', 'pushes a body']];
 const REPLAY_KEYS = [['Space', 'play, pause'], ['. ,', 'a row on, back'], ['→ ←', 'a second on, back'],
   ['] [', 'next event, event before'], ['Home End', 'begin, end'], ['1 2 6', 'panels']];
 const ALL_KEYS = [['/', 'search a signal'], ['F', 'forces'], ['C', 'center of mass'],
-  ['I', 'ellipsoids of inertia'], ['V', 'how it looks, or what can touch'], ['R', 'look at the robot'], ['T', 'light or dark'], ['?', 'this list']];
+  ['I', 'ellipsoids of inertia'], ['V', 'how it looks, or what can touch'], ['R', 'look at the robot'],
+  ...Object.values(VIEWS).map(({ key, text }) => [key, `look ${text}`]), ['W', 'follow the robot, or not'],
+  ['P', 'save the picture'], ['T', 'light or dark'], ['?', 'this list']];
 
 for (const text of [plotStyle, style]) {
   const sheet = new CSSStyleSheet();
@@ -124,10 +133,44 @@ function makeBar(hello) {
     h('button', { class: 'icon', title: 'keys: ?', 'aria-label': 'keys', onclick: () => page.help.showModal() }, '?'));
 }
 
+/** Views for who has no keys. */
+function makeCameraSelect() {
+  const select = h('select', { class: 'toggle', 'aria-label': 'camera', title: 'keys 7, 8, 9, 0', onchange: () => {
+    look(select.value);
+    select.value = '';
+  } }, h('option', { value: '' }, 'Camera'), Object.entries(VIEWS).map(([name, { text }]) =>
+    h('option', { value: name }, text)));
+  return select;
+}
+
+/** Looks from one of VIEWS. */
+function look(name) {
+  page.camera.view(name, page.chosen);
+  if (newest) page.scene.update(page.past.shown ?? newest);
+}
+
+/** To drag bodies, and to keep what is seen. */
+function makeButtons(hello) {
+  const buttons = [h('button', { class: 'toggle', id: 'shoot', title: 'save the picture: P',
+    onclick: () => shoot(page.scene, `${hello.run.rig}-${fixed((page.past.shown ?? newest)?.time ?? 0, 3)}s.png`) }, 'Picture')];
+  if (hello.right === 'control' && !hello.run.replay) {
+    page.drag = new Drag(link, hello, page.scene, { pace: () => pace.factor, complain });
+    page.dragMode = h('button', { class: 'toggle', id: 'drag', 'aria-pressed': 'false',
+      title: 'a drag pushes a body: B; else Ctrl and drag', onclick: () => {
+        page.drag.mode = !page.drag.mode;
+        page.dragMode.setAttribute('aria-pressed', String(page.drag.mode));
+      } }, 'Drag bodies');
+    buttons.unshift(page.dragMode);
+  }
+  if (!hello.run.replay) buttons.push(page.recorder.button);
+  return buttons;
+}
+
 function makeView(hello) {
   const canvas = h('canvas', { id: 'view', tabIndex: 0, 'aria-label': 'the robot' });
   const stage = h('div', { class: 'canvas' }, canvas);
-  page.scene = new Scene(canvas, hello, async (url) => (await link.fetch(url)).arrayBuffer(),
+  const loadMesh = async (url) => (await link.fetch(url)).arrayBuffer();
+  page.scene = new Scene(canvas, hello, loadMesh,
     new URLSearchParams(location.hash.slice(1)).get('quality'));
   page.scene.hurried = () => link.watch({ rate_hz: 15 });
   const toggle = (key, name, keyName) => h('button', { class: 'toggle', title: keyName,
@@ -143,16 +186,22 @@ function makeView(hello) {
       const body = page.scene.pick(event.clientX, event.clientY);
       if (page.actions) page.actions.choose(body);
       else page.scene.robot.mark(body);
+      page.chosen = body;
       setText(page.picked, body === null ? '' : `${hello.scene.bodies[body].name} · ${fixed(hello.scene.bodies[body].mass_kg, 2)} kg`);
     }
   });
+  page.camera = new Camera(page.scene, hello);
+  page.compare = new Compare(hello, page.scene, loadMesh, { complain,
+    changed: (table) => page.plots.compareWith(table) });
+  page.plots.compare.append(page.compare.element);
   page.picked = h('span', { class: 'picked mono' });
   page.badge = h('span', { class: 'status', id: 'status' });
   return h('section', { class: 'view' }, stage,
     h('div', { class: 'overlay' }, page.badge, page.picked),
     h('div', { class: 'toggles' }, toggle('forces', 'Forces', 'F'), toggle('centers', 'Center of mass', 'C'),
-      toggle('torques', 'Torques', 'Q'), toggle('skeleton', 'Inertia', 'I'), toggle('follow', 'Follow', ''),
+      toggle('torques', 'Torques', 'Q'), toggle('skeleton', 'Inertia', 'I'), toggle('follow', 'Follow', 'W'),
       hello.scene.visuals?.length ? toggle('visuals', 'Looks', 'V') : null),
+    h('div', { class: 'toggles left' }, makeCameraSelect(), makeButtons(hello)),
     makeLacks(),
     page.past.element);
 }
@@ -198,6 +247,12 @@ function makeHelp(hello) {
   return page.help;
 }
 
+/** The recording of replay --with. */
+async function loadOther(directory) {
+  const text = async (name) => (await link.fetch(`/with/${name}`)).text();
+  page.compare.load(directory, await text('signals.csv'), await text('poses.csv'));
+}
+
 function build(hello) {
   document.title = `${hello.run.rig} · coman-hil`;
   page.hello = hello;
@@ -206,8 +261,10 @@ function build(hello) {
     if (state) page.scene.update(state);
     page.tablesAt = 0;
   });
+  page.store = feedStore(link, hello);
+  page.plots = new Plots(link, hello, complain, page.store);
+  page.recorder = new Recorder(link, hello, page.plots, complain);
   const view = makeView(hello);
-  page.plots = new Plots(link, hello, complain);
   page.events = new Events(link, page.past);
   page.trace = new Trace(link, hello, complain);
   page.joints = new Joints(hello, (name) => {
@@ -220,6 +277,7 @@ function build(hello) {
   page.panels = [['Joints', page.joints], ['Buses', page.buses]];
   if (hello.run.replay) {
     page.plots.seek = (time) => page.past.show(time);
+    if (hello.run.replay.with) loadOther(hello.run.replay.with).catch((error) => complain(error.message));
     page.events.load(link).catch((error) => complain(error.message));
   } else {
     page.boards = new Boards(hello);
@@ -227,8 +285,9 @@ function build(hello) {
     page.parameters = new Parameters(link, hello, complain);
     page.panels.splice(1, 0, ['Boards', page.boards]);
     page.panels.push(['Act', page.actions], ['Parameters', page.parameters]);
+    if (hello.run.task === 'pose') page.panels.push(['Pose', new Pose(link, hello, complain)]);
   }
-  page.side = makeTabs('side', page.panels, 0);
+  page.side = makeTabs('side', page.panels, hello.run.task === 'pose' ? page.panels.length - 1 : 0);
   page.bottom = makeTabs('bottom', [['Plots', page.plots], ['Frames', page.trace], ['Events', page.events]], 0);
   page.root.replaceChildren(makeBar(hello), view, page.side.element, page.bottom.element, makeHelp(hello));
   setTheme(firstTheme());
@@ -241,7 +300,13 @@ const ACTIONS = {
   '.': () => page.step.click(),
   ',': () => page.hello.right === 'control' && act('step', { count: 10 }),
   l: () => page.past.show(null),
-  r: () => page.scene.reset(),
+  r: () => {
+    page.camera.free();
+    page.scene.reset();
+  },
+  j: () => page.side.open(Math.max(0, page.panels.findIndex(([name]) => name === 'Pose'))),
+  b: () => page.dragMode?.click(),
+  p: () => document.getElementById('shoot').click(),
   t: () => setTheme(page.theme === 'dark' ? 'light' : 'dark'),
   '?': () => page.help.showModal(),
   '/': () => {
@@ -250,6 +315,7 @@ const ACTIONS = {
   },
   6: () => page.bottom.open(1),
 };
+for (const [name, { key }] of Object.entries(VIEWS)) ACTIONS[key] = () => look(name);
 for (let i = 1; i <= 5; i++) ACTIONS[i] = () => i <= page.panels.length && page.side.open(i - 1);
 
 /** Of a recording, instead of or beside those. */
@@ -262,12 +328,17 @@ const REPLAY_ACTIONS = {
   Home: () => page.past.show(page.hello.run.replay.from_s),
   End: () => page.past.show(page.hello.run.replay.to_s),
 };
-for (const [key, name] of [['f', 'forces'], ['c', 'centers'], ['q', 'torques'], ['i', 'skeleton'], ['v', 'visuals']]) {
+for (const [key, name] of [['f', 'forces'], ['c', 'centers'], ['q', 'torques'], ['i', 'skeleton'],
+  ['v', 'visuals'], ['w', 'follow']]) {
   ACTIONS[key] = () => document.querySelector(`[data-show=${name}]`)?.click();
 }
 
+/** Keys that move a slider. */
+const SLIDES = /^(Arrow|Page|Home|End)/;
+
 addEventListener('keydown', (event) => {
-  const typing = event.target.closest?.('input:not(#past), select, textarea, dialog');
+  const typing = event.target.closest?.('input:not([type=range]), select, textarea, dialog')
+    || (SLIDES.test(event.key) && event.target.closest?.('input[type=range]:not(#past)'));
   if (typing || event.ctrlKey || event.metaKey || event.altKey || !page.built) return;
   const action = (page.hello.run.replay && REPLAY_ACTIONS[event.key]) || ACTIONS[event.key]
     || ACTIONS[event.key.toLowerCase()];
@@ -309,6 +380,7 @@ link.addEventListener('state', ({ detail }) => {
   page.delay = Date.now() - state.sent;
   page.past.take(state);
   page.plots.take(state);
+  page.drag?.update();
 });
 
 function updatePace(state) {
@@ -362,12 +434,15 @@ function renderTables(state) {
   page.trace.render();
   page.events.render(state.time);
   page.past.render(page.events.all);
+  page.recorder.render(newest.time);
   if (page.plots.isOpen) page.plots.render(newest.time);
 }
 
 function draw(now) {
   if (newest && page.scene) {
-    page.scene.draw(now, page.past.shown ?? newest);
+    const state = page.past.shown ?? newest;
+    page.compare.show(state.time);
+    page.scene.draw(now, state);
     if (now - (page.tablesAt ?? 0) > TABLES_MS * (page.scene.period ? 3 : 1)) {
       page.tablesAt = now;
       renderTables(page.past.shown ?? newest);

@@ -152,7 +152,7 @@ export class Trace {
 
   async shown(visible) {
     this.visible = visible;
-    this.link.watch({ trace: visible });
+    this.link.trace(this, visible);
     if (visible && !this.#database) {
       try {
         this.#database = new Database(await (await this.link.fetch('/messages.json')).json());

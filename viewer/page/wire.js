@@ -86,6 +86,6 @@ export function readFrame(view, at) {
   const flags = view.getUint8(at + 13);
   return { time: frameTime(view, at), id: view.getUint32(at + 8, true), bus: view.getUint8(at + 12),
     extended: Boolean(flags & 1), remote: Boolean(flags & 2), error: Boolean(flags & 4),
-    fd: Boolean(flags & 8), ours: Boolean(flags & 0x80),
+    fd: Boolean(flags & 8), brs: Boolean(flags & 16), ours: Boolean(flags & 0x80),
     data: new Uint8Array(view.buffer, at + 16, view.getUint8(at + 14)) };
 }
