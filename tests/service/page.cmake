@@ -3,6 +3,8 @@ hil_script_test(service_page COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR
                 LABELS service TIMEOUT 60)
 hil_script_test(page_bundle LABELS service TIMEOUT 60
     COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/service/page_node.sh bundle)
+hil_script_test(page_store LABELS service TIMEOUT 60
+    COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/service/page_node.sh store)
 # With a picture drawn by the processor; alone, for it takes all of it
 hil_script_test(page_browser LABELS service TIMEOUT 120 SERIAL
     COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/service/page_node.sh browser $<TARGET_FILE:coman-hil>)
