@@ -1,6 +1,6 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# usage: page_node.sh bundle | page_node.sh store | page_node.sh browser|replay COMAN-HIL
+# usage: page_node.sh bundle | page_node.sh store | page_node.sh browser|end|replay COMAN-HIL
 # What needs node, npm's packages and a browser, which ./dev setup --browser installs: that the
 # committed bundle is the one that its sources make, and the page in a browser. Prints TAP.
 set -u
