@@ -3,7 +3,7 @@
 import uPlot from 'uplot';
 import { h, setText, short } from './dom.js';
 
-const SPAN_S = 30;
+const SPAN_S = 10;
 const POINTS = 4000; // of a series
 const MOST = 12;
 const COLORS = ['#2f81f7', '#e0552b', '#2f9e6e', '#b05cd6', '#d9a514', '#12a5b5', '#d6336c',
@@ -12,15 +12,15 @@ const COLORS = ['#2f81f7', '#e0552b', '#2f9e6e', '#b05cd6', '#d9a514', '#12a5b5'
 export class Plots {
   #chosen = [];
   #order = [];
-  #rows = [];
   #plot = null;
   #layout = '';
   #range = null; // of a recording: what is shown of it
   #series = null;
   #values = null; // of the newest state
 
-  constructor(link, hello, complain) {
+  constructor(link, hello, complain, store) {
     this.link = link;
+    this.store = store;
     this.hello = hello;
     this.complain = complain;
     this.replay = hello.run.replay;
@@ -29,9 +29,9 @@ export class Plots {
     this.element = this.#build();
     link.addEventListener('watching', (event) => {
       this.#order = event.detail;
-      this.#rows = [];
       if (this.replay) this.#fetch();
     });
+    this.store.listen(() => { this.stale = true; });
     new ResizeObserver(() => this.#size()).observe(this.stage);
   }
 
@@ -153,13 +153,6 @@ export class Plots {
 
   take(state) {
     this.#values = state.signals;
-    if (this.replay || this.#order.length !== state.signals.length || !this.#order.length) return;
-    const last = this.#rows.at(-1);
-    if (last && state.time < last[0]) this.#rows = [];
-    if (last && state.time === last[0]) return;
-    this.#rows.push([state.time, ...state.signals]);
-    while (this.#rows.length && this.#rows[0][0] < state.time - SPAN_S) this.#rows.shift();
-    this.stale = true;
   }
 
   #make() {
@@ -210,12 +203,10 @@ export class Plots {
     if (!this.#plot || !this.stale) return;
     this.stale = false;
     const recorded = this.#series?.columns.length === this.#order.length ? this.#series : null;
-    const times = this.replay ? recorded?.times ?? [] : this.#rows.map((row) => row[0]);
-    const columns = this.#order.map((_, k) => this.replay ? recorded?.columns[k] ?? []
-      : this.#rows.map((row) => row[k + 1]));
-    const now = this.#rows.at(-1)?.[0] ?? time ?? 0;
-    const [from, to] = this.#range
-      ?? [Math.max(0, Math.min(now - 10, this.#rows[0]?.[0] ?? now)), Math.max(now, 1e-3)];
+    const now = this.store.to_s || time || 0;
+    const [from, to] = this.#range ?? [Math.max(0, now - SPAN_S), Math.max(now, 1e-3)];
+    const { times, columns } = this.replay ? recorded ?? { times: [], columns: this.#order.map(() => []) }
+      : this.store.range(this.#order, from, to, POINTS);
     this.#plot.setData([times, ...columns], false);
     this.#plot.batch(() => {
       for (const unit of Object.keys(this.#plot.scales)) {
@@ -240,7 +231,7 @@ export class Plots {
       return;
     }
     [...this.chips.children].forEach((chip, k) => {
-      setText(chip.querySelector('b'), this.#rows.length && k < columns.length ? short(this.#rows.at(-1)[k + 1]) : '');
+      setText(chip.querySelector('b'), k < columns.length ? short(this.store.last(this.#order[k])) : '');
     });
   }
 }

@@ -202,6 +202,12 @@ export class Scene {
     this.base = this.#basePosition();
   }
 
+  /** The floor goes with the view, by whole squares of its pattern; fog hides its end. */
+  #placeFloor() {
+    const at = this.ground.worldToLocal(this.controls.target.clone());
+    this.floor.position.set(CELL_M * Math.round(at.x / CELL_M), CELL_M * Math.round(at.y / CELL_M), 0);
+  }
+
   #basePosition() {
     return this.robot.bodies.length ? this.robot.bodies[0].position.clone() : new THREE.Vector3();
   }
@@ -287,6 +293,7 @@ export class Scene {
       this.framed = true;
     }
     this.#follow();
+    this.#placeFloor();
     this.#placeForces(state);
     this.#placeCenter();
     this.dirty = true;
