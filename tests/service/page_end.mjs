@@ -173,7 +173,7 @@ async function judgeEnd(page, phone, run, picture) {
 }
 
 async function judge(browser) {
-  const run = await start('one', '--clock', 'real', '--task', 'squat', '--ticks', String(TICKS),
+  const run = await start('one', '--clock', 'real', '--task', 'hold', '--ticks', String(TICKS),
     '--record', join(work, 'recording'));
   const page = await browser.newPage({ viewport: { width: 1400, height: 900 }, colorScheme: 'dark' });
   const errors = [];

@@ -71,6 +71,7 @@ export class Link extends EventTarget {
     } else if (message.type === 'event') {
       this.#tell('event', message);
     } else if (message.type === 'end') {
+      this.#refuseWaiting('the run has ended');
       this.#tell('end', message);
     } else {
       this.#answer(message);
