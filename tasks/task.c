@@ -13,10 +13,10 @@ enum { TELL_STEPS = 20, TEXT_SIZE = 100, WORST_TOLD = 3 };
 
 static const double STRAY_RAD = 0.4; /* a motor so far from its reference: fallen or stuck */
 
-static const struct task_ops *const known[] = {&task_squat, &task_grasp, &task_hold,  &task_stand,
-                                               &task_walk,  &task_sweep, &task_follow};
-static const char *const names[] = {"squat", "grasp", "hold",   "stand",
-                                    "walk",  "sweep", "follow", NULL};
+static const struct task_ops *const known[] = {&task_squat, &task_grasp, &task_hold,   &task_stand,
+                                               &task_walk,  &task_sweep, &task_follow, &task_pose};
+static const char *const names[] = {"squat", "grasp",  "hold", "stand", "walk",
+                                    "sweep", "follow", "pose", NULL};
 
 enum { KNOWN = ARRAY_COUNT(known) };
 
@@ -66,7 +66,7 @@ enum error_code task_create(const char *name, const struct task_config *config, 
         return error_set(
             error, ERROR_INPUT,
             "found task \"%s\", expected one of: squat, grasp, hold, stand, walk, sweep, "
-            "follow%s%s",
+            "follow, pose%s%s",
             name, nearest ? "; did you mean " : "", nearest ? nearest : "");
     }
     task->config = *config;

@@ -51,7 +51,7 @@ struct task {
 };
 
 extern const struct task_ops task_squat, task_grasp, task_hold, task_stand, task_walk, task_sweep,
-    task_follow;
+    task_follow, task_pose;
 
 /* The index of a joint's axis or of a force-torque board; the error says which one is missing. */
 enum error_code task_find_axis(const struct task *task, const char *joint, size_t *axis,

@@ -194,6 +194,26 @@ static void respond_visual(struct viewer *viewer, struct viewer_client *client, 
     }
 }
 
+/* The rows of the recording to compare with, as they were written. */
+static void respond_compared(struct viewer *viewer, struct viewer_client *client, const char *name)
+{
+    const struct recording *with = viewer->config.with;
+    const struct recorded_file *file = NULL;
+
+    if (with && strcmp(name, "signals.csv") == 0) {
+        file = &with->signals.file;
+    } else if (with && strcmp(name, "poses.csv") == 0) {
+        file = &with->poses.file;
+    }
+    if (file) {
+        respond_file(
+            viewer, client, 200,
+            &(struct viewer_file){"text/csv; charset=utf-8", file->data, file->size, false});
+    } else {
+        respond_text(viewer, client, 404);
+    }
+}
+
 /* From here on the connection carries messages. */
 static void respond_upgrade(struct viewer *viewer, struct viewer_client *client,
                             const struct http_request *request)
@@ -218,6 +238,7 @@ void viewer_respond(struct viewer *viewer, struct viewer_client *client, int sta
                     const struct http_request *request)
 {
     const char *path = request->path;
+    struct viewer_file file;
 
     /* Requests that are none, or not for us */
     if (status != 200) {
@@ -255,6 +276,11 @@ void viewer_respond(struct viewer *viewer, struct viewer_client *client, int sta
         respond_file(
             viewer, client, 200,
             &(struct viewer_file){"text/plain; charset=utf-8", events->data, events->size, false});
+    } else if (strncmp(path, "/with/", 6) == 0) {
+        respond_compared(viewer, client, path + 6);
+    } else if (strncmp(path, "/recording/", 11) == 0 && viewer->ended &&
+               viewer_find_file(viewer, path + 11, &file)) {
+        respond_file(viewer, client, 200, &file);
     } else if (strncmp(path, "/mesh/", 6) == 0) {
         respond_mesh(viewer, client, path + 6);
     } else if (strncmp(path, "/visual/", 8) == 0) {

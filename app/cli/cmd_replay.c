@@ -27,7 +27,7 @@ enum { NAME_SIZE = 16, BUSES_MAX = OPTION_LIST_MAX };
 #define EXTENDED_MAX 0x1fffffff
 
 struct replay_options {
-    const char *log, *http, *ready, *rig;
+    const char *log, *http, *ready, *rig, *with;
     struct option_list onto, id;
     double from_s, to_s, speed;
 };
@@ -272,6 +272,7 @@ static int replay_show(const struct replay_options *options)
         .http = options->http,
         .ready = options->ready,
         .rig = options->rig,
+        .with = options->with,
         .from_s = options->from_s,
         .to_s = options->to_s,
         .speed = options->speed,
@@ -297,8 +298,9 @@ static int replay_run(const struct replay_options *options)
     if (options->http) {
         return replay_show(options);
     }
-    if (options->ready) {
-        error_set(&error, ERROR_INPUT, "found --ready without --http, expected both");
+    if (options->ready || options->with) {
+        error_set(&error, ERROR_INPUT, "found %s without --http, expected both",
+                  options->ready ? "--ready" : "--with");
         return command_fail("replay", &error);
     }
     replay.options = *options;
@@ -335,6 +337,10 @@ int cmd_replay(int argc, char **argv)
         {"--rig", OPTION_STRING, "RIG",
          "the rig that was recorded, for --http; that of the recording's summary by default",
          .value = &o.rig, .noun = "rigs"},
+        {"--with", OPTION_STRING, "DIR",
+         "with --http: show this recording of the same rig too, its signals in the same plots and "
+         "its robot as a ghost",
+         .value = &o.with},
         {"--onto", OPTION_LIST, "[NAME=]INTERFACE",
          "send what the log has of NAME, or of INTERFACE, onto this interface; may be given more "
          "than once",

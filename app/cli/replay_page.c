@@ -14,6 +14,7 @@
 #include <inttypes.h>
 #include <jansson.h>
 #include <limits.h>
+#include <math.h>
 #include <semaphore.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -107,9 +108,9 @@ done:
 /* Serves it until it is told to end. */
 static enum error_code replay_page_serve(const struct replay_page_options *options,
                                          const struct rig *rig, const struct recording *recording,
-                                         struct error *error)
+                                         const struct recording *with, struct error *error)
 {
-    struct viewer_config config = {.recording = recording, .rig = rig};
+    struct viewer_config config = {.recording = recording, .rig = rig, .with = with};
     struct page page = {.viewer = NULL};
     char host[RUN_HOST_SIZE];
     enum error_code code = run_options_parse_address("--http", options->http, "8080", host,
@@ -152,13 +153,19 @@ static enum error_code replay_page_play(const struct replay_page_options *option
         .to_s = options->to_s,
         .speed = options->speed,
     };
-    struct recording *recording = NULL;
+    struct recording *recording = NULL, *with = NULL;
     enum error_code code;
 
     if (isatty(STDERR_FILENO)) {
         fprintf(stderr, "reading %s\n", options->directory);
     }
     code = recording_open(&config, arena, &recording, error);
+    if (!code && options->with) {
+        const struct recording_config other = {
+            .directory = options->with, .rig = rig, .from_s = -INFINITY, .to_s = INFINITY};
+
+        code = recording_open(&other, arena, &with, error);
+    }
     if (!code && recording_strange_frames(recording) > 0) {
         fprintf(stderr,
                 "%snotice: %" PRIu64 " frames are of interfaces that the rig does not have, and "
@@ -168,8 +175,9 @@ static enum error_code replay_page_play(const struct replay_page_options *option
     if (!code) {
         fprintf(stderr, "recording: %.3f s of the rig %s\n", recording_duration_s(recording),
                 rig->name);
-        code = replay_page_serve(options, rig, recording, error);
+        code = replay_page_serve(options, rig, recording, with, error);
     }
+    recording_close(with);
     recording_close(recording);
     return code;
 }

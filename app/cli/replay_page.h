@@ -7,6 +7,7 @@ struct replay_page_options {
     const char *directory;
     const char *http;  /* "[HOST:]PORT" */
     const char *ready; /* file of --ready, NULL = none */
+    const char *with;  /* a recording to compare it with, NULL = none */
     const char *rig;   /* NULL = that of the recording's summary */
     double from_s, to_s, speed;
 };

@@ -1,6 +1,7 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# usage: page_node.sh bundle | page_node.sh browser|visual|replay COMAN-HIL
+# usage: page_node.sh bundle | page_node.sh store
+#        page_node.sh browser|end|visual|replay|plots|act COMAN-HIL
 # What needs node, npm's packages and a browser, which ./dev setup --browser installs: that the
 # committed bundle is the one that its sources make, and the page in a browser. Prints TAP.
 set -u
@@ -15,7 +16,7 @@ if ! command -v node >/dev/null; then
 elif [ ! -d "$page/node_modules/esbuild" ]; then
     skip "$1" "no npm packages in viewer/page/node_modules"
 elif [ "$1" != bundle ]; then
-    exec node "$HIL_SOURCE_DIR/tests/service/page_$1.mjs" "$2"
+    exec node "$HIL_SOURCE_DIR/tests/service/page_$1.mjs" ${2+"$2"}
 fi
 
 work=$(mktemp -d)

@@ -191,6 +191,24 @@ def judge_rights(replay, page):
     check(ask_http(replay.port, "/events.log")[0] == 401, "with a token")
 
 
+def judge_comparison(directory):
+    """The rows of the recording of --with are served as they were written, to who has the token."""
+    with Replay(directory, "--with", directory) as replay:
+        page = Page(replay.port, replay.address)
+        key = [f"Authorization: Bearer {token(replay.address)}"]
+        same = []
+        for name in ("signals.csv", "poses.csv"):
+            with open(os.path.join(directory, name), "rb") as file:
+                same.append(ask_http(replay.port, f"/with/{name}", headers=key)[:2]
+                            == (200, file.read()))
+        check(page.hello["run"]["replay"]["with"] == directory and same == [True, True],
+              "the rows to compare with are there to read", same)
+        check([ask_http(replay.port, "/with/signals.csv")[0],
+               ask_http(replay.port, "/with/events.log", headers=key)[0],
+               ask_http(replay.port, "/with/../signals.csv", headers=key)[0]] == [401, 404, 404],
+              "with a token, and no other file")
+
+
 def judge_refusals(directory):
     def fail(*arguments):
         done = subprocess.run([PROGRAM, "replay", *arguments], capture_output=True, text=True,
@@ -208,6 +226,10 @@ def judge_refusals(directory):
             ((directory, "--http", "0", "--from", "7"), "expected a part of",
              "a part that is not there"),
             ((WORK.name, "--http", "0"), "expected --rig", "a directory without a summary"),
+            ((directory, "--http", "0", "--with", WORK.name), "signals.csv",
+             "to compare with no recording"),
+            ((directory, "--with", directory, "--onto", "can0"), "--with without --http",
+             "to compare without a page"),
             ((WORK.name, "--http", "0", "--rig", "coman"), "signals.csv", "no recording")):
         status, said = fail(*arguments)
         check(status == 2 and text in said, f"{name} is refused", said)
@@ -231,7 +253,7 @@ def judge_refusals(directory):
 
 
 def main():
-    print("1..25")
+    print("1..29")
     directory = os.path.join(WORK.name, "recording")
     record(directory)
     poses, signals = read_rows(directory, "poses.csv"), read_rows(directory, "signals.csv")
@@ -246,6 +268,7 @@ def main():
         judge_frames(page, directory)
         judge_rights(replay, page)
     check(replay.status == 0, "it ends when it is told to")
+    judge_comparison(directory)
     judge_refusals(directory)
     return 0
 

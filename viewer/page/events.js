@@ -54,7 +54,9 @@ export class Events {
     const listed = this.recorded ? found.slice(from, from + LISTED) : found.slice(-LISTED).reverse();
     this.rows = listed.map((event) => ({ time: event.time,
       element: h('li', { class: WORDS[event.priority] ?? 'info', title: 'show this moment',
-        onclick: () => this.past.show(event.time) },
+        tabIndex: 0, onclick: () => this.past.show(event.time), onkeydown: (key) => {
+          if (key.key === 'Enter') this.past.show(event.time);
+        } },
       h('time', { class: 'mono' }, Number.isFinite(event.time) ? `${fixed(event.time, 3)} s` : ''),
       h('span', {}, event.text)) }));
     this.items.replaceChildren(...this.rows.map(({ element }) => element));
@@ -87,6 +89,7 @@ export class Events {
 export class Past {
   #kept = [];
   #shown = null;
+  word = 'Live'; // for the newest state
 
   constructor(changed) {
     this.changed = changed;
@@ -138,7 +141,7 @@ export class Past {
     const last = this.#kept.at(-1);
     const now = last?.time ?? 0;
     setClass(this.element, 'back', this.#shown !== null);
-    setText(this.live, this.#shown ? 'Back to now' : 'Live');
+    setText(this.live, !this.#shown ? this.word : this.word === 'Live' ? 'Back to now' : 'Back to the end');
     setText(this.label, this.#shown ? `${fixed(this.#shown.time - now, 2)} s` : '');
     const marks = events.filter(({ time }) => time > now - SPAN_S && time <= now);
     const key = `${marks.length} ${Math.round(now * 4)}`;

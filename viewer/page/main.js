@@ -1,23 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page of a run: puts its parts together and keeps them up to date.
 import plotStyle from 'uplot/dist/uPlot.min.css';
+import { Camera, VIEWS } from './camera.js';
+import { Compare } from './compare.js';
 import { count, fixed, h, setClass, setText } from './dom.js';
+import { Drag } from './drag.js';
+import { Ending } from './ending.js';
 import { Events, Past } from './events.js';
 import { Link } from './link.js';
 import { Actions, Boards, Buses, Joints, Parameters } from './panels.js';
 import { Playback } from './playback.js';
 import { Plots } from './plots.js';
+import { Pose } from './pose.js';
+import { Recorder, shoot } from './record.js';
 import { Scene } from './scene.js';
+import { feedStore } from './series_feed.js';
 import style from './style.css';
 import { Trace } from './trace.js';
 
 const TABLES_MS = 120;
 const KEYS = [['Space', 'pause, go on'], ['.', 'one tick'], [',', 'ten ticks'], ['L', 'live again'],
-  ['1 … 6', 'panels']];
+  ['1 … 6', 'panels'],
+  ['J', 'sliders of the task pose'], ['B', 'drag bodies, or turn the camera'], ['Ctrl drag', 'pushes a body']];
 const REPLAY_KEYS = [['Space', 'play, pause'], ['. ,', 'a row on, back'], ['→ ←', 'a second on, back'],
   ['] [', 'next event, event before'], ['Home End', 'begin, end'], ['1 2 6', 'panels']];
 const ALL_KEYS = [['/', 'search a signal'], ['F', 'forces'], ['C', 'center of mass'],
-  ['I', 'ellipsoids of inertia'], ['V', 'how it looks, or what can touch'], ['R', 'look at the robot'], ['T', 'light or dark'], ['?', 'this list']];
+  ['I', 'ellipsoids of inertia'], ['V', 'how it looks, or what can touch'], ['R', 'look at the robot'],
+  ...Object.values(VIEWS).map(({ key, text }) => [key, `look ${text}`]), ['W', 'follow the robot, or not'],
+  ['P', 'save the picture'], ['T', 'light or dark'], ['?', 'this list']];
 
 for (const text of [plotStyle, style]) {
   const sheet = new CSSStyleSheet();
@@ -112,22 +122,58 @@ function makeBar(hello) {
     title: timed ? 'virtual seconds a second' : 'only the real clock has a speed',
     onchange: () => act('speed', { factor: Number(page.speed.value) }) },
   [...SPEEDS, ...fast].map(([value, text]) => h('option', { value: String(value), selected: value === 1 }, text)));
+  page.right = h('span', { class: can ? 'badge control' : 'badge', id: 'right' },
+    replay ? 'recording' : can ? 'control' : 'look only');
   return h('header', { class: 'bar' },
     h('div', { class: 'brand' }, h('b', {}, hello.run.robot), h('span', {}, `${hello.run.rig}${hello.run.task ? ` · ${hello.run.task}` : ''}`)),
     h('div', { class: 'figures' }, Object.values(parts).map(([, element]) => element)),
     replay ? h('span', { class: 'muted file', title: hello.run.recording }, hello.run.recording)
       : h('div', { class: 'budget', title: `the tick's budget: ${fixed(1e6 * hello.run.tick_s, 0)} us` }, page.budget),
     h('div', { class: 'transport' }, page.pause, page.step, page.speed),
-    h('span', { class: can ? 'badge control' : 'badge', id: 'right' }, replay ? 'recording' : can ? 'control' : 'look only'),
+    page.right,
     h('button', { class: 'icon', title: 'light or dark: T', 'aria-label': 'light or dark',
       onclick: () => setTheme(page.theme === 'dark' ? 'light' : 'dark') }, '◐'),
     h('button', { class: 'icon', title: 'keys: ?', 'aria-label': 'keys', onclick: () => page.help.showModal() }, '?'));
 }
 
+/** Views for who has no keys. */
+function makeCameraSelect() {
+  const select = h('select', { class: 'toggle', 'aria-label': 'camera', title: 'keys 7, 8, 9, 0', onchange: () => {
+    look(select.value);
+    select.value = '';
+  } }, h('option', { value: '' }, 'Camera'), Object.entries(VIEWS).map(([name, { text }]) =>
+    h('option', { value: name }, text)));
+  return select;
+}
+
+/** Looks from one of VIEWS. */
+function look(name) {
+  page.camera.view(name, page.chosen);
+  if (newest) page.scene.update(page.past.shown ?? newest);
+}
+
+/** To drag bodies, and to keep what is seen. */
+function makeButtons(hello) {
+  const buttons = [h('button', { class: 'toggle', id: 'shoot', title: 'save the picture: P',
+    onclick: () => shoot(page.scene, `${hello.run.rig}-${fixed((page.past.shown ?? newest)?.time ?? 0, 3)}s.png`) }, 'Picture')];
+  if (hello.right === 'control' && !hello.run.replay) {
+    page.drag = new Drag(link, hello, page.scene, { pace: () => pace.factor, complain });
+    page.dragMode = h('button', { class: 'toggle', id: 'drag', 'aria-pressed': 'false',
+      title: 'a drag pushes a body: B; else Ctrl and drag', onclick: () => {
+        page.drag.mode = !page.drag.mode;
+        page.dragMode.setAttribute('aria-pressed', String(page.drag.mode));
+      } }, 'Drag bodies');
+    buttons.unshift(page.dragMode);
+  }
+  if (!hello.run.replay) buttons.push(page.recorder.button);
+  return buttons;
+}
+
 function makeView(hello) {
   const canvas = h('canvas', { id: 'view', tabIndex: 0, 'aria-label': 'the robot' });
   const stage = h('div', { class: 'canvas' }, canvas);
-  page.scene = new Scene(canvas, hello, async (url) => (await link.fetch(url)).arrayBuffer(),
+  const loadMesh = async (url) => (await link.fetch(url)).arrayBuffer();
+  page.scene = new Scene(canvas, hello, loadMesh,
     new URLSearchParams(location.hash.slice(1)).get('quality'));
   page.scene.hurried = () => link.watch({ rate_hz: 15 });
   const toggle = (key, name, keyName) => h('button', { class: 'toggle', title: keyName,
@@ -143,16 +189,22 @@ function makeView(hello) {
       const body = page.scene.pick(event.clientX, event.clientY);
       if (page.actions) page.actions.choose(body);
       else page.scene.robot.mark(body);
+      page.chosen = body;
       setText(page.picked, body === null ? '' : `${hello.scene.bodies[body].name} · ${fixed(hello.scene.bodies[body].mass_kg, 2)} kg`);
     }
   });
+  page.camera = new Camera(page.scene, hello);
+  page.compare = new Compare(hello, page.scene, loadMesh, { complain,
+    changed: (table) => page.plots.compareWith(table) });
+  page.plots.compare.append(page.compare.element);
   page.picked = h('span', { class: 'picked mono' });
   page.badge = h('span', { class: 'status', id: 'status' });
   return h('section', { class: 'view' }, stage,
     h('div', { class: 'overlay' }, page.badge, page.picked),
     h('div', { class: 'toggles' }, toggle('forces', 'Forces', 'F'), toggle('centers', 'Center of mass', 'C'),
-      toggle('torques', 'Torques', 'Q'), toggle('skeleton', 'Inertia', 'I'), toggle('follow', 'Follow', ''),
+      toggle('torques', 'Torques', 'Q'), toggle('skeleton', 'Inertia', 'I'), toggle('follow', 'Follow', 'W'),
       hello.scene.visuals?.length ? toggle('visuals', 'Looks', 'V') : null),
+    h('div', { class: 'toggles left' }, makeCameraSelect(), makeButtons(hello)),
     makeLacks(),
     page.past.element);
 }
@@ -198,6 +250,12 @@ function makeHelp(hello) {
   return page.help;
 }
 
+/** The recording of replay --with. */
+async function loadOther(directory) {
+  const text = async (name) => (await link.fetch(`/with/${name}`)).text();
+  page.compare.load(directory, await text('signals.csv'), await text('poses.csv'));
+}
+
 function build(hello) {
   document.title = `${hello.run.rig} · coman-hil`;
   page.hello = hello;
@@ -206,8 +264,11 @@ function build(hello) {
     if (state) page.scene.update(state);
     page.tablesAt = 0;
   });
+  page.store = feedStore(link, hello);
+  page.plots = new Plots(link, hello, complain, page.store);
+  page.recorder = new Recorder(link, hello, page.plots, complain);
   const view = makeView(hello);
-  page.plots = new Plots(link, hello, complain);
+  page.ending = new Ending(link, complain);
   page.events = new Events(link, page.past);
   page.trace = new Trace(link, hello, complain);
   page.joints = new Joints(hello, (name) => {
@@ -220,6 +281,7 @@ function build(hello) {
   page.panels = [['Joints', page.joints], ['Buses', page.buses]];
   if (hello.run.replay) {
     page.plots.seek = (time) => page.past.show(time);
+    if (hello.run.replay.with) loadOther(hello.run.replay.with).catch((error) => complain(error.message));
     page.events.load(link).catch((error) => complain(error.message));
   } else {
     page.boards = new Boards(hello);
@@ -227,9 +289,11 @@ function build(hello) {
     page.parameters = new Parameters(link, hello, complain);
     page.panels.splice(1, 0, ['Boards', page.boards]);
     page.panels.push(['Act', page.actions], ['Parameters', page.parameters]);
+    if (hello.run.task === 'pose') page.panels.push(['Pose', new Pose(link, hello, complain)]);
   }
-  page.side = makeTabs('side', page.panels, 0);
+  page.side = makeTabs('side', page.panels, hello.run.task === 'pose' ? page.panels.length - 1 : 0);
   page.bottom = makeTabs('bottom', [['Plots', page.plots], ['Frames', page.trace], ['Events', page.events]], 0);
+  view.append(page.ending.element);
   page.root.replaceChildren(makeBar(hello), view, page.side.element, page.bottom.element, makeHelp(hello));
   setTheme(firstTheme());
 }
@@ -239,9 +303,15 @@ function build(hello) {
 const ACTIONS = {
   ' ': () => page.pause.click(),
   '.': () => page.step.click(),
-  ',': () => page.hello.right === 'control' && act('step', { count: 10 }),
+  ',': () => page.hello.right === 'control' && !page.over && act('step', { count: 10 }),
   l: () => page.past.show(null),
-  r: () => page.scene.reset(),
+  r: () => {
+    page.camera.free();
+    page.scene.reset();
+  },
+  j: () => page.side.open(Math.max(0, page.panels.findIndex(([name]) => name === 'Pose'))),
+  b: () => page.dragMode?.click(),
+  p: () => document.getElementById('shoot').click(),
   t: () => setTheme(page.theme === 'dark' ? 'light' : 'dark'),
   '?': () => page.help.showModal(),
   '/': () => {
@@ -250,6 +320,7 @@ const ACTIONS = {
   },
   6: () => page.bottom.open(1),
 };
+for (const [name, { key }] of Object.entries(VIEWS)) ACTIONS[key] = () => look(name);
 for (let i = 1; i <= 5; i++) ACTIONS[i] = () => i <= page.panels.length && page.side.open(i - 1);
 
 /** Of a recording, instead of or beside those. */
@@ -262,12 +333,17 @@ const REPLAY_ACTIONS = {
   Home: () => page.past.show(page.hello.run.replay.from_s),
   End: () => page.past.show(page.hello.run.replay.to_s),
 };
-for (const [key, name] of [['f', 'forces'], ['c', 'centers'], ['q', 'torques'], ['i', 'skeleton'], ['v', 'visuals']]) {
+for (const [key, name] of [['f', 'forces'], ['c', 'centers'], ['q', 'torques'], ['i', 'skeleton'],
+  ['v', 'visuals'], ['w', 'follow']]) {
   ACTIONS[key] = () => document.querySelector(`[data-show=${name}]`)?.click();
 }
 
+/** Keys that move a slider. */
+const SLIDES = /^(Arrow|Page|Home|End)/;
+
 addEventListener('keydown', (event) => {
-  const typing = event.target.closest?.('input:not(#past), select, textarea, dialog');
+  const typing = event.target.closest?.('input:not([type=range]), select, textarea, dialog')
+    || (SLIDES.test(event.key) && event.target.closest?.('input[type=range]:not(#past)'));
   if (typing || event.ctrlKey || event.metaKey || event.altKey || !page.built) return;
   const action = (page.hello.run.replay && REPLAY_ACTIONS[event.key]) || ACTIONS[event.key]
     || ACTIONS[event.key.toLowerCase()];
@@ -280,10 +356,16 @@ addEventListener('keydown', (event) => {
 // ---- what comes ----
 
 link.addEventListener('hello', ({ detail }) => {
-  const same = page.hello && page.hello.run.rig === detail.run.rig && page.hello.right === detail.right
-    && Boolean(page.hello.run.replay) === Boolean(detail.run.replay);
   page.gone.hidden = true;
-  if (same) return;
+  if (page.hello?.run.id === detail.run.id) {
+    setOver(page.over === 'ended' ? 'ended' : '');
+    return;
+  }
+  // Another run at this address: everything begins anew
+  if (page.hello) {
+    location.reload();
+    return;
+  }
   try {
     build(detail);
     page.built = true;
@@ -293,7 +375,31 @@ link.addEventListener('hello', ({ detail }) => {
   }
 });
 
+/** What a run that is over, or out of reach, cannot do any more; '' = it is there. */
+function setOver(over) {
+  const { replay } = page.hello.run;
+  const can = !over && (page.hello.right === 'control' || Boolean(replay));
+  page.over = over;
+  page.past.word = { ended: 'End', lost: 'Lost' }[over] ?? 'Live';
+  setClass(page.root, 'over', Boolean(over));
+  page.pause.disabled = page.step.disabled = !can;
+  page.speed.disabled = !can || (!replay && page.hello.run.clock !== 'real');
+  setText(page.right, over || (replay ? 'recording' : page.hello.right === 'control' ? 'control' : 'look only'));
+  for (const set of document.querySelectorAll('#panel-actions fieldset, .sender fieldset')) set.disabled = !can;
+}
+
+link.addEventListener('end', ({ detail }) => {
+  if (!page.built) return;
+  setOver('ended');
+  page.ending.show(detail, page.events.all, () => page.bottom.open(2));
+});
+
 link.addEventListener('gone', ({ detail }) => {
+  if (page.over === 'ended') {
+    page.ending.lose();
+    return;
+  }
+  if (page.built && !page.hello.run.replay) setOver('lost');
   page.gone.replaceChildren(h('b', {}, detail.reason), h('span', {}, detail.final ? ''
     : newest ? ` What is shown is of ${fixed(newest.time, 3)} s. Looking for it again…` : ' Looking for it again…'));
   page.gone.hidden = false;
@@ -309,6 +415,7 @@ link.addEventListener('state', ({ detail }) => {
   page.delay = Date.now() - state.sent;
   page.past.take(state);
   page.plots.take(state);
+  page.drag?.update();
 });
 
 function updatePace(state) {
@@ -323,6 +430,7 @@ function updatePace(state) {
 function statusOf(state) {
   if (page.hello.run.replay) return ['', ''];
   if (page.past.shown) return ['looking back', 'back'];
+  if (page.over) return [page.over, page.over];
   if (state.paused) return ['paused', 'paused'];
   if (state.clamped) return ['links are clamped', 'clamped'];
   return ['', ''];
@@ -362,12 +470,15 @@ function renderTables(state) {
   page.trace.render();
   page.events.render(state.time);
   page.past.render(page.events.all);
+  page.recorder.render(newest.time);
   if (page.plots.isOpen) page.plots.render(newest.time);
 }
 
 function draw(now) {
   if (newest && page.scene) {
-    page.scene.draw(now, page.past.shown ?? newest);
+    const state = page.past.shown ?? newest;
+    page.compare.show(state.time);
+    page.scene.draw(now, state);
     if (now - (page.tablesAt ?? 0) > TABLES_MS * (page.scene.period ? 3 : 1)) {
       page.tablesAt = now;
       renderTables(page.past.shown ?? newest);

@@ -10,7 +10,12 @@ export class Joints {
     this.rows = this.joints.map((joint) => {
       const row = { angle: h('td', { class: 'mono right' }), torque: h('td', { class: 'mono right' }),
         bar: h('i'), mark: h('b') };
-      row.element = h('tr', { onclick: () => pick(joint.name) }, h('td', {}, joint.name), row.angle,
+      row.element = h('tr', { tabIndex: 0, draggable: true, onclick: () => pick(joint.name),
+        onkeydown: (event) => {
+          if (event.key === 'Enter') pick(joint.name);
+        },
+        ondragstart: (event) => event.dataTransfer.setData('text/plain', `q_${joint.name}_rad\ntorque_${joint.name}_nm`) },
+      h('td', {}, joint.name), row.angle,
         h('td', { class: 'range' }, h('span', {}, row.mark)), row.torque,
         h('td', { class: 'load' }, h('span', {}, row.bar)));
       return row;
@@ -251,7 +256,7 @@ export class Parameters {
     this.body = h('tbody');
     this.element = h('section', { class: 'panel', id: 'panel-parameters' },
       h('div', { class: 'tools' }, this.search),
-      h('div', { class: 'scroll' }, h('table', {}, h('thead', {}, h('tr', {},
+      h('div', { class: 'scroll' }, h('table', { class: 'parameters' }, h('thead', {}, h('tr', {},
         ['Parameter', 'Value', 'Unit', 'Range'].map((title) => h('th', {}, title)))), this.body)));
   }
 

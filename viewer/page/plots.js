@@ -1,246 +1,473 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plots of signals against virtual time, chosen by search; one axis a unit.
-import uPlot from 'uplot';
+// Plots of signals against virtual time, side by side: one axis of time and one cursor for all of
+// them. Signals are chosen by search or dropped; what is shown can be saved.
+import { cutTable } from './compare.js';
 import { h, setText, short } from './dom.js';
+import { nearest, Plot, SIGNALS_MOST } from './plot.js';
+import { saveCurves, savePicture } from './plot_export.js';
 
-const SPAN_S = 30;
-const POINTS = 4000; // of a series
-const MOST = 12;
-const COLORS = ['#2f81f7', '#e0552b', '#2f9e6e', '#b05cd6', '#d9a514', '#12a5b5', '#d6336c',
-  '#7a8b2b', '#6b6ff2', '#a0622d', '#4aa3ff', '#8a94a3'];
+const SPAN_S = 10; // that is shown of a run
+const KEPT_S = 600;
+const POINTS = 4000; // of a signal
+const PIECE = 8000; // rows of a series at most
+const PLOTS_MOST = 8;
+const WATCHED_MOST = 64; // signals of the server
+const LISTED = 12;
+const STEPS = 100; // of the cursor by keys, over the width
+
+/** What the plots of a robot show at first: angle and torque of its knees, or else of its two
+ * strongest joints, and the first two forces of contact. */
+function firstPlots(hello) {
+  const known = new Set(hello.signals.map(({ name }) => name));
+  const weight = ({ name, torque_limit_nm: limit }) => /knee/i.test(name) ? Infinity : limit ?? 0;
+  const order = (a, b) => Number(weight(b) > weight(a)) - Number(weight(b) < weight(a));
+  const joints = hello.scene.joints.toSorted(order).slice(0, 2);
+  const forces = hello.scene.contacts.slice(0, 2).map(({ name }) => `fz_${name}_n`);
+  return [joints.map(({ name }) => `q_${name}_rad`), joints.map(({ name }) => `torque_${name}_nm`), forces]
+    .map((names) => names.filter((name) => known.has(name))).filter(({ length }) => length);
+}
 
 export class Plots {
-  #chosen = [];
-  #order = [];
-  #rows = [];
-  #plot = null;
-  #layout = '';
-  #range = null; // of a recording: what is shown of it
-  #series = null;
-  #values = null; // of the newest state
+  #plots = [];
+  #chosen = null; // the plot that takes what is found
+  #order = []; // of the values of a state
+  #span = SPAN_S; // while it follows the run
+  #range = null; // else what is shown
+  #cursor = null; // time
+  #pointed = null; // the plot that the pointer is over
+  #data = { times: [], columns: new Map() };
+  #table = null; // of the recording to compare with
+  #other = null; // what is shown of it
+  #values = new Map(); // of the newest state
+  #asking = false;
+  #stale = true;
 
-  constructor(link, hello, complain) {
+  /** store: a SeriesStore that the link fills. */
+  constructor(link, hello, complain, store) {
     this.link = link;
     this.hello = hello;
     this.complain = complain;
     this.replay = hello.run.replay;
     if (this.replay) this.#range = [this.replay.from_s, this.replay.to_s];
     this.units = new Map(hello.signals.map(({ name, unit }) => [name, unit]));
+    this.store = store;
+    store.listen(() => { this.#stale = true; });
+    this.compare = h('span');
     this.element = this.#build();
-    link.addEventListener('watching', (event) => {
-      this.#order = event.detail;
-      this.#rows = [];
-      if (this.replay) this.#fetch();
-    });
-    new ResizeObserver(() => this.#size()).observe(this.stage);
+    this.#restore();
+    link.addEventListener('watching', (event) => this.#watched(event.detail));
   }
+
+  // ---- what the panel is made of ----
 
   #build() {
-    this.found = h('ul', { class: 'found', role: 'listbox' });
-    this.search = h('input', { type: 'search', id: 'signal-search', autocomplete: 'off',
-      placeholder: 'Add a signal: knee torque…', 'aria-label': 'search signals',
-      oninput: () => this.#list(), onfocus: () => this.#list(),
-      onblur: () => setTimeout(() => this.found.replaceChildren(), 150),
-      onkeydown: (event) => {
-        if (event.key === 'Enter' && this.found.firstChild) this.add(this.found.firstChild.dataset.name);
-        if (event.key === 'Escape') this.search.blur();
-      } });
-    this.chips = h('div', { class: 'chips' });
-    this.stage = h('div', { class: 'stage' });
-    this.empty = h('p', { class: 'empty' }, 'Type a few letters of a joint, a force or a bus. Press / to begin.');
-    this.now = h('i', { class: 'now', hidden: true });
-    this.stage.append(this.empty);
+    this.found = h('ul', { class: 'found', role: 'listbox', id: 'signals-found' });
+    this.search = h('input', { type: 'search', id: 'signal-search', autocomplete: 'off', role: 'combobox',
+      'aria-controls': 'signals-found', 'aria-expanded': 'false', placeholder: 'Add a signal: knee torque…',
+      'aria-label': 'search signals', oninput: () => this.#list(), onfocus: () => this.#list(),
+      onblur: () => {
+        if (!this.found.matches(':hover')) this.#clearFound();
+      },
+      onkeydown: (event) => this.#searchKey(event) });
+    const button = (text, title, action, id) => h('button', { class: 'quiet', title, onclick: action, id }, text);
+    this.back = button(this.replay ? 'All' : 'Live', this.replay ? 'the whole recording: Esc' : 'back to now: Esc',
+      () => this.showAll(), 'plots-live');
+    this.time = h('output', { class: 'mono cursor', 'aria-live': 'off' });
+    this.grid = h('div', { class: 'plotgrid' });
     return h('section', { class: 'panel plots', id: 'panel-plots' },
-      h('div', { class: 'tools' }, h('div', { class: 'search' }, this.search, this.found), this.chips),
-      this.stage);
+      h('div', { class: 'tools' }, h('div', { class: 'search' }, this.search, this.found),
+        button('+ Plot', 'another plot beside', () => this.#addPlot(), 'plot-add'),
+        h('span', { class: 'group' }, button('−', 'less in detail', () => this.zoom(2), 'plots-out'),
+          button('+', 'more in detail', () => this.zoom(0.5), 'plots-in'), this.back),
+        this.time, h('span', { class: 'space' }), this.compare,
+        button('CSV', 'save the samples that are shown', () => this.#saveCurves(), 'plots-csv'),
+        button('PNG', 'save the plots as a picture', () => this.#savePicture(), 'plots-png')),
+      this.grid);
   }
 
-  /** Signals whose names have all the words, the shorter ones first. */
+  numberOf(plot) {
+    return this.#plots.indexOf(plot) + 1;
+  }
+
+  /** The plots that this robot had in this browser, else a first set. */
+  #restore() {
+    let kept = null;
+    try {
+      kept = JSON.parse(localStorage.getItem(this.#key));
+    } catch { /* a browser that keeps nothing */ }
+    const lists = Array.isArray(kept) && kept.every(Array.isArray) ? kept.slice(0, PLOTS_MOST)
+      .map((names) => names.filter((name) => this.units.has(name)).slice(0, SIGNALS_MOST)) : firstPlots(this.hello);
+    for (const names of lists.length ? lists : [[]]) this.#insert(names);
+    this.choose(this.#plots[0]);
+    this.#watch();
+  }
+
+  get #key() {
+    return `plots ${this.hello.run.robot}`;
+  }
+
+  #keep() {
+    try {
+      localStorage.setItem(this.#key, JSON.stringify(this.#plots.map(({ names }) => names)));
+    } catch { /* as above */ }
+  }
+
+  #insert(names = []) {
+    const plot = new Plot(this, names);
+    this.#plots.push(plot);
+    this.grid.append(plot.element);
+    plot.showChosen(false);
+    return plot;
+  }
+
+  #addPlot() {
+    if (this.#plots.length === PLOTS_MOST) {
+      this.complain(`There is room for ${PLOTS_MOST} plots: remove one first.`);
+      return;
+    }
+    this.choose(this.#insert());
+    this.#keep();
+    this.#chosen.element.scrollIntoView({ block: 'nearest' });
+    this.search.focus();
+  }
+
+  remove(plot) {
+    if (this.#plots.length === 1) {
+      plot.names = [];
+      plot.changed();
+    } else {
+      const at = this.#plots.indexOf(plot);
+      this.#plots.splice(at, 1);
+      plot.element.remove();
+      this.choose(this.#plots[Math.max(0, at - 1)]);
+      this.#chosen.element.focus();
+    }
+    this.#changed();
+  }
+
+  /** Makes a plot the one that takes what is found. */
+  choose(plot) {
+    if (this.#chosen === plot) return;
+    this.#chosen = plot;
+    for (const other of this.#plots) other.showChosen(other === plot);
+  }
+
+  // ---- signals ----
+
+  unitOf(name) {
+    return this.units.get(name) || '–';
+  }
+
+  /** Signals whose names have all the words, the first ones. */
   #list() {
     const words = this.search.value.toLowerCase().split(/[\s_]+/).filter(Boolean);
     const names = this.hello.signals.map(({ name }) => name).filter((name) =>
-      !this.#chosen.includes(name) && words.every((word) => name.toLowerCase().includes(word)));
-    this.found.replaceChildren(...names.slice(0, 12).map((name) => h('li', { role: 'option',
-      'data-name': name, onmousedown: () => this.add(name) }, name,
-    h('span', { class: 'muted' }, this.units.get(name)))));
-    for (const item of this.found.children) item.dataset.name = item.firstChild.data;
+      !this.#chosen.names.includes(name) && words.every((word) => name.toLowerCase().includes(word)));
+    this.found.replaceChildren(...names.slice(0, LISTED).map((name, i) => h('li', { role: 'option',
+      'data-name': name, 'aria-selected': String(i === 0), id: `found-${i}`, draggable: true,
+      onclick: () => this.add(name), ondragend: () => this.#clearFound(),
+      ondragstart: (event) => {
+        event.dataTransfer.setData('text/plain', name);
+        event.dataTransfer.effectAllowed = 'copyMove';
+      } }, name, h('span', { class: 'muted' }, this.units.get(name)))));
+    this.#pick(0);
   }
 
+  #clearFound() {
+    this.found.replaceChildren();
+    this.search.setAttribute('aria-expanded', 'false');
+    this.search.removeAttribute('aria-activedescendant');
+  }
+
+  #pick(index) {
+    const items = [...this.found.children];
+    this.picked = Math.min(Math.max(index, 0), items.length - 1);
+    items.forEach((item, i) => item.setAttribute('aria-selected', String(i === this.picked)));
+    this.search.setAttribute('aria-expanded', String(items.length > 0));
+    if (items.length) this.search.setAttribute('aria-activedescendant', `found-${this.picked}`);
+    items[this.picked]?.scrollIntoView({ block: 'nearest' });
+  }
+
+  #searchKey(event) {
+    const way = { ArrowDown: 1, ArrowUp: -1 }[event.key];
+    if (way) {
+      event.preventDefault();
+      this.#pick(this.picked + way);
+    } else if (event.key === 'Enter' && this.found.children[this.picked]) {
+      this.add(this.found.children[this.picked].dataset.name);
+    } else if (event.key === 'Escape') {
+      this.#clearFound();
+      this.#chosen.element.focus();
+    }
+  }
+
+  /** Adds signals to the chosen plot. */
   add(...names) {
-    for (const name of names) {
-      if (!this.units.has(name) || this.#chosen.includes(name)) continue;
-      if (this.#chosen.length === MOST) {
-        this.complain(`A plot holds ${MOST} signals: remove one first.`);
+    this.search.value = '';
+    this.#clearFound();
+    this.addTo(this.#chosen, names);
+  }
+
+  /** Adds signals to a plot; false when it takes none of them. */
+  addTo(plot, names) {
+    const fresh = [...new Set(names)].filter((name) => this.units.has(name) && !plot.names.includes(name));
+    const watched = new Set(this.#plots.flatMap((other) => other.names));
+    const taken = [];
+    for (const name of fresh) {
+      if (plot.names.length + taken.length === SIGNALS_MOST || (!watched.has(name) && watched.size === WATCHED_MOST)) {
+        this.complain(watched.size === WATCHED_MOST ? `All plots together hold ${WATCHED_MOST} signals: remove one first.`
+          : `A plot holds ${SIGNALS_MOST} signals: remove one first, or add a plot.`);
         break;
       }
-      this.#chosen.push(name);
+      watched.add(name);
+      taken.push(name);
     }
-    this.search.value = '';
-    this.found.replaceChildren();
-    this.#choose();
+    if (!taken.length) return false;
+    plot.names = [...plot.names, ...taken];
+    plot.changed();
+    this.#changed();
+    return true;
   }
 
-  remove(name) {
-    this.#chosen = this.#chosen.filter((other) => other !== name);
-    this.#choose();
+  /** Takes a signal out of a plot. */
+  drop(plot, name) {
+    plot.names = plot.names.filter((other) => other !== name);
+    plot.changed();
+    this.#changed();
   }
 
-  #choose() {
-    this.link.watch({ signals: this.#chosen });
-    this.chips.replaceChildren(...this.#chosen.map((name, i) => h('button', { class: 'chip',
-      title: 'remove', onclick: () => this.remove(name) },
-    h('i', { style: '' }), h('span', {}, name), h('b', { class: 'mono' }), h('em', {}, '×'))));
-    [...this.chips.children].forEach((chip, i) => {
-      chip.firstChild.style.background = COLORS[i % COLORS.length];
-    });
-    this.empty.hidden = this.#chosen.length > 0;
+  /** Moves a signal to the next plot (1) or the one before (-1). */
+  move(plot, name, way) {
+    const to = this.#plots[this.#plots.indexOf(plot) + way];
+    if (!to || (!to.names.includes(name) && !this.addTo(to, [name]))) return;
+    this.drop(plot, name);
+    [...to.chips.children].find((chip) => chip.children[1].textContent === name)?.focus();
   }
 
-  // ---- of a recording: every row between two times ----
-
-  /** Shows a part of the recording; without one, all of it. */
-  zoom(from, to) {
-    const { from_s: first, to_s: last, period_s: period } = this.replay;
-    const middle = (from + to) / 2;
-    const half = Math.max((to - from) / 2, 5 * period);
-    this.#range = from === undefined ? [first, last]
-      : [Math.max(first, middle - half), Math.min(last, middle + half)];
-    this.#fetch();
+  #changed() {
+    this.#keep();
+    this.#watch();
   }
 
+  #watch() {
+    this.link.watch({ signals: [...new Set(this.#plots.flatMap(({ names }) => names))] });
+    this.#stale = true;
+  }
+
+  #watched(names) {
+    this.#order = names;
+    if (this.replay) this.#fetch();
+  }
+
+  // ---- time ----
+
+  /** The two ends of what is shown. */
+  get range() {
+    if (this.#range) return this.#range;
+    const now = Number.isFinite(this.store.to_s) ? this.store.to_s : 0;
+    return [now - this.#span, Math.max(now, 1e-3)];
+  }
+
+  /** The two ends of what there is. */
+  get #limits() {
+    const now = this.store.to_s || 0;
+    return this.replay ? [this.replay.from_s, this.replay.to_s] : [Math.max(0, now - KEPT_S), now];
+  }
+
+  /** The shortest range: some rows. */
+  get #least() {
+    return 5 * (this.replay?.period_s ?? this.hello.run.tick_s);
+  }
+
+  /** Shows a range, moved and cut to what there is. */
+  show(from, to) {
+    const [first, last] = this.#limits;
+    const width = Math.max(Math.min(to - from, last - first), this.#least);
+    const begin = Math.max(Math.min((from + to - width) / 2, last - width), first);
+    this.#range = [begin, begin + width];
+    this.redraw();
+  }
+
+  /** Follows the run again, or shows all of the recording. */
+  showAll() {
+    for (const plot of this.#plots) plot.unzoom();
+    this.#span = SPAN_S;
+    this.#range = this.replay ? [this.replay.from_s, this.replay.to_s] : null;
+    this.redraw();
+  }
+
+  /** factor: of the time that is shown; at: the part of the width that stays. */
+  zoom(factor, at = 0.5) {
+    const [from, to] = this.range;
+    if (!this.#range) { // now stays
+      this.#span = Math.min(Math.max(this.#span * factor, this.#least), KEPT_S);
+      this.redraw();
+      return;
+    }
+    this.show(from + at * (to - from) * (1 - factor), to - (1 - at) * (to - from) * (1 - factor));
+  }
+
+  /** By a part of the width. */
+  pan(part) {
+    const [from, to] = this.range;
+    const by = part * (to - from);
+    this.show(from + by, to + by);
+  }
+
+  /** Two places of the width that were at before are at after. */
+  stretch(before, after) {
+    const [from, to] = this.range;
+    const factor = (before[0] - before[1]) / (after[0] - after[1]);
+    if (!(factor > 0.01 && factor < 100)) return;
+    const begin = from + (before[0] - after[0] * factor) * (to - from);
+    this.show(begin, begin + factor * (to - from));
+  }
+
+  redraw() {
+    this.#stale = true;
+    if (this.replay) this.#fetch();
+    this.back.disabled = !this.replay && !this.#range;
+    this.render(this.newest);
+  }
+
+  // ---- the cursor ----
+
+  /** Where the pointer is in a plot; null = it has left it. */
+  pointAt(plot, time) {
+    if (time === null && this.#pointed !== plot) return;
+    this.#pointed = time === null ? null : plot;
+    this.#cursor = time;
+    for (const other of this.#plots) {
+      if (other !== plot) other.showCursor(time);
+    }
+    this.#tell();
+  }
+
+  /** By keys: to the next step of a hundred. */
+  moveCursor(way) {
+    const [from, to] = this.range;
+    const step = (to - from) / STEPS;
+    this.#pointed = null;
+    this.#cursor = Math.min(Math.max((this.#cursor ?? (from + to) / 2) + way * step, from), to);
+    for (const plot of this.#plots) plot.showCursor(this.#cursor);
+    this.#tell();
+  }
+
+  /** The values at the cursor, else those of now. */
+  #tell() {
+    const at = ({ times, columns }, time) => {
+      const row = nearest(times, time);
+      return new Map(times.length ? [...columns].map(([name, column]) => [name, column[row]]) : []);
+    };
+    const values = this.#cursor === null ? this.#values : at(this.#data, this.#cursor);
+    const others = this.#other && at(this.#other, this.#cursor ?? this.newest ?? 0);
+    for (const plot of this.#plots) plot.tell(values, others);
+    setText(this.time, this.#cursor === null ? '' : `${short(this.#cursor)} s`);
+  }
+
+  // ---- samples ----
+
+  take(state) {
+    this.#values = new Map(this.#order.map((name, k) => [name, state.signals[k]]));
+  }
+
+  #columnsOf(names, { times, columns }) {
+    return { times, columns: new Map(names.map((name, k) => [name, columns[k]])) };
+  }
+
+  /** Of a recording: asks for the range that is shown; while one is asked for, only the last of many. */
   async #fetch() {
-    const signals = this.#order;
-    const [from, to] = this.#range;
-    if (!signals.length) return;
+    if (this.#asking || !this.#order.length) return;
+    this.#asking = true;
+    let done = null;
+    while (this.#order.length && done !== `${this.#range} ${this.#order}`) {
+      const names = this.#order;
+      const [from, to] = this.#range;
+      done = `${this.#range} ${names}`;
+      try {
+        this.#data = this.#columnsOf(names, await this.link.ask('series',
+          { signals: names, from_s: from, to_s: to, points: POINTS }));
+      } catch (error) {
+        this.complain(error.message);
+      }
+      this.#stale = true;
+    }
+    this.#asking = false;
+    this.render(this.newest);
+  }
+
+  /** The table of a recording to compare with; null = none. */
+  compareWith(table) {
+    this.#table = table;
+    this.#stale = true;
+    this.render(this.newest);
+  }
+
+  setTheme() {
+    for (const plot of this.#plots) plot.setTheme();
+    this.#stale = true;
+  }
+
+  /** time: of the newest state. */
+  render(time) {
+    this.newest = time;
+    if (!this.isOpen) return;
+    if (this.#stale) {
+      this.#stale = false;
+      const range = this.range;
+      if (!this.replay) {
+        this.#data = this.#columnsOf(this.#order, this.store.range(this.#order, ...range, POINTS));
+      }
+      this.#other = this.#table && cutTable(this.#table, this.#order, ...range, POINTS);
+      for (const plot of this.#plots) plot.draw(this.#data, this.#other, range);
+      if (this.#cursor !== null) {
+        for (const plot of this.#plots) {
+          if (plot !== this.#pointed) plot.showCursor(this.#cursor);
+        }
+      }
+    }
+    for (const plot of this.#plots) plot.showMoment(this.replay ? time : null);
+    this.#tell();
+  }
+
+  // ---- to keep ----
+
+  /** Every row of the signals between two times: of a recording in pieces as they fit in a message. */
+  async #read(names, from, to) {
+    if (!this.replay) return this.store.range(names, from, to);
+    const series = await this.link.ask('series', { signals: names, from_s: from, to_s: to, points: PIECE });
+    if (series.rows === series.times.length) return series;
+    const middle = (from + to) / 2;
+    const [a, b] = [await this.#read(names, from, middle), await this.#read(names, middle, to)];
+    const last = a.times.at(-1) ?? -Infinity;
+    const skip = b.times.findIndex((time) => time > last);
+    const rest = skip < 0 ? b.times.length : skip;
+    return { times: [...a.times, ...b.times.subarray(rest)],
+      columns: names.map((_, k) => [...a.columns[k], ...b.columns[k].slice(rest)]) };
+  }
+
+  /** What came of the plotted signals between two times of a run. */
+  samples(from, to) {
+    return { names: this.#order, curves: this.store.range(this.#order, from, to) };
+  }
+
+  async #saveCurves() {
+    const names = [...new Set(this.#plots.flatMap((plot) => plot.names))];
+    const [from, to] = this.range;
     try {
-      const series = await this.link.ask('series', { signals, from_s: from, to_s: to, points: POINTS });
-      if (signals !== this.#order || from !== this.#range[0] || to !== this.#range[1]) return;
-      this.#series = series;
-      this.stale = true;
+      const curves = await this.#read(names, from, to);
+      saveCurves(`${this.hello.run.rig}.csv`, names, curves, from, to);
+      if (this.#table) {
+        const { times, columns } = cutTable(this.#table, names, from, to, Infinity);
+        saveCurves(`${this.hello.run.rig}-compared.csv`, [...columns.keys()],
+          { times, columns: [...columns.values()] }, from, to);
+      }
     } catch (error) {
       this.complain(error.message);
     }
   }
 
-  /** A drag chooses a part, a click a moment, a double click all. */
-  #makeHooks() {
-    let dragged = false;
-    return { setSelect: [(plot) => {
-      const { left, width } = plot.select;
-      dragged = width > 4;
-      if (dragged) this.zoom(plot.posToVal(left, 'x'), plot.posToVal(left + width, 'x'));
-      plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
-    }], ready: [(plot) => {
-      plot.over.append(this.now);
-      plot.over.addEventListener('dblclick', () => this.zoom());
-      plot.over.addEventListener('click', (event) => {
-        const box = plot.over.getBoundingClientRect();
-        if (!dragged) this.seek?.(plot.posToVal(event.clientX - box.left, 'x'));
-        dragged = false;
-      });
-    }] };
-  }
-
-  /** The moment that is shown, as a line. */
-  #placeNow(time) {
-    const [from, to] = this.#range;
-    this.now.hidden = !this.#series || time < from || time > to;
-    if (!this.now.hidden) this.now.style.left = `${this.#plot.valToPos(time, 'x')}px`;
-    [...this.chips.children].forEach((chip, k) => setText(chip.querySelector('b'), short(this.#values?.[k] ?? NaN)));
-  }
-
-  // ---- of a run: what has come ----
-
-  take(state) {
-    this.#values = state.signals;
-    if (this.replay || this.#order.length !== state.signals.length || !this.#order.length) return;
-    const last = this.#rows.at(-1);
-    if (last && state.time < last[0]) this.#rows = [];
-    if (last && state.time === last[0]) return;
-    this.#rows.push([state.time, ...state.signals]);
-    while (this.#rows.length && this.#rows[0][0] < state.time - SPAN_S) this.#rows.shift();
-    this.stale = true;
-  }
-
-  #make() {
-    const style = getComputedStyle(document.documentElement);
-    const text = style.getPropertyValue('--muted').trim();
-    const grid = { stroke: style.getPropertyValue('--line').trim(), width: 1 };
-    const units = [...new Set(this.#order.map((name) => this.units.get(name) || '–'))];
-    this.#plot?.destroy();
-    this.#plot = new uPlot({
-      ...this.#box(),
-      legend: { show: false },
-      cursor: { drag: { x: Boolean(this.replay), y: false, setScale: false }, points: { size: 6 } },
-      hooks: this.replay ? this.#makeHooks() : {},
-      scales: { x: { time: false }, ...Object.fromEntries(units.map((unit) => [unit, {}])) },
-      series: [{}, ...this.#order.map((name, i) => ({ label: name, width: 1.6,
-        scale: this.units.get(name) || '–', stroke: COLORS[i % COLORS.length],
-        points: { show: false } }))],
-      axes: [{ stroke: text, grid, ticks: grid, values: (_, ticks) => ticks.map((t) => `${+t.toFixed(3)} s`) },
-        ...units.map((unit, i) => ({ scale: unit, label: unit, side: i % 2 ? 1 : 3, stroke: text,
-          size: 52, labelSize: 18, grid: i ? { show: false } : grid, ticks: grid,
-          values: (_, ticks) => ticks.map((t) => +t.toPrecision(6)) }))],
-    }, [[], ...this.#order.map(() => [])], this.stage);
-    this.#plot.root.hidden = this.#order.length === 0;
-  }
-
-  #box() {
-    const box = this.stage.getBoundingClientRect();
-    return { width: Math.max(100, Math.floor(box.width)), height: Math.max(80, Math.floor(box.height)) };
-  }
-
-  #size() {
-    this.#plot?.setSize(this.#box());
-  }
-
-  setTheme() {
-    this.#layout = '';
-    this.stale = true;
-  }
-
-  render(time) {
-    const layout = this.#order.join();
-    if (layout !== this.#layout) {
-      this.#layout = layout;
-      this.#make();
-      this.stale = true;
-    }
-    if (this.replay && this.#plot && !this.stale) this.#placeNow(time);
-    if (!this.#plot || !this.stale) return;
-    this.stale = false;
-    const recorded = this.#series?.columns.length === this.#order.length ? this.#series : null;
-    const times = this.replay ? recorded?.times ?? [] : this.#rows.map((row) => row[0]);
-    const columns = this.#order.map((_, k) => this.replay ? recorded?.columns[k] ?? []
-      : this.#rows.map((row) => row[k + 1]));
-    const now = this.#rows.at(-1)?.[0] ?? time ?? 0;
-    const [from, to] = this.#range
-      ?? [Math.max(0, Math.min(now - 10, this.#rows[0]?.[0] ?? now)), Math.max(now, 1e-3)];
-    this.#plot.setData([times, ...columns], false);
-    this.#plot.batch(() => {
-      for (const unit of Object.keys(this.#plot.scales)) {
-        if (unit === 'x') continue;
-        let low = Infinity;
-        let high = -Infinity;
-        this.#order.forEach((name, k) => {
-          if ((this.units.get(name) || '–') !== unit) return;
-          for (const value of columns[k]) {
-            if (value < low) low = value;
-            if (value > high) high = value;
-          }
-        });
-        if (low > high) continue;
-        const room = Math.max(0.08 * (high - low), 1e-6 + 0.01 * Math.abs(high));
-        this.#plot.setScale(unit, { min: low - room, max: high + room });
-      }
-      this.#plot.setScale('x', { min: from, max: to });
-    });
-    if (this.replay) {
-      this.#placeNow(time);
-      return;
-    }
-    [...this.chips.children].forEach((chip, k) => {
-      setText(chip.querySelector('b'), this.#rows.length && k < columns.length ? short(this.#rows.at(-1)[k + 1]) : '');
-    });
+  #savePicture() {
+    savePicture(`${this.hello.run.rig}-plots.png`, this.grid, this.#plots);
   }
 }

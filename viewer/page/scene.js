@@ -230,6 +230,13 @@ export class Scene {
     this.scene.fog = new THREE.Fog(this.scene.background, Math.max(3.5, 1.6 * far), Math.max(9, 4 * far));
   }
 
+  /** The floor goes with the view, by whole squares of its pattern; fog hides its end. */
+  #placeFloor() {
+    const at = this.ground.worldToLocal(this.controls.target.clone());
+    const cell = CELL_M * this.floor.scale.x;
+    this.floor.position.set(cell * Math.round(at.x / cell), cell * Math.round(at.y / cell), 0);
+  }
+
   #basePosition() {
     return this.robot.bodies.length ? this.robot.bodies[0].position.clone() : new THREE.Vector3();
   }
@@ -297,6 +304,12 @@ export class Scene {
     this.plumb.computeLineDistances();
   }
 
+  /** A force at a point of the world, as an arrow so long (m); 0 = none. */
+  showForce(point, force, length) {
+    pointArrow(this.push, point, force, length);
+    this.dirty = true;
+  }
+
   /** What a push would do: an arrow at the body, or none. */
   showPush(body, force) {
     const vector = new THREE.Vector3(...(force ?? [0, 0, 0]));
@@ -316,6 +329,8 @@ export class Scene {
       this.framed = true;
     }
     this.#follow();
+    this.moved?.();
+    this.#placeFloor();
     this.#placeForces(state);
     this.#placeCenter();
     this.dirty = true;
@@ -376,17 +391,22 @@ export class Scene {
     }
   }
 
-  /** The index of the body at a place of the canvas, null where there is none. */
-  pick(x, y) {
+  /** What of the robot is at a place of the canvas: its body and the point; null = nothing. */
+  hit(x, y) {
     const box = this.canvas.getBoundingClientRect();
     const ray = new THREE.Raycaster();
     ray.setFromCamera(new THREE.Vector2(2 * (x - box.left) / box.width - 1,
       1 - 2 * (y - box.top) / box.height), this.camera);
     const hit = ray.intersectObject(this.robot.group, true)[0];
     for (let object = hit?.object; object; object = object.parent) {
-      if (object.userData.body !== undefined) return object.userData.body;
+      if (object.userData.body !== undefined) return { body: object.userData.body, point: hit.point };
     }
     return null;
+  }
+
+  /** The index of the body at a place of the canvas, null where there is none. */
+  pick(x, y) {
+    return this.hit(x, y)?.body ?? null;
   }
 
   reset() {

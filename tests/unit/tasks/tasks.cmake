@@ -2,7 +2,7 @@
 foreach(name gait host host_cia402 host_compact host_foc host_inertial host_lockstep host_mixed)
     hil_test(tasks_${name} SOURCES unit/tasks/${name}.c LIBS tasks LABELS unit)
 endforeach()
-foreach(name sine_fit trajectory)
+foreach(name motion_profile pose sine_fit trajectory)
     hil_test(tasks_${name} SOURCES unit/tasks/${name}.c LIBS tasks LABELS unit)
 endforeach()
 hil_test(tasks_leg SOURCES unit/tasks/leg.c LIBS rig LABELS unit)

@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # usage: tasks.sh COMAN-HIL
-# The tasks sweep and follow from the command line: their options, their reports, what is refused.
+# Tasks sweep, follow and pose from the command line: options, reports, what is refused.
 # Prints TAP.
 set -u
 program=$1
@@ -23,7 +23,7 @@ refused() {
     [ $? -eq 2 ] && grep -qF -- "$text" "$work/err"
 }
 
-echo 1..10
+echo 1..12
 
 run --task sweep --joint LElbj --report "$work/sweep" --set sweep.points=2 --set sweep.from_hz=4 \
     --set sweep.to_hz=8 --set sweep.settle_s=0 --set sweep.measure_periods=2 &&
@@ -51,6 +51,14 @@ result $? "a file is followed, with the errors of every joint"
     --duration 3 >"$work/out" 2>"$work/err" </dev/null &&
     grep -q "^task hold, before its end: holding for 0\.[0-9] s, largest deviations: " "$work/out"
 result $? "a run that ends before its task says how far that is"
+"$program" run coman --clock free --transport local --control none --quiet --task pose \
+    --set pose.LElbj_rad=-0.9 --set pose.rate_rad_s=1 --duration 4 --record "$work/pose" \
+    >"$work/out" 2>"$work/err" </dev/null &&
+    awk -F, 'NR == 1 { for (i = 1; i <= NF; i++) if ($i == "q_LElbj_rad") column = i }
+             END { exit !(column && $column > -0.95 && $column < -0.85) }' "$work/pose/signals.csv"
+result $? "a pose that is set is reached, and the task goes on"
+refused "pose.LElbj_rad: found \"9\", expected -" --task pose --set pose.LElbj_rad=9
+result $? "an angle beyond the joint's limits is refused"
 refused "found no joint, expected one by --joint" --task sweep
 result $? "a sweep without a joint is refused"
 refused "sweep: the rig has no joint Elbow" --task sweep --joint Elbow

@@ -1,0 +1,162 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Pose: every joint moves smoothly to the angle that its setting has, pose.JOINT_rad, and stays
+ * there; settings change while it runs, as by the sliders of the page. It begins with the initial
+ * pose, ends when it is stopped, and does not judge: a robot that is led into a fall has fallen.
+ */
+#include "tasks/motion_profile.h"
+#include "tasks/task_private.h"
+
+#include <math.h>
+#include <stdio.h>
+
+enum { POSE_RATE, POSE_JOINTS }; /* settings: the rate, then the joints by axis */
+
+enum { POSE_NAME_SIZE = 96 };
+
+static const double POSE_RATE_RAD_S = 0.5; /* of joints, at first */
+static const double POSE_LEAST_RAD_S = 0.01, POSE_MOST_RAD_S = 3;
+static const double POSE_SPEED_UP_S = 0.3;     /* from rest to that rate */
+static const double POSE_LONGEST_STEP_S = 0.1; /* after a pause a joint does not jump */
+
+struct pose {
+    size_t nsetting;
+    struct task_setting *setting;
+    _Atomic double *value;          /* by setting; another thread writes them */
+    struct motion_profile *profile; /* by axis */
+    double *deviation;              /* by axis: of the link's angle, rad */
+    double last_s;
+};
+
+/* ---- settings ---- */
+
+static size_t pose_settings(const struct task *task, const struct task_setting **setting)
+{
+    const struct pose *pose = task->state;
+
+    *setting = pose->setting;
+    return pose->nsetting;
+}
+
+static void pose_set(struct task *task, size_t index, double value)
+{
+    struct pose *pose = task->state;
+
+    pose->value[index] = value;
+}
+
+static double pose_get(const struct task *task, size_t index)
+{
+    const struct pose *pose = task->state;
+
+    return pose->value[index];
+}
+
+/* The rate, and for each joint its range, which its initial angle belongs to. */
+static bool pose_make_settings(const struct task *task, struct pose *pose, struct arena *arena)
+{
+    const struct host_config *host = &task->config.host;
+
+    pose->setting[POSE_RATE] =
+        (struct task_setting){"pose.rate_rad_s", "rad/s", POSE_LEAST_RAD_S, POSE_MOST_RAD_S, false};
+    pose->value[POSE_RATE] = POSE_RATE_RAD_S;
+    for (size_t i = 0; i < host->naxis; i++) {
+        const struct host_axis *axis = &host->axis[i];
+        double initial = task->config.initial_rad[i];
+        char *name = arena_alloc(arena, POSE_NAME_SIZE, 1);
+
+        if (!name) {
+            return false;
+        }
+        snprintf(name, POSE_NAME_SIZE, "pose.%.80s_rad", axis->joint);
+        pose->setting[POSE_JOINTS + i] = (struct task_setting){
+            name, "rad", fmin(axis->lower_rad, initial), fmax(axis->upper_rad, initial), false};
+        pose->value[POSE_JOINTS + i] = initial;
+    }
+    return true;
+}
+
+/* ---- task ---- */
+
+static enum error_code pose_create(struct task *task, struct arena *arena, struct error *error)
+{
+    const size_t naxis = task->config.host.naxis;
+    struct pose *pose = arena_alloc(arena, 1, sizeof *pose);
+
+    if (pose) {
+        pose->nsetting = POSE_JOINTS + naxis;
+        pose->setting = arena_alloc(arena, pose->nsetting, sizeof *pose->setting);
+        pose->value = arena_alloc(arena, pose->nsetting, sizeof *pose->value);
+        pose->profile = arena_alloc(arena, naxis, sizeof *pose->profile);
+        pose->deviation = arena_alloc(arena, naxis, sizeof *pose->deviation);
+    }
+    if (!pose || !pose->setting || !pose->value || !pose->profile || !pose->deviation ||
+        !pose_make_settings(task, pose, arena)) {
+        return error_set(error, ERROR_MEMORY, "no memory for the pose");
+    }
+    task->state = pose;
+    return ERROR_NONE;
+}
+
+static void pose_start(struct task *task)
+{
+    struct pose *pose = task->state;
+
+    pose->last_s = 0;
+    for (size_t i = 0; i < task->config.host.naxis; i++) {
+        pose->profile[i] = (struct motion_profile){.angle_rad = servo_wanted(task->servo, i)};
+    }
+}
+
+static void pose_tell(struct task *task)
+{
+    const struct pose *pose = task->state;
+    size_t moving = 0;
+
+    for (size_t i = 0; i < task->config.host.naxis; i++) {
+        moving += pose->profile[i].angle_rad != pose->value[POSE_JOINTS + i];
+        pose->deviation[i] =
+            fabs(host_joint(task->host, i)->joint_rad - pose->profile[i].angle_rad);
+    }
+    snprintf(task->message, sizeof task->message, "%zu joints move, largest deviations:", moving);
+    task_tell_worst(task, pose->deviation);
+}
+
+static enum task_status pose_step(struct task *task, double t_s)
+{
+    struct pose *pose = task->state;
+    double dt_s = fmin(t_s - pose->last_s, POSE_LONGEST_STEP_S), rate = pose->value[POSE_RATE];
+
+    pose->last_s = t_s;
+    for (size_t i = 0; i < task->config.host.naxis; i++) {
+        struct motion_profile *profile = &pose->profile[i];
+
+        if (dt_s > 0) {
+            motion_profile_step(profile, pose->value[POSE_JOINTS + i], rate, rate / POSE_SPEED_UP_S,
+                                dt_s);
+        }
+        servo_set(task->servo, i, profile->angle_rad, profile->rate_rad_s);
+    }
+    if (task->tells) {
+        pose_tell(task);
+    }
+    return TASK_RUNNING;
+}
+
+static bool pose_endless(const struct task *task)
+{
+    (void)task;
+    return true;
+}
+
+const struct task_ops task_pose = {
+    .name = "pose",
+    .summary = "every joint goes to the angle that is set while it runs, as by the page's sliders",
+    .create = pose_create,
+    .start = pose_start,
+    .step = pose_step,
+    .endless = pose_endless,
+    .settings = pose_settings,
+    .set = pose_set,
+    .get = pose_get,
+};

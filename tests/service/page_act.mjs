@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+// usage: node page_act.mjs COMAN-HIL [FOLDER]
+// What a page does to a run, in a headless Chromium: sliders of the task pose move joints, a body that is
+// dragged is pushed until it is let go, views by key, pictures and recordings, all of it by keyboard.
+// Prints TAP; pictures go to FOLDER.
+import { spawn } from 'node:child_process';
+import { mkdtempSync, readFileSync, rmSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { check, launch, plan, untilReady, WAIT_MS } from './browser.mjs';
+
+const [program, folder] = process.argv.slice(2);
+const TESTS = 12;
+const PATIENCE_MS = 3 * WAIT_MS; // the processor draws, and simulates in real time
+
+async function start(work) {
+  const ready = join(work, 'ready');
+  const child = spawn(program, ['run', join(process.env.HIL_SOURCE_DIR, 'config/rigs/coman.yaml'), '--transport',
+    'local', '--clock', 'real', '--task', 'pose', '--http', '0', '--control', join(work, 'control'),
+    '--ready', ready, '--quiet'], { stdio: ['ignore', 'ignore', 'pipe'] });
+  let text = '';
+  child.stderr.on('data', (data) => { text += data; });
+  return { child, ...await untilReady(child, ready, () => text) };
+}
+
+/** In the page: the angle of a joint. */
+function angle(name) {
+  const { scene } = window.coman.page.hello;
+  return window.coman.state.joints[2 * scene.joints.findIndex((joint) => joint.name === name)];
+}
+
+/** In the page: where the camera looks from, as a unit vector. */
+function direction() {
+  const { camera, controls } = window.coman.page.scene;
+  return camera.position.clone().sub(controls.target).normalize().toArray();
+}
+
+/** In the page: a place of the picture where the chest is. */
+function chest() {
+  const { scene, hello } = window.coman.page;
+  const box = scene.canvas.getBoundingClientRect();
+  const heaviest = hello.scene.bodies.reduce((best, body, i, all) => body.mass_kg > all[best].mass_kg ? i : best, 0);
+  for (let y = box.top + 20; y < box.bottom - 60; y += 6) {
+    for (let x = box.left + 160; x < box.right - 160; x += 12) {
+      if (scene.hit(x, y)?.body === heaviest) return { x, y: y + 12, body: hello.scene.bodies[heaviest].name };
+    }
+  }
+  return null;
+}
+
+async function judge(browser, run) {
+  const page = await browser.newPage({ viewport: { width: 800, height: 560 }, colorScheme: 'dark',
+    acceptDownloads: true });
+  const errors = [];
+  const wait = (test, argument) => page.waitForFunction(test, argument, { timeout: PATIENCE_MS });
+  const picture = (name) => folder && page.screenshot({ path: join(folder, `${name}.png`) });
+  const texts = () => page.evaluate(() => window.coman.page.events.all.map(({ text }) => text));
+  page.setDefaultTimeout(PATIENCE_MS);
+  page.on('pageerror', (error) => errors.push(error.message));
+  await page.goto(`${run.page}&quality=low`);
+  await wait(() => window.coman?.page.scene?.firstDrawn > 0);
+  await page.evaluate(() => { window.coman.page.scene.period = 1000; });
+
+  // Paused: time goes on in steps, so that a slow machine draws no other conclusions
+  const step = (count) => page.evaluate(async (ticks) => {
+    const end = window.coman.state.time + ticks * window.coman.page.hello.run.tick_s;
+    await window.coman.link.ask('step', { count: ticks });
+    while (window.coman.state.time < end - 1e-9) await new Promise((done) => { setTimeout(done, 20); });
+  }, count);
+  await wait(() => window.coman.state.time > 0.5);
+  await page.click('#pause');
+  await wait(() => window.coman.state.paused);
+
+  // Sliders, by keys: the joint goes there smoothly
+  await page.waitForSelector('[data-joint=LElbj]');
+  await step(1500);
+  const before = await page.evaluate(angle, 'LElbj');
+  await page.focus('[data-joint=LElbj]');
+  await page.keyboard.press('PageUp');
+  const wanted = Number(await page.inputValue('[data-joint=LElbj]'));
+  await wait(() => window.coman.page.events.all.some(({ text }) => text.includes('pose.LElbj_rad is')));
+  await step(300);
+  const halfway = await page.evaluate(angle, 'LElbj');
+  await step(2000);
+  const after = await page.evaluate(angle, 'LElbj');
+  check(Math.abs(wanted - before) > 0.1 && Math.abs(after - wanted) < 0.02
+    && Math.abs(halfway - before) < 0.3 * Math.abs(wanted - before) + 0.01, 'a slider moves its joint, not faster than allowed',
+  { before, halfway, after, wanted });
+  await picture('sliders');
+
+  // Views: from the front, the side, above
+  const seen = {};
+  for (const [key, name] of [['7', 'front'], ['8', 'side'], ['9', 'top']]) {
+    await page.keyboard.press(key);
+    seen[name] = await page.evaluate(direction);
+  }
+  check(seen.front[0] > 0.95 && seen.side[1] < -0.95 && seen.top[2] > 0.99, 'keys look from the front, side and top', seen);
+  await page.keyboard.press('0');
+  check(await page.evaluate(() => window.coman.page.camera.rides), 'and along with a body');
+  await page.keyboard.press('r');
+  await wait(() => !window.coman.page.camera.rides && window.coman.page.scene.framed);
+
+  // A recording of what the page sees begins
+  await page.click('#record');
+  const recordedFrom = await page.evaluate(() => window.coman.page.plots.newest);
+
+  // Ctrl and a drag push, paused: the push waits, acts in the steps, and ends when let go
+  await wait(() => window.coman.page.scene.state === window.coman.state);
+  const at = await page.evaluate(chest);
+  await page.keyboard.down('Control');
+  await page.mouse.move(at.x, at.y);
+  await page.mouse.down();
+  await page.mouse.move(at.x + 40, at.y, { steps: 4 });
+  await wait(() => Number.parseFloat(document.querySelector('.force').textContent) > 10);
+  await page.waitForTimeout(200);
+  await page.mouse.move(at.x + 41, at.y);
+  const force = Number.parseFloat(await page.textContent('.force'));
+  check(force > 10 && await page.evaluate(() => window.coman.page.scene.push.visible),
+    'a drag draws its force with its value', force);
+  await picture('drag');
+  await wait(() => window.coman.page.events.all.some(({ text }) => /pushed with [1-9]/.test(text)));
+  const chestAt = () => page.evaluate((name) => window.coman.state.bodies.slice(
+    ...[0, 3].map((k) => 7 * window.coman.page.hello.scene.bodies.findIndex((body) => body.name === name) + k)), at.body);
+  const still = await chestAt();
+  await step(100);
+  const pushed = await chestAt();
+  const way = Math.hypot(...[0, 1, 2].map((k) => pushed[k] - still[k]));
+  check(way > 1e-3, 'the steps of a paused run feel it', { way, body: at.body });
+  await page.mouse.up();
+  await page.keyboard.up('Control');
+  await wait(() => /pushed with 0\.0 N/.test(window.coman.page.events.all.findLast(({ text }) => text.includes('pushed')).text));
+  check(await page.evaluate(() => document.querySelector('.force').hidden && !window.coman.page.scene.push.visible),
+    'letting go ends the push');
+  const pushes = (await texts()).filter((text) => text.includes('pushed')).length;
+  console.log(`# ${pushes} pushes`);
+
+  // Files
+  const saved = async (act) => {
+    const [file] = await Promise.all([page.waitForEvent('download'), act()]);
+    return readFileSync(await file.path());
+  };
+  const image = await saved(() => page.keyboard.press('p'));
+  check(image.subarray(1, 4).toString() === 'PNG' && image.length > 5000, 'a picture is saved', image.length);
+  for (let i = 0; i < 10; i++) await step(60); // a state each at least
+  await wait((from) => window.coman.page.plots.newest > from + 0.5, recordedFrom);
+  const files = [];
+  page.on('download', (file) => files.push(file));
+  await page.click('#record');
+  for (const end = Date.now() + PATIENCE_MS; files.length < 2 && Date.now() < end;) await page.waitForTimeout(100);
+  const contents = await Promise.all(files.map(async (file) => [file.suggestedFilename(),
+    readFileSync(await file.path(), 'utf8').trimEnd().split('\n')]));
+  const [signals, frames] = ['signals.csv', 'candump.log'].map((end) => contents.find(([name]) => name.endsWith(end))?.[1] ?? []);
+  check(/^time_s,q_/.test(signals[0]) && signals.length > 3
+    && signals.slice(1).every((line) => Number(line.split(',')[0]) >= recordedFrom), 'a recording has the signals', signals.length);
+  check(frames.length > 100 && frames.every((line) => /^\(\d+\.\d{6}\) \w+ [0-9A-F]{3}(#[0-9A-F]*)$/.test(line)),
+    'and the frames as candump writes them', frames[0]);
+
+  // By keyboard: everything has a name and is reached by Tab
+  const nameless = await page.evaluate(() => [...document.querySelectorAll('button, input, select, [tabindex]')]
+    .filter((e) => e.checkVisibility() && !(e.getAttribute('aria-label') || e.textContent.trim() || e.labels?.length))
+    .map((e) => e.outerHTML.slice(0, 120)));
+  check(nameless.length === 0, 'everything that acts has a name', nameless);
+  await page.focus('#plots-png');
+  await page.keyboard.press('Tab');
+  check(await page.evaluate(() => document.activeElement.matches('.plot')
+    && getComputedStyle(document.activeElement).outlineStyle === 'solid'), 'Tab reaches the plots, and shows it');
+  check(errors.length === 0, 'the page has no errors', errors);
+}
+
+async function main() {
+  if (!plan(TESTS)) return;
+  const work = mkdtempSync(join(tmpdir(), 'coman-act-'));
+  const run = await start(work);
+  const browser = await launch();
+  try {
+    await judge(browser, run);
+  } catch (error) {
+    check(false, error.message);
+  } finally {
+    run.child.kill('SIGKILL');
+    await browser.close();
+    rmSync(work, { recursive: true });
+  }
+}
+
+await main();
+process.exit(0);

@@ -1,0 +1,150 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The settings of the task pose, and the references that it gives the servo; without boards. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "tasks/task.h"
+#include "tasks/task_private.h"
+
+enum { AXES = 2 };
+
+static const struct host_axis axes[AXES] = {
+    {.joint = "Knee",
+     .address = 1,
+     .joint_ticks_per_rad = 1e4,
+     .motor_ticks_per_rad = 1e4,
+     .torque_address = -1,
+     .lower_rad = -0.1,
+     .upper_rad = 1.5},
+    {.joint = "Hip",
+     .address = 2,
+     .joint_ticks_per_rad = 1e4,
+     .motor_ticks_per_rad = 1e4,
+     .torque_address = -1,
+     .lower_rad = -1,
+     .upper_rad = 0.2},
+};
+static const double initial[AXES] = {0.5, 0.3}; /* the second one beyond its range */
+static const struct servo_gains gains[AXES];
+static struct arena arena;
+static struct local_bus *bus;
+static struct can_port *port;
+static struct task *task;
+
+static int set_up(void **state)
+{
+    const struct local_bus_config local = {.name = "can0", .max_nodes = 2, .inbox = 64};
+    struct task_config config = {
+        .host = {.nbus = 1,
+                 .port = &port,
+                 .naxis = AXES,
+                 .axis = axes,
+                 .supply_v = 48,
+                 .period_ns = 1000000},
+        .initial_rad = initial,
+        .servo = {.gains = gains, .command_period_ns = 1000000},
+    };
+    struct error error;
+
+    (void)state;
+    assert_int_equal(arena_init(&arena, 8u << 20, &error), ERROR_NONE);
+    assert_int_equal(local_bus_create(&local, &arena, &bus, &error), ERROR_NONE);
+    assert_int_equal(local_bus_join(bus, NULL, 0, &port, &error), ERROR_NONE);
+    if (task_create("pose", &config, &arena, &task, &error)) {
+        fail_msg("%s", error.text);
+    }
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    port->ops->close(port);
+    local_bus_destroy(bus);
+    arena_fini(&arena);
+    return 0;
+}
+
+/* Steps of a millisecond; no reference moves faster than the rate allows. */
+static void run_steps(int from_ms, int to_ms, double rate)
+{
+    for (int ms = from_ms; ms < to_ms; ms++) {
+        double before[AXES];
+
+        for (size_t i = 0; i < AXES; i++) {
+            before[i] = servo_wanted(task->servo, i);
+        }
+        assert_int_equal(task->ops->step(task, ms * 1e-3), TASK_RUNNING);
+        for (size_t i = 0; i < AXES; i++) {
+            assert_true(fabs(servo_wanted(task->servo, i) - before[i]) <= rate * 1e-3 + 1e-12);
+        }
+    }
+}
+
+static void has_a_setting_a_joint_within_its_limits(void **state)
+{
+    const struct task_setting *setting;
+
+    (void)state;
+    assert_int_equal(task_settings(task, &setting), 1 + AXES);
+    assert_string_equal(setting[0].name, "pose.rate_rad_s");
+    assert_string_equal(setting[1].name, "pose.Knee_rad");
+    assert_true(setting[1].min == -0.1 && setting[1].max == 1.5);
+    assert_true(setting[2].min == -1 && setting[2].max == 0.3); /* the initial angle is allowed */
+    assert_true(task_get(task, 1) == 0.5 && task_get(task, 2) == 0.3);
+    assert_false(task_set(task, 1, 1.6));
+    assert_false(task_set(task, 1, NAN));
+    assert_true(task_is_endless(task));
+}
+
+static void goes_to_the_initial_pose_and_stays(void **state)
+{
+    (void)state;
+    task->ops->start(task);
+    run_steps(0, 3000, 0.5);
+    assert_true(servo_wanted(task->servo, 0) == 0.5 && servo_wanted(task->servo, 1) == 0.3);
+}
+
+static void moves_smoothly_to_what_is_set(void **state)
+{
+    (void)state;
+    task->ops->start(task);
+    run_steps(0, 3000, 0.5);
+    assert_true(task_set(task, 1, 1.5));
+    assert_true(task_set(task, 0, 0.25));
+    run_steps(3000, 7000, 0.25);
+    assert_true(servo_wanted(task->servo, 0) > 1.3 && servo_wanted(task->servo, 0) < 1.5);
+    run_steps(7000, 9000, 0.25);
+    assert_true(servo_wanted(task->servo, 0) == 1.5 && servo_wanted(task->servo, 1) == 0.3);
+}
+
+static void does_not_jump_after_a_pause(void **state)
+{
+    double before;
+
+    (void)state;
+    task->ops->start(task);
+    run_steps(0, 1000, 0.5);
+    before = servo_wanted(task->servo, 0);
+    assert_true(task_set(task, 1, -0.1));
+    assert_int_equal(task->ops->step(task, 60), TASK_RUNNING);
+    assert_true(fabs(servo_wanted(task->servo, 0) - before) <= 0.5 * 0.1 + 1e-12);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(has_a_setting_a_joint_within_its_limits, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(goes_to_the_initial_pose_and_stays, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(moves_smoothly_to_what_is_set, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(does_not_jump_after_a_pause, set_up, tear_down),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
