@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The numeric dynamics against Simbody, an independent program: the same tree is built from
- * Simbody's mobilizers and everything that model/dynamics.h promises is compared with its operators.
+ * Simbody's mobilizers, and all that model/dynamics.h promises is compared with its operators.
  */
 #include <SimTKsimbody.h>
 
