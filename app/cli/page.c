@@ -3,7 +3,7 @@
 #include "app/cli/page.h"
 
 #include "app/cli/rig_command.h"
-#include "app/cli/summary.h"
+#include "sim/summary.h"
 #include "app/cli/token_file.h"
 #include "base/journal.h"
 
