@@ -18,7 +18,7 @@ static struct error error;
 
 /* What signal s has at a tick in a life, of which each restore begins another; the last one never
  * changes. */
-static double value_of(size_t s, int64_t tick, int life)
+static float value_of(size_t s, int64_t tick, int life)
 {
     return s == CONSTANT ? 7.0 : (double)(s * 1000) + (double)(tick % 521) + 0.5 * life;
 }
