@@ -23,6 +23,8 @@ if(NOT HIL_SANITIZE)
             ${CMAKE_CPACK_COMMAND})
     # both write the list of what was installed
     set_tests_properties(service_systemd service_package PROPERTIES RESOURCE_LOCK install)
+    # A controller in real time, in a guest that has one processor
+    set_tests_properties(service_systemd PROPERTIES PROCESSORS 2)
 endif()
 hil_script_test(service_manual LABELS service TIMEOUT 240 COMMAND
     /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/service/manual.py ${CMAKE_SOURCE_DIR}
