@@ -52,9 +52,9 @@ result $? "one bus to standard output is the same file"
 "$hil" dbc "$HIL_SOURCE_DIR/config/rigs/coman.yaml" --bus leg >"$work/out" 2>"$work/err"
 [ $? -eq 2 ] && grep -q 'found "leg", expected a bus' "$work/err"
 result $? "a bus that the rig has not is refused" "$(cat "$work/err")"
-"$hil" dbc "$HIL_SOURCE_DIR/config/rigs/coman.yaml" -o "$work/nowhere" >"$work/out" 2>"$work/err"
+"$hil" dbc "$HIL_SOURCE_DIR/config/rigs/coman.yaml" -o /dev/null/nowhere >"$work/out" 2>"$work/err"
 [ $? -eq 3 ]
-result $? "a folder that is not there is the system's error" "$(cat "$work/err")"
+result $? "a folder that cannot be made is the system's error" "$(cat "$work/err")"
 judge coman 9000 5
 judge coman-foc 10000 3
 judge coman-compact 20000 3
