@@ -67,7 +67,7 @@ static void a_wrong_configuration_is_refused(void **state)
     } wrong[] = {{"1 to 31 on a compact bus"},
                  {"needs no torque board"},
                  {"both axes have the same joint"},
-                 {"only compact boards speak CAN FD"},
+                 {"only compact and described boards speak CAN FD"},
                  {"1 to 4, for only these have a target"},
                  {"the gear must be above 0"}};
     static const struct boards_bus_config fd[BENCH_BUSES] = {
