@@ -57,6 +57,13 @@ void simulator_renew_view(struct simulator *simulator)
     }
 }
 
+void simulator_end_views(struct simulator *simulator)
+{
+    if (simulator->view_stale) {
+        view_publish(simulator);
+    }
+}
+
 enum error_code simulator_create_view(struct simulator *simulator, struct error *error)
 {
     size_t size = view_size(simulator);

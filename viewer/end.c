@@ -66,6 +66,11 @@ enum error_code viewer_end(struct viewer *viewer, const struct viewer_end *end, 
         return error_set(error, ERROR_MEMORY, "page: no memory for the end of the run");
     }
     viewer->end_size = strlen(viewer->end);
+
+    /* Pages show the end, also when nobody looked while the last ticks ran */
+    if (viewer->config.simulator) {
+        simulator_end_views(viewer->config.simulator);
+    }
     viewer_give_order(viewer, VIEWER_ORDER_END);
     return ERROR_NONE;
 }

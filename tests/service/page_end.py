@@ -67,6 +67,9 @@ def judge_stop(how):
         page = Page(run.port, run.control, stay=True)
         run_to_end(run, page)
         told(page)
+        page.ask("watch", rate_hz=60)
+        last = header(page.state())
+        check(last["tick"] == 500 and last["flags"] & 4, "who looks only then sees the end", last)
         begun = run.process.poll() is None
         if how == "ctl stop":
             page.ask("stop")
@@ -131,7 +134,7 @@ def judge_tokens():
 
 
 def main():
-    print("1..21")
+    print("1..23")
     os.environ["XDG_STATE_HOME"] = os.path.join(WORK.name, "state")
     judge_stay()
     judge_stop("SIGTERM")
