@@ -31,7 +31,7 @@ verdict "lockstep on vcan: batches of frames, and the sleep for a STEP" only \
     ppoll recvmmsg sendmmsg getsockopt clock_gettime
 
 task &
-guarded "$rigs/coman.yaml" --transport socketcan --clock real --duration 1.5 --wire ideal \
+guarded "$rigs/coman.yaml" --transport socketcan --clock real --ticks 300 --wire ideal \
     --record "$work/record"
 kill $! 2>/dev/null
 wait $!
@@ -39,23 +39,30 @@ verdict "real time on vcan, recorded: batches of frames, and the sleep for the d
     clock_nanosleep recvmmsg sendmmsg getsockopt clock_gettime
 
 task &
-guarded "$rigs/coman.yaml" --transport socketcan --clock real --duration 1.5 --wire wire
+guarded "$rigs/coman.yaml" --transport socketcan --clock real --ticks 300 --wire wire
 kill $! 2>/dev/null
 wait $!
 verdict "the same paced like a wire" only clock_nanosleep recvmmsg sendmmsg \
     getsockopt clock_gettime
 
 rm -rf "$work/record"
+# said WORDS: waits until the run has said so
+said()
+{
+    until grep -q "$1" "$work/err" 2>/dev/null; do sleep 0.05; done
+}
 {
     until [ -e "$work/record/signals.csv" ]; do sleep 0.05; done
-    sleep 0.2
     ip link set can2 down
-    sleep 0.3
+    said 'can2 is down'
     ip link set can2 up
+    said 'can2 is up'
     ip link del can3
+    said 'can3 is gone'
+    pkill -x -TERM coman-hil
 } &
-guarded "$rigs/coman.yaml" --transport socketcan --clock real --duration 3 --wire ideal \
-    --record "$work/record"
+guarded "$rigs/coman.yaml" --transport socketcan --clock real --wire ideal --record "$work/record"
+kill $! 2>/dev/null
 wait $!
 ip link add dev can3 type vcan && ip link set can3 up
 lost_and_found()
