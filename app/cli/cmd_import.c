@@ -82,8 +82,10 @@ int cmd_import(int argc, char **argv)
 {
     static const struct option_word bases[] = {
         {"fixed", IMPORT_BASE_FIXED}, {"floating", IMPORT_BASE_FLOATING}, {NULL, 0}};
-    static const struct option_word mimics[] = {
-        {"lock", IMPORT_MIMIC_LOCK}, {"free", IMPORT_MIMIC_FREE}, {NULL, 0}};
+    static const struct option_word mimics[] = {{"couple", IMPORT_MIMIC_COUPLE},
+                                                {"lock", IMPORT_MIMIC_LOCK},
+                                                {"free", IMPORT_MIMIC_FREE},
+                                                {NULL, 0}};
     static const struct option_word slides[] = {{"lock", 0}, {"free", 1}, {NULL, 0}};
     static const struct option_word personalities[] = {{"icub", IMPORT_ICUB},
                                                        {"foc", IMPORT_FOC},
@@ -110,7 +112,8 @@ int cmd_import(int argc, char **argv)
         {"--lock", OPTION_LIST, "JOINT", "fix this joint; may be given more than once",
          .value = &lock},
         {"--mimic", OPTION_ENUM, "HOW",
-         "what becomes of joints that follow another: lock or free; refused by default",
+         "what becomes of joints that follow another: couple (they follow, driven by its drive), "
+         "lock or free; refused by default",
          .value = &r.options.mimic, .words = mimics},
         {"--prismatic", OPTION_ENUM, "HOW",
          "what becomes of joints that slide: lock (the default), or free, without a drive",
