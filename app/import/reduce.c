@@ -9,8 +9,6 @@
 #include <math.h>
 #include <string.h>
 
-/* Turns either way of a joint without limits: far more than a run of it makes. */
-#define TURNS_MAX 50.0
 /* Mass of a body that the file gives none: robot files want more than 0. */
 #define NO_MASS_KG 1e-15
 
@@ -177,12 +175,12 @@ static enum error_code reduce_add_body(struct reducer *r, int link, const struct
     joint->lower = from->lower;
     joint->upper = from->upper;
     if (!from->has_limit || from->type == IMPORT_CONTINUOUS) {
-        joint->lower = -2.0 * M_PI * TURNS_MAX;
-        joint->upper = 2.0 * M_PI * TURNS_MAX;
+        joint->lower = -2.0 * M_PI * REDUCE_TURNS_MAX;
+        joint->upper = 2.0 * M_PI * REDUCE_TURNS_MAX;
         import_note_add(r->notes, IMPORT_CHANGED, from->file, from->line,
                         "joint \"%.63s\" turns for ever: it has the range of %g turns either way, "
                         "without stops",
-                        from->name, TURNS_MAX);
+                        from->name, REDUCE_TURNS_MAX);
     }
     robot->njoint++;
     return ERROR_NONE;

@@ -34,8 +34,8 @@ enum error_code reduce_find_followers(struct reducer *r)
         const struct import_joint *joint = &model->joint[j];
 
         r->mimic[j] = joint->mimic ? import_find_joint(model, joint->mimic) : -1;
-        r->lower[j] = joint->has_limit ? joint->lower : -(double)INFINITY;
-        r->upper[j] = joint->has_limit ? joint->upper : (double)INFINITY;
+        r->lower[j] = joint->has_limit ? joint->lower : -2.0 * M_PI * REDUCE_TURNS_MAX;
+        r->upper[j] = joint->has_limit ? joint->upper : 2.0 * M_PI * REDUCE_TURNS_MAX;
     }
 
     /* Up from each one; what does not end goes round */
@@ -146,7 +146,7 @@ static enum error_code narrow_leader(struct reducer *r, size_t j, size_t leader,
                             "found joint \"%.63s\" with limits %g to %g that exclude where "
                             "\"%.63s\" leads it, %g times that joint's position + %g, expected a "
                             "place where both can be",
-                            joint->name, joint->lower, joint->upper, r->model->joint[leader].name,
+                            joint->name, r->lower[j], r->upper[j], r->model->joint[leader].name,
                             multiplier, offset);
     }
     return ERROR_NONE;

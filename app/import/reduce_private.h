@@ -5,6 +5,9 @@
 
 #include "app/import/reduce.h"
 
+/* Turns either way of a joint without limits: far more than a run of it makes. */
+#define REDUCE_TURNS_MAX 50.0
+
 struct reducer {
     const struct import_model *model;
     const struct import_options *options;

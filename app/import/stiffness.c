@@ -5,6 +5,7 @@
 #include "app/import/trial.h"
 
 #include <math.h>
+#include <stdio.h>
 
 #define SWINGS_RAD_S 1000.0
 #define GIVES 1e-3 /* rad or m of the leader, under the strength of its drive */
@@ -54,6 +55,26 @@ static void choose_stiffness(const struct robot *robot, double inertia,
     coupling->damping = 2.0 * sqrt(coupling->stiffness * fmax(inertia, 0.0));
 }
 
+static void tell_coupling(const struct import_robot *from, const struct robot_coupling *coupling,
+                          struct import_notes *notes)
+{
+    const struct import_joint *source = from->source[coupling->follower];
+    const bool turns = from->robot->joint[coupling->follower].type == JOINT_REVOLUTE;
+    char shift[32] = "";
+
+    if (coupling->offset != 0.0) {
+        snprintf(shift, sizeof shift, " %c %.9g", coupling->offset < 0.0 ? '-' : '+',
+                 fabs(coupling->offset));
+    }
+    import_note_add(notes, IMPORT_ASSUMED, source->mimic_file, source->mimic_line,
+                    "joint \"%.63s\" follows \"%.63s\", %.9g times its position%s, through a "
+                    "coupling of %.3g %s and %.3g %s; it has no drive of its own, the file's "
+                    "effort %g and velocity %g are not used",
+                    source->name, from->source[coupling->leader]->name, coupling->multiplier, shift,
+                    coupling->stiffness, turns ? "N m/rad" : "N/m", coupling->damping,
+                    turns ? "N m s/rad" : "N s/m", source->effort, source->velocity);
+}
+
 enum error_code import_stiffen_couplings(struct import_robot *from, struct arena *arena,
                                          struct import_notes *notes, struct error *error)
 {
@@ -67,25 +88,10 @@ enum error_code import_stiffen_couplings(struct import_robot *from, struct arena
     code = import_trial_make(robot, from->rest, arena, &trial, error);
     for (size_t i = 0; i < robot->ncoupling && !code; i++) {
         struct robot_coupling *coupling = &robot->coupling[i];
-        const struct import_joint *source = from->source[coupling->follower];
-        const bool turns = robot->joint[coupling->follower].type == JOINT_REVOLUTE;
+        const size_t follower = (size_t)coupling->follower;
 
-        char shift[32] = "";
-
-        if (coupling->offset != 0.0) {
-            snprintf(shift, sizeof shift, " %c %.9g", coupling->offset < 0.0 ? '-' : '+',
-                     fabs(coupling->offset));
-        }
-        choose_stiffness(robot, import_trial_held_inertia(&trial, (size_t)coupling->follower),
-                         coupling);
-        import_note_add(
-            notes, IMPORT_ASSUMED, source->mimic_file, source->mimic_line,
-            "joint \"%.63s\" follows \"%.63s\", %.9g times its position%s, "
-            "through a coupling of %.3g %s and %.3g %s; it has no drive of its own, the "
-            "file's effort %g and velocity %g are not used",
-            source->name, from->source[coupling->leader]->name, coupling->multiplier,
-            coupling->offset, coupling->stiffness, turns ? "N m/rad" : "N/m", coupling->damping,
-            turns ? "N m s/rad" : "N s/m", source->effort, source->velocity);
+        choose_stiffness(robot, import_trial_held_inertia(&trial, follower), coupling);
+        tell_coupling(from, coupling, notes);
     }
     return code;
 }

@@ -62,7 +62,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     /* The first byte chooses the options */
     if (size > 0) {
         options.base = data[0] % 3;
-        options.mimic = data[0] / 4 % 3;
+        options.mimic = data[0] / 4 % 4;
         options.drive = drive;
         options.ndrive = data[0] / 16 % 2;
         options.free_slides = data[0] & 64;
