@@ -29,7 +29,8 @@ void coupling_press(const struct robot_coupling *coupling, double force, double 
 double coupling_energy(const struct robot_coupling *coupling, double error);
 double coupling_loss(const struct robot_coupling *coupling, double rate);
 
-/* So far, rad or m, may what a person wrote be from where a leader wants its follower: six digits. */
+/* So far, rad or m, may what a person wrote be from where a leader wants its follower: six digits.
+ */
 #define COUPLING_ALIGNED 1e-6
 
 /* Puts every follower where its leader wants it. */
@@ -42,12 +43,13 @@ void coupling_align(const struct robot *robot, double *q);
  * Matrix Computations, 2.1.4), written for the forces, which stay small where the couplings are
  * stiff; compliance 0 holds the followers exactly. */
 
-/* Fills the lower triangle of factor (n x n, by rows) with the Cholesky factor of that matrix: not a
- * number where rounding has left no positive pivot. */
+/* Fills the lower triangle of factor (n x n, by rows) with the Cholesky factor of that matrix: not
+ * a number where rounding has left no positive pivot. */
 void coupling_factorize(const struct robot *robot, const double *column, const double *compliance,
                         double *factor);
 
-/* Fills force (n) and changes a. c is free: 0 holds the accelerations, more pulls the error back. */
+/* Fills force (n) and changes a. c is free: 0 holds the accelerations, more pulls the error back.
+ */
 void coupling_correct(const struct robot *robot, const double *column, const double *factor,
                       const double *c, double *force, double *a);
 

@@ -43,6 +43,11 @@ static void import_print_result(const struct import_result *result)
     printf("robot     %s: %s base, %zu bodies, %zu joints, %zu drives, %zu frames, %.7g kg\n",
            result->robot, robot->floating ? "floating" : "fixed", robot->nbody, robot->njoint,
            drives, robot->nframe, robot->total_mass);
+    if (robot->ncoupling > 0) {
+        printf("          %zu of the joints %s, without a drive of %s own\n", robot->ncoupling,
+               robot->ncoupling == 1 ? "follows another" : "follow others",
+               robot->ncoupling == 1 ? "its" : "their");
+    }
     printf("sensors   %zu F/T, %s inertial; %zu capsules, %zu meshes, %zu visuals, %zu poses\n",
            robot->nft, robot->imu_frame < 0 ? "no" : "one", robot->ncapsule, result->meshes,
            robot->nvisual, robot->npose);

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Stiffness and damping of the couplings of an import, which no file gives. The follower alone, with
- * the inertia I that it shows while all else is held, would swing on its coupling at 1000 rad/s, a
- * radian a tick, so that gravity bends it by some tenths of a milliradian; where the leader has a
- * drive, the coupling gives way by no more than 1 mrad of the leader's under all that this drive
+ * Stiffness and damping of the couplings of an import, which no file gives. The follower alone,
+ * with the inertia I that it shows while all else is held, would swing on its coupling at 1000
+ * rad/s, a radian a tick, so that gravity bends it by tenths of a milliradian; where the leader has
+ * a drive, the coupling gives way by no more than 1 mrad of the leader's under all that this drive
  * gives. K is the larger of the two, and 1e8 at most; D = 2 sqrt(K I) damps the follower
  * critically. Units are the follower's.
  *

@@ -387,46 +387,7 @@ static void pendulum_moves_as_its_own_equations(void **state)
 
 /* ---- a walker ---- */
 
-/* Its left ankle follows the right one, its hand, which slides, the shoulder. */
-static void walker_init(struct plant_rig *rig, struct robot_coupling coupling[2],
-                        enum plant_integrator integrator, int64_t substep_ns)
-{
-    static const int feet[2] = {TOY_RIGHT_FOOT, TOY_LEFT_FOOT};
-    const struct plant_config config = {.robot = &rig->toy.robot,
-                                        .dynamics = &rig->dynamics,
-                                        .contact = &rig->ground.world,
-                                        .contact_body = feet,
-                                        .ncontact = 2,
-                                        .integrator = integrator,
-                                        .rtol = 1e-9,
-                                        .atol = 1e-9,
-                                        .substep_ns = substep_ns,
-                                        .supply_v = 48.0,
-                                        .account_energy = true};
-    struct error error;
-
-    toy_walker(&rig->toy);
-    toy_walker_ground(&rig->ground);
-    coupling[0] = (struct robot_coupling){
-        .follower = 5, .leader = 2, .multiplier = 1.0, .stiffness = 900.0, .damping = 0.6};
-    coupling[1] = (struct robot_coupling){.follower = 7,
-                                          .leader = 6,
-                                          .multiplier = 0.25,
-                                          .offset = -0.02,
-                                          .stiffness = 2e4,
-                                          .damping = 30.0};
-    rig->toy.joint[5].sea = (struct robot_sea){0};
-    rig->toy.robot.coupling = coupling;
-    rig->toy.robot.ncoupling = 2;
-    toy_finish(&rig->toy);
-    assert_int_equal(arena_init(&rig->arena, 1 << 22, &error), ERROR_NONE);
-    assert_int_equal(dynamics_generic(&rig->toy.robot, &rig->arena, &rig->dynamics, &error),
-                     ERROR_NONE);
-    assert_int_equal(plant_create(&config, &rig->arena, &rig->plant, &error), ERROR_NONE);
-    rig->state = plant_state(rig->plant, &rig->count);
-}
-
-/* Half a second of it falling on its feet, limp. */
+/* Half a second of one that falls on its feet, limp. */
 static void walker_with_couplings_keeps_its_energy(void **state)
 {
     const struct {
@@ -444,7 +405,7 @@ static void walker_with_couplings_keeps_its_energy(void **state)
         struct plant_rig rig;
         double turnover, off = 0.0;
 
-        walker_init(&rig, coupling, run[i].integrator, run[i].substep_ns);
+        plant_rig_coupled_walker(&rig, coupling, run[i].integrator, run[i].substep_ns);
         plant_rig_reset(&rig, 0.6);
         assert_int_equal(plant_step(rig.plant, (size_t)(500000000 / run[i].substep_ns)),
                          ERROR_NONE);

@@ -380,7 +380,7 @@ static void wrong_visuals_are_refused(void **state)
 
 #define FINGER(name)                                                                               \
     "  - {name: " name ", mass_kg: 1, com_m: [0, 0, 0], inertia_kg_m2: [0.1, 0, 0, 0.1, 0, "       \
-                       "0.1]}\n"
+    "0.1]}\n"
 #define FINGER_JOINT(name, child)                                                                  \
     "  - {name: " name ", type: revolute, parent: hand, child: " child                             \
     ", axis: [1, 0, 0],\n     origin: {xyz_m: [0, 0, 0]}, limits: {lower_rad: -1, upper_rad: 1, "  \
