@@ -40,14 +40,14 @@ finger() {
 echo 1..11
 
 "$program" import "$work/gripper.urdf" -o "$work/refused" >"$work/out" 2>"$work/err"
-[ $? -eq 2 ] && grep -q 'gripper.urdf:9: .*give --mimic couple to have it follow' "$work/err" &&
+[ $? -eq 2 ] && grep -q 'gripper.urdf:6: .*give --mimic couple to have it follow' "$work/err" &&
     [ ! -e "$work/refused" ]
 result $? "a joint that follows is refused until --mimic says what becomes of it"
 
 "$program" import "$work/gripper.urdf" --mimic couple -o "$work/made" >"$work/out" 2>"$work/err" &&
     grep -q '3 joints, 2 drives' "$work/out" &&
     grep -q '1 of the joints follows another' "$work/out" &&
-    grep -q 'gripper.urdf:9: joint "right_finger" follows "left_finger", -1 times its position, ' \
+    grep -q 'gripper.urdf:6: joint "right_finger" follows "left_finger", -1 times its position, ' \
         "$work/made/gripper-import.txt"
 result $? "with --mimic couple it has no drive of its own, and the report says so"
 
@@ -60,10 +60,10 @@ result $? "the rig has no address and no loop for it"
 {
     printf 'extends: gripper.yaml\nname: tilted\n'
     printf 'initial: {joints_rad: {wrist: 0.6, left_finger: -0.5}}\n'
-    printf 'tasks: {hold: {duration_s: 55.0, tolerance_rad: 0.02}}\n'
+    printf 'tasks: {hold: {duration_s: 58.0, tolerance_rad: 0.02}}\n'
 } >"$rigs/tilted.yaml"
-run "$rigs/tilted.yaml" --task hold --duration 60 --record "$work/held" &&
-    grep -q 'held for 55.0 s' "$work/out"
+run "$rigs/tilted.yaml" --task hold --duration 65 --record "$work/held" &&
+    grep -q 'held for 58.0 s' "$work/out"
 result $? "a gripper is held for a minute"
 
 # Each finger weighs m g l sin(q), by what the wrist leaves of it, and turns about axes that look
@@ -72,20 +72,21 @@ python3 - "$work/held/signals.csv" "$work/made/robots/gripper.yaml" >"$work/out"
 import csv, math, re, sys
 rows = [{k: float(v) for k, v in r.items()} for r in csv.DictReader(open(sys.argv[1]))]
 stiffness = float(re.search(r"stiffness_nm_rad: (\S+),", open(sys.argv[2]).read()).group(1))
-assert len(rows) == 6000, len(rows)
-worst = 0.0
+assert len(rows) >= 6000, len(rows)
+worst, off = 0.0, []
 for r in rows:
     left, right = r["q_left_finger_rad"], r["q_right_finger_rad"]
     weight = 0.05 * 9.81 * 0.04 * math.sin(right) * math.cos(r["q_wrist_rad"])
     assert abs(left + 0.5) < 0.02 and abs(r["q_wrist_rad"] - 0.6) < 0.02, r
-    # at rest
+    assert abs(left + right) < 3e-4, r
+    # at rest but for what the ticks of the encoders let the loop do
     if r["time_s"] > 2.0:
         worst = max(worst, abs(left + right - weight / stiffness))
-        assert abs(r["torque_right_finger_nm"] + weight) < 1e-4, (r, weight)
-        assert abs(r["torque_left_finger_nm"] - 2 * weight) < 3e-4, (r, weight)
-    assert abs(left + right) < 3e-4, r
-print("asymmetry beyond the follower's own weight %.1e rad" % worst)
-assert worst < 2e-6
+        off.append((r["torque_right_finger_nm"] + weight, r["torque_left_finger_nm"] - 2 * weight))
+follower, leader = (sum(column) / len(off) for column in zip(*off))
+print("asymmetry beyond the follower's weight %.1e rad; torques off by %.1e and %.1e of %.1e N m" %
+      (worst, follower, leader, weight))
+assert worst < 1e-5 and abs(follower) < 2e-5 and abs(leader) < 4e-5
 END
 result $? "its fingers stay symmetric within 0.3 mrad, and the one drive carries both" \
     "$(tail -n 1 "$work/out")"
@@ -107,7 +108,7 @@ printf 'extends: gripper.yaml\nname: bent\ninitial: {joints_rad: {right_finger: 
     "$work/err"
 result $? "a rig cannot put a follower where its leader does not lead it"
 
-sed 's/"left_finger"/"left_finger", "right_finger"/' "$rigs/gripper.yaml" >"$rigs/driven.yaml"
+sed 's/axes: \["wrist"/axes: ["right_finger"/' "$rigs/gripper.yaml" >"$rigs/driven.yaml"
 "$program" check "$rigs/driven.yaml" >"$work/out" 2>"$work/err"
 [ $? -eq 2 ] && grep -q 'found joint "right_finger", which has no drive' "$work/err"
 result $? "no board drives a follower"
