@@ -24,6 +24,10 @@ static void check_print_robot(const struct robot *robot, const char *variant)
            robot->file);
     printf("            %zu bodies, %zu joints, %zu drives, %zu degrees of freedom, %.7g kg\n",
            robot->nbody, robot->njoint, drives, robot->nv, robot->total_mass);
+    if (robot->ncoupling > 0) {
+        printf("            %zu of the joints %s\n", robot->ncoupling,
+               robot->ncoupling == 1 ? "follows another" : "follow others");
+    }
     printf(
         "            %zu frames, %zu F/T sensors, %s inertial sensor, %zu poses, hash %016" PRIx64
         "\n",

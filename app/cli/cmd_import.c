@@ -43,6 +43,11 @@ static void import_print_result(const struct import_result *result)
     printf("robot     %s: %s base, %zu bodies, %zu joints, %zu drives, %zu frames, %.7g kg\n",
            result->robot, robot->floating ? "floating" : "fixed", robot->nbody, robot->njoint,
            drives, robot->nframe, robot->total_mass);
+    if (robot->ncoupling > 0) {
+        printf("          %zu of the joints %s, without a drive of %s own\n", robot->ncoupling,
+               robot->ncoupling == 1 ? "follows another" : "follow others",
+               robot->ncoupling == 1 ? "its" : "their");
+    }
     printf("sensors   %zu F/T, %s inertial; %zu capsules, %zu meshes, %zu visuals, %zu poses\n",
            robot->nft, robot->imu_frame < 0 ? "no" : "one", robot->ncapsule, result->meshes,
            robot->nvisual, robot->npose);
@@ -82,8 +87,10 @@ int cmd_import(int argc, char **argv)
 {
     static const struct option_word bases[] = {
         {"fixed", IMPORT_BASE_FIXED}, {"floating", IMPORT_BASE_FLOATING}, {NULL, 0}};
-    static const struct option_word mimics[] = {
-        {"lock", IMPORT_MIMIC_LOCK}, {"free", IMPORT_MIMIC_FREE}, {NULL, 0}};
+    static const struct option_word mimics[] = {{"couple", IMPORT_MIMIC_COUPLE},
+                                                {"lock", IMPORT_MIMIC_LOCK},
+                                                {"free", IMPORT_MIMIC_FREE},
+                                                {NULL, 0}};
     static const struct option_word slides[] = {{"lock", 0}, {"free", 1}, {NULL, 0}};
     static const struct option_word personalities[] = {{"icub", IMPORT_ICUB},
                                                        {"foc", IMPORT_FOC},
@@ -110,7 +117,8 @@ int cmd_import(int argc, char **argv)
         {"--lock", OPTION_LIST, "JOINT", "fix this joint; may be given more than once",
          .value = &lock},
         {"--mimic", OPTION_ENUM, "HOW",
-         "what becomes of joints that follow another: lock or free; refused by default",
+         "what becomes of joints that follow another: couple (they follow, driven by its drive), "
+         "lock or free; refused by default",
          .value = &r.options.mimic, .words = mimics},
         {"--prismatic", OPTION_ENUM, "HOW",
          "what becomes of joints that slide: lock (the default), or free, without a drive",
