@@ -435,7 +435,7 @@ function renderTables(state) {
   page.events.render(state.time);
   page.past.render(page.events.all);
   page.recorder.render(newest.time);
-  if (page.plots.isOpen) page.plots.render(newest.time);
+  if (page.plots.isOpen) page.plots.render();
 }
 
 function draw(now) {

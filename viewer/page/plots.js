@@ -327,7 +327,7 @@ export class Plots {
     this.#stale = true;
     if (this.replay) this.#fetch();
     this.back.disabled = !this.replay && !this.#range;
-    this.render(this.newest);
+    this.render();
   }
 
   // ---- the cursor ----
@@ -368,6 +368,7 @@ export class Plots {
   // ---- samples ----
 
   take(state) {
+    this.newest = state.time;
     this.#values = new Map(this.#order.map((name, k) => [name, state.signals[k]]));
   }
 
@@ -393,14 +394,14 @@ export class Plots {
       this.#stale = true;
     }
     this.#asking = false;
-    this.render(this.newest);
+    this.render();
   }
 
   /** The table of a recording to compare with; null = none. */
   compareWith(table) {
     this.#table = table;
     this.#stale = true;
-    this.render(this.newest);
+    this.render();
   }
 
   setTheme() {
@@ -408,9 +409,7 @@ export class Plots {
     this.#stale = true;
   }
 
-  /** time: of the newest state. */
-  render(time) {
-    this.newest = time;
+  render() {
     if (!this.isOpen) return;
     if (this.#stale) {
       this.#stale = false;
@@ -426,7 +425,7 @@ export class Plots {
         }
       }
     }
-    for (const plot of this.#plots) plot.showMoment(this.replay ? time : null);
+    for (const plot of this.#plots) plot.showMoment(this.replay ? this.newest : null);
     this.#tell();
   }
 
