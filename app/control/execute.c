@@ -208,6 +208,7 @@ static json_t *answer_get(const struct control *control, const struct control_re
 static json_t *answer_stop(struct control *control, const struct control_client *client)
 {
     control_log(control, KEY_STOP, "control: process %ld ends the run", (long)client->pid);
+    atomic_store(&control->stopped, true);
     simulator_stop(control->config.simulator);
     return json_object();
 }

@@ -74,8 +74,9 @@ def ask_http(port, path="/", host=None, headers=(), send=None):
 class Page:
     """A WebSocket; entered when there is an address."""
 
-    def __init__(self, port, address=None, origin=None):
-        self.connection = socket.create_connection(("127.0.0.1", port), PATIENCE_S)
+    def __init__(self, port, address=None, origin=None, source=None, stay=False):
+        self.connection = socket.create_connection(("127.0.0.1", port), PATIENCE_S,
+                                                   source and (source, 0))
         self.data = b""
         self.number = 0
         self.events = []
@@ -91,7 +92,7 @@ class Page:
         self.status = int(head.split()[1])
         self.hello = None
         if address:
-            self.send({"cmd": "enter", "token": token(address)})
+            self.send({"cmd": "enter", "token": token(address), **({"stay": True} if stay else {})})
             self.hello = self.receive()
 
     def send_frame(self, payload, opcode=1, first=0x80):

@@ -256,7 +256,7 @@ export class Parameters {
     this.body = h('tbody');
     this.element = h('section', { class: 'panel', id: 'panel-parameters' },
       h('div', { class: 'tools' }, this.search),
-      h('div', { class: 'scroll' }, h('table', {}, h('thead', {}, h('tr', {},
+      h('div', { class: 'scroll' }, h('table', { class: 'parameters' }, h('thead', {}, h('tr', {},
         ['Parameter', 'Value', 'Unit', 'Range'].map((title) => h('th', {}, title)))), this.body)));
   }
 
