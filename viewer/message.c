@@ -109,12 +109,23 @@ static void client_begin_rows(struct viewer *viewer, struct viewer_client *clien
         return;
     }
     if (!client->watch.rows || client->watch.nsignal == 0) {
+        viewer_take_rows(viewer); /* what waits in the stream is of before */
         client->row = history_end(viewer->history);
         client->rows_lost = viewer->rows_lost;
     }
     for (size_t i = watch->nsignal; i > 0; i--) {
         history_choose(viewer->history, watch->signal[i - 1]);
     }
+}
+
+/* The time of the last row before those that come; null: there is none. */
+static json_t *client_rows_begin(const struct viewer *viewer, const struct viewer_client *client)
+{
+    if (!viewer->history || !client->watch.rows ||
+        client->row <= history_begin(viewer->history)) {
+        return json_null();
+    }
+    return json_real((double)history_time(viewer->history, client->row - 1) * 1e-9);
 }
 
 static void client_watch(struct viewer *viewer, struct viewer_client *client,
@@ -146,7 +157,8 @@ static void client_watch(struct viewer *viewer, struct viewer_client *client,
     client->watch = watch;
     client->traced = client->ntraced = client->trace_lost = 0;
     client->playback.traced_ns = INT64_MIN;
-    client_answer(viewer, client, message, json_pack("{s:o}", "signals", chosen));
+    client_answer(viewer, client, message, json_pack("{s:o, s:o}", "signals", chosen, "rows_after_s",
+                                                     client_rows_begin(viewer, client)));
 }
 
 /* ---- send ---- */

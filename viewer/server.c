@@ -23,7 +23,7 @@ enum { POLL_FIXED = 2, POLL_COUNT = POLL_FIXED + 2 * VIEWER_CLIENTS };
 enum {
     BACKLOG = 64,
     IDLE_MS = 500,
-    ROWS_MS = 100,
+    ROWS_MS = 20, /* a loop that is not paced fills its stream in 30 ms */
     TRACE_MS = 5,
     AWAIT_MS = 5,
     AWAIT_LONGEST_MS = 500

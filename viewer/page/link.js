@@ -116,7 +116,7 @@ export class Link extends EventTarget {
   async #watch() {
     try {
       const answer = await this.ask('watch', this.#wish);
-      this.#tell('watching', answer.signals);
+      this.#tell('watching', answer);
     } catch (error) {
       this.#tell('complaint', error.message);
     }

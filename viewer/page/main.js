@@ -264,7 +264,7 @@ function build(hello) {
     if (state) page.scene.update(state);
     page.tablesAt = 0;
   });
-  page.store = feedStore(link, hello);
+  page.store = hello.run.replay ? null : feedStore(link, hello);
   page.plots = new Plots(link, hello, complain, page.store);
   page.recorder = new Recorder(link, hello, page.plots, complain);
   const view = makeView(hello);

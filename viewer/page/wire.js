@@ -59,7 +59,7 @@ export function readSeries(buffer) {
   const [nsignal, id, count, rows] = [view.getUint16(2, true), view.getUint32(4, true),
     view.getUint32(8, true), view.getUint32(12, true)];
   const values = 24 + 8 * count;
-  return { id, rows, lost: Number(view.getBigUint64(16, true)), times: new Float64Array(buffer, 24, count),
+  return { id, rows, times: new Float64Array(buffer, 24, count),
     columns: Array.from({ length: nsignal }, (_, k) => new Float32Array(buffer, values + 4 * k * count, count)) };
 }
 
