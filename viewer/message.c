@@ -121,8 +121,7 @@ static void client_begin_rows(struct viewer *viewer, struct viewer_client *clien
 /* The time of the last row before those that come; null: there is none. */
 static json_t *client_rows_begin(const struct viewer *viewer, const struct viewer_client *client)
 {
-    if (!viewer->history || !client->watch.rows ||
-        client->row <= history_begin(viewer->history)) {
+    if (!viewer->history || !client->watch.rows || client->row <= history_begin(viewer->history)) {
         return json_null();
     }
     return json_real((double)history_time(viewer->history, client->row - 1) * 1e-9);
@@ -157,8 +156,9 @@ static void client_watch(struct viewer *viewer, struct viewer_client *client,
     client->watch = watch;
     client->traced = client->ntraced = client->trace_lost = 0;
     client->playback.traced_ns = INT64_MIN;
-    client_answer(viewer, client, message, json_pack("{s:o, s:o}", "signals", chosen, "rows_after_s",
-                                                     client_rows_begin(viewer, client)));
+    client_answer(viewer, client, message,
+                  json_pack("{s:o, s:o}", "signals", chosen, "rows_after_s",
+                            client_rows_begin(viewer, client)));
 }
 
 /* ---- send ---- */

@@ -7,7 +7,8 @@
 enum {
     ROWS_MESSAGE = 64 * 1024,
     ROWS_MANY = 256,
-    ROWS_A_TURN = 1024, /* all that wait in a stream, and an end where its loop is as fast as this */
+    ROWS_A_TURN =
+        1024, /* all that wait in a stream, and an end where its loop is as fast as this */
 };
 
 enum error_code viewer_create_history(struct viewer *viewer, struct error *error)

@@ -77,6 +77,10 @@ struct viewer_counters {
 
 struct viewer;
 
+/* Why a mesh that only shows what a robot looks like cannot be shown, as far as the beginning and the
+ * size of its file tell; ERROR_NONE: it can. ERROR_INPUT, ERROR_SYSTEM. */
+enum error_code viewer_check_visual(const struct robot_visual *visual, struct error *error);
+
 /* ---- a recording ---- */
 
 struct recording_config {

@@ -14,6 +14,8 @@
 
 #define PAGE_LINGER_S 600.0
 
+enum { LACKS_LISTED = 8 };
+
 static void page_print_addresses(const struct page *page, const char *host)
 {
     const char *control = viewer_address(page->viewer, true);
@@ -28,6 +30,23 @@ static void page_print_addresses(const struct page *page, const char *host)
             "%swarning: the page is not encrypted: whoever can listen on the way to %s sees its "
             "token and can then control the robot; 127.0.0.1 and a tunnel keep others out\n",
             journal_prefix(JOURNAL_WARNING), host);
+    }
+}
+
+void page_print_lacks(const struct robot *robot)
+{
+    size_t count = 0;
+    struct error error;
+
+    for (size_t i = 0; i < robot->nvisual; i++) {
+        if (viewer_check_visual(&robot->visual[i], &error) && count++ < LACKS_LISTED) {
+            fprintf(stderr, "%snotice: page: %s is not shown as it looks: %s\n",
+                    journal_prefix(JOURNAL_NOTICE), robot->visual[i].name, error.text);
+        }
+    }
+    if (count > LACKS_LISTED) {
+        fprintf(stderr, "%snotice: page: and %zu others: the page lists them\n",
+                journal_prefix(JOURNAL_NOTICE), count - LACKS_LISTED);
     }
 }
 
@@ -120,6 +139,7 @@ enum error_code page_open(struct page *page, const struct run_options *options, 
         return code;
     }
     page_print_addresses(page, config.host);
+    page_print_lacks(simulator_configuration(simulator)->rig->robot);
     return ERROR_NONE;
 }
 

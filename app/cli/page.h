@@ -21,6 +21,9 @@ struct page {
 enum error_code page_open(struct page *page, const struct run_options *options, bool service,
                           struct simulator *simulator, const char *control, struct error *error);
 
+/* Says on stderr which of the robot's looks a page cannot show, and why. */
+void page_print_lacks(const struct robot *robot);
+
 /* Whether the page stays: somebody looks at a run that nobody has stopped. */
 bool page_stays(const struct page *page, enum loop_end end);
 

@@ -3,10 +3,17 @@
 import { count, fixed, h, setText } from './dom.js';
 
 const WARNINGS = 6;
+const LATE = 'overrun by ';
 
 /** Bytes as people read them. */
 function size(bytes) {
   return bytes < 1e4 ? `${count(bytes)} B` : bytes < 1e7 ? `${fixed(bytes / 1e3, 0)} kB` : `${fixed(bytes / 1e6, 0)} MB`;
+}
+
+/** Overruns in one line, however many there are. */
+function summary(late) {
+  const worst = Math.max(...late.map(({ text }) => Number.parseFloat(text.slice(LATE.length))));
+  return `${count(late.length)} ${late.length === 1 ? 'overrun' : 'overruns'} in the log, by ${fixed(worst, 1)} ms at most`;
 }
 
 export class Ending {
@@ -20,6 +27,8 @@ export class Ending {
   /** end: the server's message; events: of the run; openEvents: shows all of them. */
   show(end, events, openEvents) {
     const bad = events.filter(({ priority }) => priority <= 4);
+    const late = bad.filter(({ text }) => text.startsWith(LATE));
+    const rest = bad.filter(({ text }) => !text.startsWith(LATE));
     this.element.className = end.failed ? 'ending failed' : 'ending';
     this.element.replaceChildren(
       h('header', {}, h('b', {}, end.failed ? 'Failed' : end.task && end.text === 'the task ended' ? 'Done' : 'Ended'),
@@ -28,7 +37,7 @@ export class Ending {
       end.task ? h('p', {}, h('b', {}, `Task ${end.task}`), `: ${end.task_text ?? 'was not at its end'}`) : null,
       h('p', {}, bad.length ? `${count(bad.length)} ${bad.length === 1 ? 'warning' : 'warnings'}` : 'No warnings',
         ` among ${count(events.length)} events. `, h('button', { class: 'plain', onclick: openEvents }, 'Show the events')),
-      bad.length ? h('ul', {}, bad.slice(-WARNINGS).map(({ time, text }) =>
+      bad.length ? h('ul', {}, late.length ? h('li', {}, summary(late)) : null, rest.slice(-WARNINGS).map(({ time, text }) =>
         h('li', {}, Number.isFinite(time) ? `${fixed(time, 3)} s: ` : '', text))) : null,
       end.recording ? this.#recording(end) : null,
       this.note);

@@ -25,6 +25,7 @@ const KEYS = [['Space', 'pause, go on'], ['.', 'one tick'], [',', 'ten ticks'], 
 const REPLAY_KEYS = [['Space', 'play, pause'], ['. ,', 'a row on, back'], ['→ ←', 'a second on, back'],
   ['] [', 'next event, event before'], ['Home End', 'begin, end'], ['1 2 6', 'panels']];
 const ALL_KEYS = [['/', 'search a signal'], ['F', 'forces'], ['C', 'center of mass'],
+  ['Q', 'torques by color'],
   ['I', 'ellipsoids of inertia'], ['V', 'how it looks, or what can touch'], ['R', 'look at the robot'],
   ...Object.values(VIEWS).map(({ key, text }) => [key, `look ${text}`]), ['W', 'follow the robot, or not'],
   ['P', 'save the picture'], ['T', 'light or dark'], ['?', 'this list']];
@@ -441,7 +442,7 @@ function renderLoad(state) {
   const tick = 1e6 * page.hello.run.tick_s;
   const part = Math.min(1, state.workMean / tick);
   updatePace(state);
-  setText(page.figures.factor, `×${fixed(pace.factor, 2)}`);
+  setText(page.figures.factor, page.over ? '–' : `×${fixed(pace.factor, 2)}`);
   setText(page.figures.tick, `${fixed(state.workMean, 0)} / ${fixed(state.work99, 0)} / ${fixed(state.workMax, 0)} us`);
   setText(page.figures.overruns, state.lost ? `${count(state.overruns)}, ${count(state.lost)} dropped` : count(state.overruns));
   setClass(page.figures.overruns, 'late', state.overruns > 0);

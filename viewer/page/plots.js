@@ -266,7 +266,8 @@ export class Plots {
   get range() {
     if (this.#range) return this.#range;
     const now = this.#now;
-    return [now - this.#span, Math.max(now, 1e-3)];
+    const from = Math.max(0, now - this.#span);
+    return [from, Math.max(now, from + Math.min(this.#span, 1))];
   }
 
   /** The time of the newest sample of a run. */
