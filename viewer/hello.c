@@ -179,13 +179,14 @@ static json_t *hello_run(const struct viewer *viewer)
     const char *directory = recording ? recording->config.directory : config->record;
     const char *task = config ? config->task : NULL;
     const struct rig *rig = viewer->rig;
-    json_t *run = json_pack(
-        "{s:s, s:o, s:o, s:o, s:s, s:f, s:o, s:o, s:b}", "version", HIL_VERSION, "rig",
-        control_text(rig->name), "robot", control_text(rig->robot->name), "file",
-        control_text(rig->file), "clock", config ? loop_clock_name(config->clock) : "recorded",
-        "tick_s", (double)rig->tick_ns * 1e-9, "task", task ? control_text(task) : json_null(),
-        "recording", directory ? control_text(directory) : json_null(), "frames",
-        recording ? recording->log.file.data != NULL : viewer->config.ports != NULL);
+    json_t *run =
+        json_pack("{s:s, s:s, s:o, s:o, s:o, s:s, s:f, s:o, s:o, s:b}", "id", viewer->run,
+                  "version", HIL_VERSION, "rig", control_text(rig->name), "robot",
+                  control_text(rig->robot->name), "file", control_text(rig->file), "clock",
+                  config ? loop_clock_name(config->clock) : "recorded", "tick_s",
+                  (double)rig->tick_ns * 1e-9, "task", task ? control_text(task) : json_null(),
+                  "recording", directory ? control_text(directory) : json_null(), "frames",
+                  recording ? recording->log.file.data != NULL : viewer->config.ports != NULL);
 
     if (run && recording) {
         json_object_set_new(run, "replay",
@@ -200,10 +201,11 @@ static json_t *hello_run(const struct viewer *viewer)
 
 json_t *viewer_hello(const struct viewer *viewer)
 {
-    return json_pack("{s:s, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:{s:i, s:i, s:i}}", "type",
-                     "hello", "protocol", VIEWER_PROTOCOL, "run", hello_run(viewer), "scene",
-                     hello_scene(viewer), "signals", hello_signals(viewer), "buses",
+    return json_pack("{s:s, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:{s:i, s:i, s:i, s:b}}",
+                     "type", "hello", "protocol", VIEWER_PROTOCOL, "run", hello_run(viewer),
+                     "scene", hello_scene(viewer), "signals", hello_signals(viewer), "buses",
                      hello_buses(viewer), "boards", hello_boards(viewer), "modes",
                      hello_all_modes(viewer), "faults", hello_faults(viewer), "limits", "rate_hz",
-                     VIEWER_RATE_HZ, "signals", VIEWER_SIGNALS, "message_bytes", VIEWER_INBOX - 16);
+                     VIEWER_RATE_HZ, "signals", VIEWER_SIGNALS, "message_bytes", VIEWER_INBOX - 16,
+                     "rows", viewer->history != NULL);
 }

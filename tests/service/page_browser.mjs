@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // usage: node page_browser.mjs COMAN-HIL [FOLDER]
 // The page in a headless Chromium: what is drawn, that it moves, that clicks reach the simulator,
-// that who may look cannot, that a dead server is said. Prints TAP; pictures go to FOLDER.
+// that who may look cannot, that a stopped run is said. Prints TAP; pictures go to FOLDER.
 import { spawn } from 'node:child_process';
 import { mkdirSync, mkdtempSync, readFileSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
@@ -27,7 +27,7 @@ async function start(work) {
   const ready = join(work, 'ready');
   const child = spawn(program, ['run', makeRig(work), '--transport', 'local',
     '--clock', 'real', '--task', 'squat', '--http', '0', '--control', join(work, 'control'),
-    '--ready', ready, '--quiet', '--fault', 'jam: motor LElbj jam manual'], { stdio: ['ignore', 'ignore', 'pipe'] });
+    '--ready', ready, '--quiet', '--token-file', 'none', '--fault', 'jam: motor LElbj jam manual'], { stdio: ['ignore', 'ignore', 'pipe'] });
   let text = '';
   child.stderr.on('data', (data) => { text += data; });
   const { page: control, page_view: look } = await untilReady(child, ready, () => text);
@@ -128,9 +128,10 @@ async function judge(browser, run) {
 
   // The end
   run.child.kill('SIGTERM');
-  await page.waitForSelector('.gone:not([hidden])', { timeout: WAIT_MS });
-  const gone = await page.textContent('.gone');
-  check(/ended|connection/.test(gone), 'a dead server is said', gone);
+  await page.waitForSelector('#ending:not([hidden])', { timeout: WAIT_MS });
+  await page.waitForFunction(() => /waits for the next run/.test(document.getElementById('ending').textContent));
+  const gone = await page.textContent('#ending');
+  check(/stopped/.test(gone) && await page.isHidden('.gone'), 'a run that was stopped is said to be', gone);
   await picture('gone');
   check(errors.length === 0, 'the page has no errors', errors);
 }
