@@ -2,7 +2,7 @@
 /*
  * COMAN and WALK-MAN without power, dropped in random poses: they come to lie on the ground with no
  * part in it, and what they have stored never grows. HIL_FALLS says how many falls of COMAN there
- * are (48 unless given, a release has 1,000; of WALK-MAN an eighth), HIL_FALL the one to begin with.
+ * are (48 unless given, 1,000 at a release; of WALK-MAN an eighth), HIL_FALL the first one.
  */
 #include <math.h>
 #include <setjmp.h>
