@@ -97,8 +97,8 @@ run "$rigs/tilted.yaml" --task hold --duration 5
 [ -n "$first" ] && [ "$first" = "$(grep 'state hash' "$work/out")" ]
 result $? "two runs have the same bits"
 
-"$program" plot "$work/held" --signal 'q_*finger_rad' -o "$work/held.svg" >"$work/out" 2>"$work/err" &&
-    grep -q q_right_finger_rad "$work/held.svg"
+"$program" plot "$work/held" --signal 'q_*finger_rad' -o "$work/held.svg" \
+    >"$work/out" 2>"$work/err" && grep -q q_right_finger_rad "$work/held.svg"
 result $? "its recording is plotted"
 
 printf 'extends: gripper.yaml\nname: bent\ninitial: {joints_rad: {right_finger: 0.4}}\n' \
