@@ -468,6 +468,39 @@ static void settled_follower_sags_by_its_weight(void **state)
     arena_fini(&pair.arena);
 }
 
+/* A robot that floats stands on feet of which one ankle follows the other: settled it stays. */
+static void settled_walker_stands(void **state)
+{
+    static const double quaternion[4] = {1.0, 0.0, 0.0, 0.0}, position[3] = {0.0, 0.0, 0.52};
+    const double joint[8] = {-0.2, 0.4, -0.2, -0.2, 0.4, -0.2, 0.2, 0.03};
+    struct robot_coupling coupling[2];
+    struct settled settled;
+    struct plant_rig rig;
+    struct error error;
+    double before[15], moved = 0.0;
+
+    (void)state;
+    plant_rig_coupled_walker(&rig, coupling, PLANT_IMPLICIT, 1000000);
+    assert_int_equal(plant_reset(rig.plant, position, quaternion, joint), ERROR_NONE);
+    if (plant_settle(rig.plant, &rig.arena, &settled, &error)) {
+        fail_msg("%s", error.text);
+    }
+    memcpy(before, rig.state, sizeof before);
+    for (int i = 0; i < 2; i++) {
+        const double bent = coupling_error(&coupling[i], rig.state + 7);
+
+        print_message("# coupling %d is bent by %.2e\n", i, bent);
+        assert_true(fabs(bent) > 1e-5 && fabs(bent) < 0.05);
+    }
+    assert_int_equal(plant_step(rig.plant, 1000), ERROR_NONE);
+    for (int i = 0; i < 15; i++) {
+        moved = fmax(moved, fabs(rig.state[i] - before[i]));
+    }
+    print_message("# settled, it moves by %.1e in a second\n", moved);
+    assert_true(moved <= 1e-6);
+    plant_rig_fini(&rig);
+}
+
 /* Clamped links do not feel their couplings; let go, they do. */
 static void clamp_holds_couplings(void **state)
 {
@@ -498,6 +531,7 @@ int main(void)
         cmocka_unit_test(pendulum_moves_as_its_own_equations),
         cmocka_unit_test(walker_with_couplings_keeps_its_energy),
         cmocka_unit_test(settled_follower_sags_by_its_weight),
+        cmocka_unit_test(settled_walker_stands),
         cmocka_unit_test(clamp_holds_couplings),
     };
 

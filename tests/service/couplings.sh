@@ -37,7 +37,7 @@ finger() {
     printf '</robot>\n'
 } >"$work/gripper.urdf"
 
-echo 1..11
+echo 1..12
 
 "$program" import "$work/gripper.urdf" -o "$work/refused" >"$work/out" 2>"$work/err"
 [ $? -eq 2 ] && grep -q 'gripper.urdf:6: .*give --mimic couple to have it follow' "$work/err" &&
@@ -97,9 +97,34 @@ run "$rigs/tilted.yaml" --task hold --duration 5
 [ -n "$first" ] && [ "$first" = "$(grep 'state hash' "$work/out")" ]
 result $? "two runs have the same bits"
 
-"$program" plot "$work/held" --signal 'q_*finger_rad' -o "$work/held.svg" >"$work/out" 2>"$work/err" &&
-    grep -q q_right_finger_rad "$work/held.svg"
+"$program" plot "$work/held" --signal 'q_*finger_rad' -o "$work/held.svg" \
+    >"$work/out" 2>"$work/err" && grep -q q_right_finger_rad "$work/held.svg"
 result $? "its recording is plotted"
+
+# two moving bodies on either side of a third: friction on both fingers carries 5 g
+{
+    printf 'extends: gripper.yaml\nname: pinch\nscene:\n  engine: native\n  friction: sticking\n'
+    printf '  materials: {soft: {young_pa: 1.0e4, thickness_m: 1.0e-3, dissipation_s_per_m: 10.0,\n'
+    printf '    static_friction: 1.1, dynamic_friction: 1.0, viscous_s_per_m: 0.0}}\n'
+    printf '  bodies: [{name: box, mass_kg: 0.005, box_m: [0.03, 0.0404, 0.03],\n'
+    printf '    xyz_m: [0.0, 0.0, 0.565]}]\n'
+    printf '  surfaces: [{name: box, body: box, shape: box, material: soft,\n'
+    printf '    half_extents_m: [0.015, 0.0202, 0.015]}]\n'
+    printf '  robot_surfaces: {material: soft, self_collision: false}\n'
+    printf 'tasks: {hold: {duration_s: 8.0, tolerance_rad: 0.02}}\n'
+} >"$rigs/pinch.yaml"
+run "$rigs/pinch.yaml" --task hold --duration 15 --record "$work/pinch" &&
+    grep -q 'held for 8.0 s' "$work/out" &&
+    python3 - "$work/pinch/signals.csv" >"$work/out" 2>&1 <<'END'
+import csv, sys
+rows = [{k: float(v) for k, v in r.items()} for r in csv.DictReader(open(sys.argv[1]))]
+first, last = rows[100], rows[-1]
+print(first["box_z_m"], last["box_z_m"], last["fz_box_n"], last["q_left_finger_rad"])
+assert abs(last["fz_box_n"] - 0.005 * 9.81) < 1e-4
+assert abs(last["box_z_m"] - 0.565) < 1e-3 and abs(last["box_z_m"] - first["box_z_m"]) < 2e-4
+assert abs(last["q_left_finger_rad"] + last["q_right_finger_rad"]) < 1e-4
+END
+result $? "what the fingers pinch does not slip" "$(tail -n 1 "$work/out")"
 
 printf 'extends: gripper.yaml\nname: bent\ninitial: {joints_rad: {right_finger: 0.4}}\n' \
     >"$rigs/bent.yaml"
