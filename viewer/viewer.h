@@ -77,8 +77,8 @@ struct viewer_counters {
 
 struct viewer;
 
-/* Why a mesh that only shows what a robot looks like cannot be shown, as far as the beginning and the
- * size of its file tell; ERROR_NONE: it can. ERROR_INPUT, ERROR_SYSTEM. */
+/* Checks whether a mesh of a robot's looks can be shown, as far as the beginning and the size of
+ * its file tell. ERROR_INPUT, ERROR_SYSTEM with the reason, for people. Not RT-safe. */
 enum error_code viewer_check_visual(const struct robot_visual *visual, struct error *error);
 
 /* ---- a recording ---- */

@@ -246,8 +246,8 @@ def judge_history(run):
         values += columns[0]
         missing += lost
     ticks = [round(1e3 * time) for time in times]
-    check(check_row and missing == 0 and ticks == list(range(first + 1, last + 1)), "a row comes for every tick",
-          (ticks[0], ticks[-1], len(ticks)))
+    check(check_row and missing == 0 and ticks == list(range(first + 1, last + 1)),
+          "a row comes for every tick", (ticks[0], ticks[-1], len(ticks)))
     check(round(1e3 * begun) == first, "behind those that there were", (begun, first))
     lead.ask("watch", rate_hz=0)
     lead.send({"id": 77, "cmd": "series", "signals": names, "from_s": (first + 1) * 1e-3,

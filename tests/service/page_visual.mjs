@@ -170,6 +170,7 @@ async function open(browser, url, viewport, errors) {
   page.on('pageerror', (error) => errors.push(error.message));
   await page.goto(`${url}&quality=low`);
   await page.waitForFunction(isWhole, null, { timeout: PATIENCE_MS });
+  await page.evaluate(() => { window.coman.page.scene.period = 1000; }); // tests draw what they look at
   return page;
 }
 

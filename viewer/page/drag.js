@@ -84,7 +84,7 @@ export class Drag {
     this.label.style.left = `${fixed((at.x + 1) / 2 * box.width + 14, 0)}px`;
     this.label.style.top = `${fixed((1 - at.y) / 2 * box.height + 14, 0)}px`;
     setText(this.label, `${fixed(size, 0)} N`);
-    if (!this.#asking && (size > 0 || this.#held.pushed) && performance.now() - this.#askedAt >= PERIOD_MS) {
+    if (!this.#asking && (size >= 1 || this.#held.pushed) && performance.now() - this.#askedAt >= PERIOD_MS) {
       this.#held.pushed = true;
       const lever = point.sub(this.scene.robot.bodies[this.#held.body].position);
       this.#push(this.#held.body, force, lever.cross(force), Math.min(10, HOLD_S * Math.max(1, this.pace() || 1)));

@@ -30,7 +30,7 @@ export class Ending {
     const late = bad.filter(({ text }) => text.startsWith(LATE));
     const rest = bad.filter(({ text }) => !text.startsWith(LATE));
     this.element.className = end.failed ? 'ending failed' : 'ending';
-    this.element.replaceChildren(
+    this.element.replaceChildren(...[
       h('header', {}, h('b', {}, end.failed ? 'Failed' : end.task && end.text === 'the task ended' ? 'Done' : 'Ended'),
         h('span', {}, `${end.text}, at ${fixed(end.time_s, 3)} s`),
         h('button', { class: 'icon', 'aria-label': 'close', title: 'close', onclick: () => { this.element.hidden = true; } }, '×')),
@@ -40,7 +40,7 @@ export class Ending {
       bad.length ? h('ul', {}, late.length ? h('li', {}, summary(late)) : null, rest.slice(-WARNINGS).map(({ time, text }) =>
         h('li', {}, Number.isFinite(time) ? `${fixed(time, 3)} s: ` : '', text))) : null,
       end.recording ? this.#recording(end) : null,
-      this.note);
+      this.note].filter(Boolean));
     this.#tell(end.stays ? 'The program waits until this page is closed.' : '');
     this.element.hidden = false;
   }

@@ -272,7 +272,7 @@ export class Plots {
 
   /** The time of the newest sample of a run. */
   get #now() {
-    return this.store.to_s || this.newest || 0;
+    return this.store?.to_s || this.newest || 0;
   }
 
   /** The two ends of what there is. */
