@@ -61,9 +61,8 @@ hil_fuzz(candump SOURCE candump.c LIBS canbus MUTATIONS 100000)
 hil_fuzz(obj SOURCE obj.c LIBS mesh_tools MUTATIONS 40000)
 hil_fuzz(socketcand SOURCE socketcand.c LIBS canbus MUTATIONS 100000)
 hil_fuzz(wire SOURCE wire.c LIBS canbus)
-foreach(personality ICUB FOC COMPACT CIA402 DESCRIBED)
-    string(TOLOWER ${personality} name)
-    hil_fuzz(boards_${name} SOURCE boards.c DEFINE FUZZ_PERSONALITY=BOARD_${personality}
+foreach(name icub foc compact cia402 described)
+    hil_fuzz(boards_${name} SOURCE boards.c DEFINE FUZZ_PROTOCOL=protocol_${name}
              MUTATIONS 4000 LIBS boards PkgConfig::CMOCKA
              -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc)
 endforeach()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 foreach(name board_faults board_faults_frames boards can_state event_text fault_parse faults heat
-        inertial messages motor_control sensing settings ticks)
+        inertial messages motor_control protocols sensing settings ticks)
     hil_test(boards_${name} SOURCES unit/boards/${name}.c LIBS boards LABELS unit)
 endforeach()
 foreach(name host_replay inertial_board loader motor_commands motor_history motor_laws motor_modes

@@ -49,7 +49,7 @@ static int set_up(void **state)
     static const char *const joint[] = {"one", "two", "three"};
     static struct host_axis axis[3];
     static const struct host_bus bus[] = {
-        {.personality = HOST_ICUB}, {.personality = HOST_FOC}, {.personality = HOST_COMPACT}};
+        {.protocol = "icub"}, {.protocol = "foc"}, {.protocol = "compact"}};
     struct host_config config = {
         .nbus = 3,
         .bus = bus,
