@@ -23,6 +23,9 @@ enum message_number {
     MESSAGE_OF_GROUP /* of slots */
 };
 
+/* Sections of the page of a protocol that names none. */
+enum message_section { MESSAGE_FROM_HOST, MESSAGE_FROM_BOARDS };
+
 /*
  * A message of a command class comes once for every command: they share identifier and length of
  * the frame, and byte 0 (code) tells which it is; the fields begin at byte 1. Other messages have

@@ -89,8 +89,9 @@ struct protocol {
     const char *timeout_text; /* what a command that timed out leads to */
     const char *limit_text;   /* behind a position beyond its limit: its unit and what follows */
 
-    /* The page of the protocol. sections: titles, by message.section, NULL at the end; fd_text:
-     * above the frames that are others on CAN FD, NULL: there are none. NULL: no appendix. */
+    /* The page of the protocol. sections: titles, by message.section, NULL at the end; NULL: those
+     * of enum message_section. fd_text: above the frames that are others on CAN FD; NULL: there are
+     * none. print_appendix: NULL: none. */
     const char *help;
     const char *const *sections;
     const char *fd_text;

@@ -289,7 +289,10 @@ static void protocol_put_frame(struct protocol_frames *frames, struct protocol_f
 
 static void protocol_put_sections(struct protocol_frames *frames, FILE *out)
 {
-    const char *const *sections = frames->protocol->sections;
+    static const char *const by_sender[] = {
+        [MESSAGE_FROM_HOST] = "From the host", [MESSAGE_FROM_BOARDS] = "From boards", NULL};
+    const char *const *sections =
+        frames->protocol->sections ? frames->protocol->sections : by_sender;
 
     for (size_t s = 0; sections[s]; s++) {
         bool titled = false;

@@ -7,11 +7,6 @@
 
 #include <string.h>
 
-enum { SECTION_HOST, SECTION_BOARDS };
-
-const char *const cia402_sections[] = {
-    [SECTION_HOST] = "From the host", [SECTION_BOARDS] = "From boards", NULL};
-
 enum { AXIS_STEP = 0x100 }; /* of the identifiers of PDOs of one axis */
 
 /* clang-format off */
@@ -191,7 +186,7 @@ static void cia402_visit(struct message_walk *walk, int index, unsigned first_sl
             .length = frame.length,
             .code = MESSAGE_NO_CODE,
             .answer = frame.answer,
-            .section = frame.from_host ? SECTION_HOST : SECTION_BOARDS,
+            .section = frame.from_host ? MESSAGE_FROM_HOST : MESSAGE_FROM_BOARDS,
             .cycle_ns = frame.cycle_ns,
             .fields = frame.fields,
             .repeats = frame.repeats,

@@ -30,9 +30,6 @@ bool cia402_frame_row(const struct board_config *board, unsigned row, struct cia
 void cia402_visit_broadcasts(struct message_walk *walk);
 void cia402_visit_board(struct message_walk *walk, int board, unsigned first_slot);
 
-/* Titles of the sections of the page, NULL at the end. */
-extern const char *const cia402_sections[];
-
 /* What a board is, and the fields of a PDO of its plan: those of a mapped object, once where the
  * plan has it for each axis. */
 enum cia402_kind cia402_kind_of(const struct board_config *board);

@@ -96,7 +96,6 @@ const struct protocol protocol_cia402 = {
     .timeout_text = "reference set to 0",
     .limit_text = "x 1e-5 rad, only commands that lead back are obeyed",
     .help = MANUAL_PROTOCOL_CIA402,
-    .sections = cia402_sections,
     .print_appendix = cia402_print_objects,
     .write_eds = cia402_eds_write,
 };

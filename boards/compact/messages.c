@@ -6,11 +6,6 @@
 #include "boards/compact/table.h"
 #include "canbus/frame.h"
 
-enum { SECTION_HOST, SECTION_BOARDS };
-
-const char *const compact_sections[] = {
-    [SECTION_HOST] = "From the host", [SECTION_BOARDS] = "From boards", NULL};
-
 static bool row_applies(const struct compact_message *row, const struct board_config *board,
                         bool fd)
 {
@@ -74,7 +69,7 @@ static void visit_row(struct message_walk *walk, const struct compact_message *r
         .from_host = row->from_host,
         .code = MESSAGE_NO_CODE,
         .answer = row_answer(row),
-        .section = row->from_host ? SECTION_HOST : SECTION_BOARDS,
+        .section = row->from_host ? MESSAGE_FROM_HOST : MESSAGE_FROM_BOARDS,
         .fields = row->fields,
         .repeats = (uint8_t)repeats,
         .slot = slot,

@@ -8,7 +8,4 @@
 void compact_visit_broadcasts(struct message_walk *walk);
 void compact_visit_board(struct message_walk *walk, int board, unsigned first_slot);
 
-/* Titles of the sections of the page, NULL at the end. */
-extern const char *const compact_sections[];
-
 #endif

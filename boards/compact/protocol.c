@@ -134,7 +134,6 @@ const struct protocol protocol_compact = {
     .timeout_text = "reference set to 0",
     .limit_text = "x 1e-5 rad, only commands that lead back are obeyed",
     .help = MANUAL_PROTOCOL_COMPACT,
-    .sections = compact_sections,
     .fd_text = "The frames above but telemetry and forces, which are these:",
     .bench = {.bus_axes = 3,
               .board_axes = 1,

@@ -11,11 +11,6 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { SECTION_HOST, SECTION_BOARDS };
-
-const char *const described_sections[] = {
-    [SECTION_HOST] = "From the host", [SECTION_BOARDS] = "From boards", NULL};
-
 /* How often a frame comes: its own period, the telemetry's, or with the host's set-points, which
  * come once a tick, and their answers. */
 static uint32_t frame_cycle_ns(const struct message_walk *walk, size_t index,
@@ -99,7 +94,7 @@ static void visit_frame(struct message_walk *walk, size_t index, int board, unsi
                                           : (uint8_t)(frame->length * repeats),
         .code = MESSAGE_NO_CODE,
         .answer = frame_answer(protocol, frame, config),
-        .section = frame->from_host ? SECTION_HOST : SECTION_BOARDS,
+        .section = frame->from_host ? MESSAGE_FROM_HOST : MESSAGE_FROM_BOARDS,
         .cycle_ns = frame_cycle_ns(walk, index, config),
         .constant = frame_is_constant(frame),
         .row = frame,

@@ -14,7 +14,4 @@ void described_comment_message(const struct message *message, char *text, size_t
 /* What makes a field more than a number: the counter, the checksum. */
 void described_note_field(const struct message *message, size_t field, char *text, size_t size);
 
-/* Titles of the sections of the page, NULL at the end. */
-extern const char *const described_sections[];
-
 #endif

@@ -84,5 +84,4 @@ const struct protocol protocol_described = {
     .fault_names = described_fault_names,
     .timeout_text = "as its protocol has it",
     .limit_text = "ticks, voltage set to 0",
-    .sections = described_sections,
 };

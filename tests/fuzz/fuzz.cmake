@@ -61,9 +61,10 @@ hil_fuzz(candump SOURCE candump.c LIBS canbus MUTATIONS 100000)
 hil_fuzz(obj SOURCE obj.c LIBS mesh_tools MUTATIONS 40000)
 hil_fuzz(socketcand SOURCE socketcand.c LIBS canbus MUTATIONS 100000)
 hil_fuzz(wire SOURCE wire.c LIBS canbus)
-file(STRINGS ${CMAKE_SOURCE_DIR}/boards/protocols.h protocols REGEX "^ *LINE[(]")
+file(READ ${CMAKE_SOURCE_DIR}/boards/protocols.h protocols)
+string(REGEX MATCHALL "LINE[(][a-z0-9]+[)]" protocols "${protocols}")
 foreach(line ${protocols})
-    string(REGEX REPLACE "^ *LINE[(]([a-z0-9]+)[)].*" "\\1" name ${line})
+    string(REGEX REPLACE "LINE[(](.*)[)]" "\\1" name ${line})
     hil_fuzz(boards_${name} SOURCE boards.c DEFINE FUZZ_PROTOCOL=protocol_${name}
              MUTATIONS 4000 LIBS boards PkgConfig::CMOCKA
              -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc)
