@@ -4,6 +4,7 @@
 
 #include "app/control/parse.h"
 #include "base/count.h"
+#include "boards/protocol.h"
 
 #include <math.h>
 #include <string.h>
@@ -64,18 +65,6 @@ static json_t *hello_signals(const struct viewer *viewer)
 
 /* ---- buses and boards ---- */
 
-static const char *personality_name(enum board_personality personality)
-{
-    static const char *const names[] = {[BOARD_ICUB] = "icub",
-                                        [BOARD_FOC] = "foc",
-                                        [BOARD_COMPACT] = "compact",
-                                        [BOARD_CIA402] = "cia402",
-                                        [BOARD_DESCRIBED] = "described"};
-
-    return (size_t)personality < ARRAY_COUNT(names) && names[personality] ? names[personality]
-                                                                          : "other";
-}
-
 static json_t *hello_buses(const struct viewer *viewer)
 {
     json_t *array = json_array();
@@ -87,19 +76,18 @@ static json_t *hello_buses(const struct viewer *viewer)
                                                control_text(bus->name), "interface",
                                                control_text(bus->interface), "bitrate",
                                                (json_int_t)bus->bitrate, "fd", bus->fd,
-                                               "personality", personality_name(bus->personality)));
+                                               "personality", bus->protocol->name));
     }
     return array;
 }
 
-/* The words for the modes of a personality, by their number. */
-static json_t *hello_modes(enum board_personality personality)
+/* The words for the modes of a protocol, by their number. */
+static json_t *hello_modes(const struct protocol *protocol)
 {
-    const uint32_t count = personality == BOARD_COMPACT ? 4 : 256;
     json_t *modes = json_object();
 
-    for (uint32_t mode = 0; mode < count; mode++) {
-        const char *name = board_mode_name(personality, mode);
+    for (uint32_t mode = 0; mode <= UINT8_MAX; mode++) {
+        const char *name = protocol->mode_name(mode);
         char key[8];
 
         if (strcmp(name, "unknown") != 0) {
@@ -110,7 +98,7 @@ static json_t *hello_modes(enum board_personality personality)
     return modes;
 }
 
-static json_t *hello_board(const struct board_config *board, enum board_personality personality)
+static json_t *hello_board(const struct board_config *board, const struct protocol *protocol)
 {
     static const char *const kinds[] = {[BOARD_MOTOR] = "motor",
                                         [BOARD_FT] = "force-torque",
@@ -118,7 +106,7 @@ static json_t *hello_board(const struct board_config *board, enum board_personal
                                         [BOARD_INERTIAL] = "inertial"};
     json_t *axes = json_array();
 
-    for (size_t k = 0; board->kind == BOARD_MOTOR && k < board_axes_max(personality); k++) {
+    for (size_t k = 0; board->kind == BOARD_MOTOR && k < protocol->axes_max; k++) {
         if (board->axis[k].joint >= 0) {
             json_array_append_new(axes, json_integer(board->axis[k].joint));
         }
@@ -134,22 +122,22 @@ static json_t *hello_boards(const struct viewer *viewer)
     json_t *array = json_array();
 
     for (size_t i = 0; i < boards->nboard && !viewer->playback; i++) {
-        enum board_personality personality = viewer->rig->bus[boards->board[i].bus].personality;
+        const struct protocol *protocol = viewer->rig->bus[boards->board[i].bus].protocol;
 
-        json_array_append_new(array, hello_board(&boards->board[i], personality));
+        json_array_append_new(array, hello_board(&boards->board[i], protocol));
     }
     return array;
 }
 
-/* The words for modes, once for each personality that the rig has. */
+/* The words for modes, once for each protocol that the rig has. */
 static json_t *hello_all_modes(const struct viewer *viewer)
 {
     json_t *all = json_object();
 
     for (size_t b = 0; b < viewer->rig->nbus; b++) {
-        enum board_personality personality = viewer->rig->bus[b].personality;
+        const struct protocol *protocol = viewer->rig->bus[b].protocol;
 
-        json_object_set_new(all, personality_name(personality), hello_modes(personality));
+        json_object_set_new(all, protocol->name, hello_modes(protocol));
     }
     return all;
 }

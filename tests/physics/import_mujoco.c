@@ -10,6 +10,7 @@
  * more with the inertias of the robot in both, which shows what import has repaired.
  */
 #include "app/import/import.h"
+#include "boards/protocols.h"
 #include "base/random.h"
 #include "base/vec3.h"
 #include "model/plant.h"
@@ -558,7 +559,7 @@ static void random_trees_are_those_of_mujoco(void **state)
             .folder = folder,
             .options = {.base = floats ? IMPORT_BASE_FLOATING : IMPORT_BASE_FIXED,
                         .free_slides = true},
-            .personality = IMPORT_COMPACT_FD,
+            .boards = {&protocol_compact, true},
             .force = true,
         };
         struct import_result result;
@@ -628,7 +629,11 @@ static void bodies_of_mjcf_are_those_of_mujoco(void **state)
 {
     char folder[] = "/tmp/hil-import-mujoco-XXXXXX", path[128], command[160];
     struct import_request request = {
-        .file = path, .folder = folder, .options = {.free_slides = true}};
+        .file = path,
+        .folder = folder,
+        .options = {.free_slides = true},
+        .boards = {&protocol_icub, false},
+    };
     struct import_result result;
     const struct robot *robot;
     struct differences d;
@@ -852,7 +857,8 @@ static void included_files_and_inertias_of_geoms_are_those_of_mujoco(void **stat
     static const char *const how[] = {"", "exactmeshinertia='true'"};
     static const char *const mass[] = {"mass='3'", ""};
     char folder[] = "/tmp/hil-import-mujoco-XXXXXX", path[128], text[1024], command[160];
-    struct import_request request = {.file = path, .folder = folder, .force = true};
+    struct import_request request = {
+        .file = path, .folder = folder, .boards = {&protocol_icub, false}, .force = true};
     struct import_result result;
     struct differences d;
     struct error error;
