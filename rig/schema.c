@@ -8,7 +8,7 @@
 #include "canbus/lockstep.h"
 #include "base/config.h"
 #include "rig/rig.h"
-#include "rt/recorder.h"
+#include "rt/recording/recorder.h"
 
 #include <float.h>
 

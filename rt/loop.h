@@ -52,7 +52,7 @@
 #include "canbus/port.h"
 #include "rt/clock.h"
 #include "rt/histogram.h"
-#include "rt/recorder.h"
+#include "rt/recording/recorder.h"
 #include "rt/steering.h"
 #include "rt/timing.h"
 

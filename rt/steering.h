@@ -5,7 +5,7 @@
  *
  * Requests and answers cross in two rings of fixed size; the loop carries requests out between two
  * ticks, in their order, and neither side ever waits for the other. One thread sends them (that of
- * the control socket, app/control/control.h); each takes effect from the tick that comes next. A
+ * the control socket, control/control.h); each takes effect from the tick that comes next. A
  * client that does not drain its answers is ignored once their ring is full. At the end of the run
  * the requests that are left are answered.
  *

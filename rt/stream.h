@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Rows of signals from the loop to one other thread while it runs, for clients that have subscribed
- * to some of them (app/control/control.h). The reader sets the period of rows; the loop fills a row
+ * to some of them (control/control.h). The reader sets the period of rows; the loop fills a row
  * of all signals in place, and never waits: rows that find the ring full are counted, and the next
  * row carries the count. Without a reader it costs the loop one load.
  */

@@ -13,7 +13,7 @@ enum event_source {
     EVENT_RELEASE,
     EVENT_FAULT,
     EVENT_INTERFACE,
-    EVENT_CONTROL, /* of app/control */
+    EVENT_CONTROL, /* of control/ */
     EVENT_ROBOT,
     EVENT_CLAMPED_TRIP,
 };

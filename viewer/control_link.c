@@ -3,7 +3,7 @@
  * back as messages. */
 #include "viewer/private.h"
 
-#include "app/control/socket.h"
+#include "control/socket.h"
 
 #include <errno.h>
 #include <fcntl.h>

@@ -3,7 +3,7 @@
  * stays for pages that are still open. */
 #include "viewer/private.h"
 
-#include "app/control/parse.h"
+#include "control/parse.h"
 #include "base/count.h"
 #include "rt/clock.h"
 

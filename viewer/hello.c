@@ -2,7 +2,7 @@
 /* The description that a client gets first: the run, its signals, buses, boards and faults. */
 #include "viewer/private.h"
 
-#include "app/control/parse.h"
+#include "control/parse.h"
 #include "base/count.h"
 #include "boards/protocol.h"
 

@@ -3,7 +3,7 @@
  * wxyz, a body by its index: those of the robot, then the free ones; -1 is the world. */
 #include "viewer/private.h"
 
-#include "app/control/parse.h"
+#include "control/parse.h"
 #include "base/vec3.h"
 
 static json_t *scene_body(const char *name, int parent, const struct robot_inertia *inertia)

@@ -2,7 +2,7 @@
 /* Carries out what clients ask. */
 #include "viewer/message.h"
 
-#include "app/control/parse.h"
+#include "control/parse.h"
 #include "rt/clock.h"
 #include "viewer/private.h"
 

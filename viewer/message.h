@@ -6,7 +6,7 @@
 #ifndef VIEWER_MESSAGE_H
 #define VIEWER_MESSAGE_H
 
-#include "app/control/parse.h"
+#include "control/parse.h"
 #include "base/error.h"
 #include "canbus/frame.h"
 
@@ -29,7 +29,7 @@ struct viewer_message {
     enum viewer_command command;
     bool harmless;                /* VIEWER_CONTROL: changes nothing */
     enum control_command control; /* of VIEWER_CONTROL, with its value and count as in
-                                   * app/control/parse.h */
+                                   * control/parse.h */
     double value;
     int64_t count;
     double from_s, to_s;   /* of series; the time of seek is from_s */

@@ -9,7 +9,7 @@
  * A request has to name the address that the server is bound to as its Host, and its pages as its
  * Origin (viewer/request.h).
  *
- * What a client asks is carried out by the control socket (app/control/control.h), to which the
+ * What a client asks is carried out by the control socket (control/control.h), to which the
  * viewer connects once for each client with the right to control; `coman-hil ctl` does the same.
  * Frames are sent and heard by ports of its own, as any participant of the buses has them.
  *

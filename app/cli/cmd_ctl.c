@@ -4,8 +4,8 @@
 
 #include "app/cli/ctl_request.h"
 #include "app/cli/ctl_udp.h"
-#include "app/control/ctl_client.h"
-#include "app/control/ctl_print.h"
+#include "control/ctl_client.h"
+#include "control/ctl_print.h"
 #include "base/count.h"
 #include "base/options.h"
 #include "base/text.h"

@@ -9,7 +9,7 @@
 #include "app/cli/ready.h"
 #include "app/cli/rig_command.h"
 #include "app/cli/run_options.h"
-#include "app/control/control.h"
+#include "control/control.h"
 #include "base/journal.h"
 #include "sim/summary.h"
 

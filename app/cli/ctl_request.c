@@ -3,7 +3,7 @@
  * refuses the request. */
 #include "app/cli/ctl_request.h"
 
-#include "app/control/ctl_print.h"
+#include "control/ctl_print.h"
 #include "base/count.h"
 #include "base/text.h"
 

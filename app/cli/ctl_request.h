@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The commands of coman-hil ctl: how the words of a command line become a request of the control
- * socket (app/control/control.h), and how its answer is printed. Not RT-safe.
+ * socket (control/control.h), and how its answer is printed. Not RT-safe.
  */
 #ifndef APP_CLI_CTL_REQUEST_H
 #define APP_CLI_CTL_REQUEST_H

@@ -4,7 +4,7 @@
 #define APP_CLI_PAGE_H
 
 #include "app/cli/run_options.h"
-#include "app/control/control.h"
+#include "control/control.h"
 #include "sim/buses.h"
 #include "viewer/viewer.h"
 

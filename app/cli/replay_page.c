@@ -8,7 +8,7 @@
 #include "app/cli/rig_command.h"
 #include "app/scenario/scenario.h"
 #include "base/journal.h"
-#include "rt/recorder.h"
+#include "rt/recording/recorder.h"
 
 #include <errno.h>
 #include <inttypes.h>

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Signals of a recording, read back from its signals.csv: a line of titles, then numbers, time
- * first (rt/recorder.h). Not RT-safe.
+ * first (rt/recording/recorder.h). Not RT-safe.
  */
 #ifndef APP_REPORT_SIGNALS_H
 #define APP_REPORT_SIGNALS_H

@@ -4,7 +4,7 @@
  * in range and that means the same when it is written out and read again. The first line is a
  * pattern for those that follow, too.
  */
-#include "app/control/parse.h"
+#include "control/parse.h"
 
 #include "rt/steering.h"
 #include "tests/fuzz/fuzz.h"

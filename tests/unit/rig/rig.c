@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Rig files: what becomes of a good one, and where a bad one is wrong. */
 #include "rig/rig.h"
-#include "rt/recorder.h"
+#include "rt/recording/recorder.h"
 
 #include <math.h>
 #include <setjmp.h>
