@@ -129,7 +129,7 @@ struct boards_config {
     size_t nbus;
     const struct boards_bus_config *bus; /* nbus entries; NULL: the first protocol's */
     size_t njoint, nft;
-    const struct faults *faults; /* those of boards act; NULL = none (boards/faults.h) */
+    const struct faults *faults; /* those of boards act; NULL = none (faults/faults.h) */
     int64_t tick_ns;             /* boards_control is called once a tick; up to 100 ms */
     /* Called from boards_control for each axis of a board whose application restarts: what its
      * hardware counted is lost. Must be RT-safe. NULL = not needed. */

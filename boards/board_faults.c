@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Faults of boards (boards/faults.h), where they act: on the power of a board, on its firmware, on
+ * Faults of boards (faults/faults.h), where they act: on the power of a board, on its firmware, on
  * its contact to the bus, and on the frames that it sends, replies included.
  *
  *   off           neither receives nor sends, its bridges are open; afterwards it boots as from

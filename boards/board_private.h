@@ -14,7 +14,7 @@
 #include "base/container_of.h"
 #include "base/ring.h"
 #include "boards/board.h"
-#include "boards/faults.h"
+#include "faults/faults.h"
 #include "boards/protocol.h"
 
 #include <math.h>

@@ -6,13 +6,13 @@
  * State, one flat array: q (nq), v (nv), then an enum plant_drive_part for each joint with a
  * drive, in joint order, then p for each joint with an enabled parallel spring, then an enum
  * plant_free_part for each free body, then hysteresis, winding and housing temperature of each
- * drive where some drive has effects (model/effects.h), the bus of the supply if there is one
- * (model/supply.h), an enum hydraulic_part for each hydraulic joint and the pressure of their
- * supply (model/hydraulic.h), with account_energy the integrals of the powers, and at last the
- * bristles of sticking friction (contact.h), an enum contact_bristle_part for each pair. Joints
- * without a drive have no actuator state and no torque but that of their parallel spring, of the
- * stops at the ends of their range (model/stop.h) and of their coupling to another joint
- * (model/coupling.h). Time is int64_t ns.
+ * drive where some drive has effects (model/drives/effects.h), the bus of the supply if there is
+ * one (model/drives/supply.h), an enum hydraulic_part for each hydraulic joint and the pressure of
+ * their supply (model/hydraulics/hydraulic.h), with account_energy the integrals of the powers, and
+ * at last the bristles of sticking friction (contact.h), an enum contact_bristle_part for each
+ * pair. Joints without a drive have no actuator state and no torque but that of their parallel
+ * spring, of the stops at the ends of their range (model/stop.h) and of their coupling to another
+ * joint (model/coupling.h). Time is int64_t ns.
  *
  * Free bodies are the scene's: rigid, joined to nothing, moved by gravity, contact and pushes.
  * Wherever a body is meant by its index they follow the robot's: free[i] is body nbody + i. (Bodies
@@ -30,13 +30,13 @@
 #include "contact/contact.h"
 #include "model/dynamics.h"
 #include "model/plant_io.h"
-#include "model/supply.h"
+#include "model/drives/supply.h"
 
 struct plant;
 
 /* rk4: the paper's, for steps short enough. implicit: order 2, stable with long steps, drives exact
- * for the voltage held; the one for real time (model/implicit.c, docs/integrator.md). dopri5:
- * adaptive, any substep, as accurate as asked and as slow as that takes: the oracle; not
+ * for the voltage held; the one for real time (model/implicit/implicit.c, docs/integrator.md).
+ * dopri5: adaptive, any substep, as accurate as asked and as slow as that takes: the oracle; not
  * RT-safe. */
 enum plant_integrator { PLANT_RK4, PLANT_IMPLICIT, PLANT_DOPRI5 };
 

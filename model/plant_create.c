@@ -2,7 +2,7 @@
 /* Making a plant: checks of its configuration, the layout of its state, its memory. */
 #include "model/plant.h"
 
-#include "model/implicit.h"
+#include "model/implicit/implicit.h"
 #include "model/integrator.h"
 #include "model/plant_private.h"
 

@@ -1,20 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the parts of the plant share: plant_create.c (configuration, memory), plant.c (stepping),
- * plant_derive.c (right-hand side), plant_effects.c (drives with effects, the supply),
+ * What the parts of the plant share: plant_create.c (configuration, memory), plant_step.c
+ * (stepping), plant_derive.c (right-hand side), plant_effects.c (drives with effects, the supply),
  * plant_contact.c, plant_free.c (free bodies), plant_sample.c (sensors), plant_energy.c,
- * implicit.c, settle.c. Units and frames as in model/plant.h. RT-safe unless said otherwise.
+ * implicit/, settle.c. Units and frames as in model/plant.h. RT-safe unless said otherwise.
  */
 #ifndef MODEL_PLANT_PRIVATE_H
 #define MODEL_PLANT_PRIVATE_H
 
-#include "model/effects.h"
-#include "model/hydraulic.h"
-#include "model/hydraulic_supply.h"
+#include "model/drives/effects.h"
+#include "model/hydraulics/hydraulic.h"
+#include "model/hydraulics/supply.h"
 #include "model/integrator.h"
 #include "model/plant.h"
 #include "model/stop.h"
-#include "model/supply.h"
+#include "model/drives/supply.h"
 
 /* Integrals of powers at the end of the state. WORK_CONTACT is what contact does on the bodies.
  * Those from WORK_GEAR on are there with effects of drives or a bus only. */

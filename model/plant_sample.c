@@ -3,12 +3,13 @@
  * The plant's sensors: what each would read of the present state if it were perfect.
  *
  * Accelerations and contact wrenches are those that belong to the state by the laws of motion and
- * contact; where an implicit step has just led to it, those of the step (model/implicit.h).
+ * contact; where an implicit step has just led to it, those of the step
+ * (model/implicit/implicit.h).
  */
 #include "model/plant.h"
 
 #include "model/coupling.h"
-#include "model/implicit.h"
+#include "model/implicit/implicit.h"
 #include "model/plant_private.h"
 #include "model/spatial.h"
 

@@ -72,7 +72,8 @@ struct robot_thermal {
     double R_per_k, Kt_per_k;        /* per K from 25 deg C, by winding and by housing */
 };
 
-/* What a real drive does beside eqs (2)-(4), model/effects.h; zero = it does not. Link side. */
+/* What a real drive does beside eqs (2)-(4), model/drives/effects.h; zero = it does not. Link side.
+ * */
 struct robot_effects {
     double coulomb, breakaway;                    /* friction of the gear, N m: F(infinite), F(0) */
     double stribeck;                              /* speed between them, rad/s; 0 = F is F(0) */
@@ -104,7 +105,7 @@ struct robot_sea {
     const struct robot_effects *effects; /* NULL = none: eqs (2)-(4) and nothing else */
 };
 
-/* Hydraulic drive of a revolute joint, model/hydraulic.h. */
+/* Hydraulic drive of a revolute joint, model/hydraulics/hydraulic.h. */
 struct robot_hydraulic {
     bool present;
     double A1, A2;        /* areas of the piston: its side, that of the rod, m2 */

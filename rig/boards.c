@@ -5,7 +5,7 @@
 #include "base/text.h"
 #include "boards/described/protocol.h"
 #include "boards/protocols.h"
-#include "model/hydraulic.h"
+#include "model/hydraulics/hydraulic.h"
 #include "rig/builder_private.h"
 
 #include <math.h>

@@ -12,7 +12,7 @@
 #include "base/error.h"
 #include "base/yaml.h"
 #include "boards/board.h"
-#include "boards/sensing.h"
+#include "boards/sensing/sensing.h"
 #include "contact/contact.h"
 #include "model/plant.h"
 #include "model/robot.h"
@@ -148,7 +148,7 @@ struct rig {
 
     uint64_t seed;                 /* of noise and faults */
     struct sensing_config sensing; /* without faults */
-    const struct yaml_name *fault; /* lines (boards/faults.h), in order */
+    const struct yaml_name *fault; /* lines (faults/faults.h), in order */
     size_t nfault;
     double supply_ohm;            /* of the source */
     struct supply_bus supply_bus; /* behind it */

@@ -311,7 +311,7 @@ struct raw_rig {
     struct raw_page page;
     struct raw_tasks tasks;
     struct raw_sensors sensors;
-    struct yaml_name *fault; /* a line each (boards/faults.h) */
+    struct yaml_name *fault; /* a line each (faults/faults.h) */
     size_t nfault;
     int64_t seed;
     double supply_ohm, supply_capacitance_f;

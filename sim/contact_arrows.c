@@ -27,8 +27,8 @@
 
 /* ---- where ---- */
 
-/* Finds the point of the plane about which the wrench has no moment along the plane; false when the body
- * is not at the ground, or does not press on it. */
+/* Finds the point of the plane about which the wrench has no moment along the plane; false when the
+ * body is not at the ground, or does not press on it. */
 static bool wrench_meets_ground(const struct contact_arrows *arrows, const double origin[3],
                                 const double wrench[6], double at[3])
 {
@@ -163,7 +163,8 @@ static char *print_text(char *at, const char *text)
     return at + size;
 }
 
-/* Writes one entity, which takes the place of that of the row before; none while nothing touches. */
+/* Writes one entity, which takes the place of that of the row before; none while nothing touches.
+ * */
 static char *contact_arrows_print_message(void *context, int64_t time_ns, const double *value,
                                           const double *pose, char *at)
 {

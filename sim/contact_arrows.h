@@ -38,8 +38,8 @@ struct contact_arrow {
     double length_m;
 };
 
-/* Finds the contacts of a row that touch, in their order: value and pose as of recorder_row. Returns
- * how many. */
+/* Finds the contacts of a row that touch, in their order: value and pose as of recorder_row.
+ * Returns how many. */
 size_t contact_arrows_find(const struct contact_arrows *arrows, const double *value,
                            const double *pose, struct contact_arrow arrow[CONTACT_ARROWS]);
 

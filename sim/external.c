@@ -3,7 +3,7 @@
 #include "sim/external.h"
 
 #include "base/portable_math.h"
-#include "model/actuator.h"
+#include "model/drives/actuator.h"
 #include "tasks/host.h"
 
 #include <math.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Faults in a running simulator: joins the table of boards/faults.h with the parts that carry
+ * Faults in a running simulator: joins the table of faults/faults.h with the parts that carry
  * faults out. Boards and sensors read the table themselves; motors and the supply get them through
  * the plant's command, buses through a port with rules (canbus/fault_port.h), wires through faults
  * of their own. Virtual times in ns.
@@ -8,7 +8,7 @@
 #ifndef SIM_INJECTION_H
 #define SIM_INJECTION_H
 
-#include "boards/faults.h"
+#include "faults/faults.h"
 #include "rig/rig.h"
 #include "sim/buses.h"
 

@@ -15,7 +15,7 @@
 #ifndef SIM_ROBOT_STEERING_H
 #define SIM_ROBOT_STEERING_H
 
-#include "boards/sensing.h"
+#include "boards/sensing/sensing.h"
 #include "model/plant.h"
 #include "rt/steering_machine.h"
 #include "sim/buses.h"

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What a controller and external boards have sent in a recorded run, to be received again at the
- * same ticks: the frames of a candump log (rt/recording/recorder.h) that none of the simulator's own boards
- * sends, by the tables of the boards. Of the lockstep protocol STEP frames are played when the
- * clock is lockstep, DONE never. Bus errors are not played. Times in ns. Not RT-safe.
+ * same ticks: the frames of a candump log (rt/recording/recorder.h) that none of the simulator's
+ * own boards sends, by the tables of the boards. Of the lockstep protocol STEP frames are played
+ * when the clock is lockstep, DONE never. Bus errors are not played. Times in ns. Not RT-safe.
  */
 #ifndef SIM_STIMULUS_H
 #define SIM_STIMULUS_H

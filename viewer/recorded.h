@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The files of a recording (rt/recording/recorder.h) for playing it back: rows of signals.csv and poses.csv
- * and frames of candump.log by their time, read where they are needed, so that a long recording
- * opens as fast as its lines can be counted. The files are mapped and must not be cut short while
- * they are open; what is appended later is not seen, and a line without its end, as a run that was
- * killed leaves it, counts as none. Times in ns, virtual. Not RT-safe.
+ * The files of a recording (rt/recording/recorder.h) for playing it back: rows of signals.csv and
+ * poses.csv and frames of candump.log by their time, read where they are needed, so that a long
+ * recording opens as fast as its lines can be counted. The files are mapped and must not be cut
+ * short while they are open; what is appended later is not seen, and a line without its end, as a
+ * run that was killed leaves it, counts as none. Times in ns, virtual. Not RT-safe.
  */
 #ifndef VIEWER_RECORDED_H
 #define VIEWER_RECORDED_H

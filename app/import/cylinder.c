@@ -2,7 +2,7 @@
 /* Triangles, supply and gains of hydraulic joints; the rules are in cylinder.h. */
 #include "app/import/cylinder.h"
 
-#include "model/hydraulic.h"
+#include "model/hydraulics/hydraulic.h"
 
 #include <math.h>
 

@@ -5,7 +5,7 @@
  */
 #include "boards/cia402/private.h"
 
-#include "boards/inertial.h"
+#include "boards/sensing/inertial.h"
 
 #include <math.h>
 #include <string.h>

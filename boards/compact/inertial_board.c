@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The inertial board of the compact protocol: acceleration, rate, orientation and field. */
 #include "boards/compact/private.h"
-#include "boards/inertial.h"
+#include "boards/sensing/inertial.h"
 #include "boards/motor_control.h"
 
 #include <math.h>

@@ -2,7 +2,7 @@
 /* Force-torque and inertial boards of a described protocol: channels, each in its unit. What has no
  * reading is held, and the fault says so. */
 #include "boards/described/private.h"
-#include "boards/inertial.h"
+#include "boards/sensing/inertial.h"
 
 #include <math.h>
 #include <string.h>

@@ -9,7 +9,7 @@
  * are all 0, as from a sensor chip in that mode. Neither mask nor period survive a restart.
  */
 #include "boards/icub/board.h"
-#include "boards/inertial.h"
+#include "boards/sensing/inertial.h"
 #include "boards/motor_control.h"
 
 #include "canbus/frame.h"

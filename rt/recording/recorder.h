@@ -4,8 +4,8 @@
  * format of candump -L, stamped with virtual time), signals.csv (one row every so many ticks, for
  * plots), poses.csv (where each body is, at the same times) and events.log (what happened, in the
  * order of time); instead of or beside the two CSV files recording.mcap, which holds all of it for
- * viewers (rt/recording/recorder_mcap.h). A thread of its own formats and writes; the loop only copies into
- * rings. SI units, times in ns.
+ * viewers (rt/recording/recorder_mcap.h). A thread of its own formats and writes; the loop only
+ * copies into rings. SI units, times in ns.
  *
  * Frames received in a tick carry the virtual time at which the tick begins, frames sent that at
  * which it ends; so the log depends on the run alone, and equal runs give equal bytes. With the

@@ -261,7 +261,7 @@ static bool recorder_mcap_add_channels(struct recorder_mcap *mcap, struct arena 
     return true;
 }
 
-static size_t longer(size_t a, size_t b)
+static size_t longer_of(size_t a, size_t b)
 {
     return a > b ? a : b;
 }
@@ -283,12 +283,12 @@ static size_t recorder_mcap_quote(struct recorder_mcap *mcap, struct arena *aren
         return 0;
     }
     events += JSON_TEXT_ROOM(RECORDER_EVENT_TEXT);
-    longest = longer(longer(signals, poses), longer(frames, events));
+    longest = longer_of(longer_of(signals, poses), longer_of(frames, events));
     for (size_t c = 0; c < config->nchannel; c++) {
         const struct recorder_channel *channel = &config->channel[c];
 
-        longest = longer(longest, channel->longest);
-        longest = longer(longest, channel->first ? strlen(channel->first) : 0);
+        longest = longer_of(longest, channel->longest);
+        longest = longer_of(longest, channel->first ? strlen(channel->first) : 0);
     }
     return longest;
 }

@@ -2,7 +2,7 @@
 /*
  * Both sides of every limit that a rig file or a robot file has; see tests/unit/schema_limits.h.
  */
-#include "model/robot_yaml.h"
+#include "model/description/yaml.h"
 #include "rig/schema.h"
 
 #include "tests/unit/schema_limits.h"

@@ -13,7 +13,7 @@
 #include "boards/icub/protocol.h"
 #include "boards/protocols.h"
 #include "canbus/frame.h"
-#include "model/actuator.h"
+#include "model/drives/actuator.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
