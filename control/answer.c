@@ -255,9 +255,9 @@ json_t *control_status(const struct control *control, struct control_client *cli
 
     /* Its time */
     good = control_put(body, "clock", json_string(loop_clock_name(config->clock))) && good;
-    good = control_put(body, "speed", control_number(steering_speed(control->config.steering))) &&
+    good = control_put(body, "speed", control_number(requests_speed(control->config.requests))) &&
            good;
-    good = control_put(body, "paused", json_boolean(steering_paused(control->config.steering))) &&
+    good = control_put(body, "paused", json_boolean(requests_paused(control->config.requests))) &&
            good;
     good = control_put(body, "clamped", json_boolean(now.clamped)) && good;
     good = control_put(body, "tick", control_count(now.tick)) && good;
@@ -372,12 +372,12 @@ json_t *control_statistics(struct control *control)
 
 json_t *control_tunable(const struct control *control, size_t index)
 {
-    const struct tunable *tunable = steering_tunable(control->config.steering, index);
+    const struct tunable *tunable = requests_tunable(control->config.requests, index);
     json_t *body = json_object();
     bool good = control_put(body, "name", control_text(tunable->name));
 
     good = control_put(body, "value",
-                       control_number(steering_value(control->config.steering, index))) &&
+                       control_number(requests_value(control->config.requests, index))) &&
            good;
     good = control_put(body, "unit", control_text(tunable->unit)) && good;
     good = control_put(body, "min", control_number(tunable->min)) && good;
@@ -397,8 +397,8 @@ static json_t *answer_list_tunables(const struct control *control,
     json_t *array = json_array();
     bool good = array != NULL;
 
-    for (size_t i = 0; i < steering_tunables(control->config.steering) && good; i++) {
-        good = !list_wants_name(request, steering_tunable(control->config.steering, i)->name) ||
+    for (size_t i = 0; i < requests_tunables(control->config.requests) && good; i++) {
+        good = !list_wants_name(request, requests_tunable(control->config.requests, i)->name) ||
                control_append(array, control_tunable(control, i));
     }
     return control_whole_or_null(array, good);
@@ -469,8 +469,8 @@ static json_t *answer_list_checkpoints(const struct control *control)
     json_t *array = json_array();
     bool good = array != NULL;
 
-    for (int i = 0; i < STEERING_SLOTS && good; i++) {
-        const struct steer_answer *of = &control->slot[i];
+    for (int i = 0; i < CHECKPOINT_SLOTS && good; i++) {
+        const struct request_answer *of = &control->slot[i];
         json_t *entry;
 
         if (i > 0 && of->ticket == 0) {

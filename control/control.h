@@ -68,14 +68,14 @@
  * CONTROL_OUTBOX bytes are unsent. At most CONTROL_CLIENTS are connected at a time. A half-closed
  * connection is served until its last answer, or row, has been sent.
  *
- * The server has one thread of its own. It reaches the loop through rt/steering.h and what the loop
+ * The server has one thread of its own. It reaches the loop through rt/requests.h and what the loop
  * publishes (simulator_read, stream, histograms) only, so that no client can delay a tick. Not
  * RT-safe.
  */
 #ifndef CONTROL_CONTROL_H
 #define CONTROL_CONTROL_H
 
-#include "rt/steering.h"
+#include "rt/requests.h"
 #include "sim/simulator.h"
 
 enum {
@@ -88,7 +88,7 @@ enum {
 
 struct control_config {
     struct simulator *simulator;
-    struct steering *steering; /* of its loop */
+    struct requests *requests; /* of its loop */
     const char *path;          /* of the socket; NULL = a default one for name */
     const char *name;          /* of the instance: the rig's */
     int64_t patience_ns;       /* for half a line and for undrained answers; 0 = 30 s */

@@ -21,7 +21,7 @@ struct names {
 
 static const char *tunable_at(const struct control *control, size_t index)
 {
-    return steering_tunable(control->config.steering, index)->name;
+    return requests_tunable(control->config.requests, index)->name;
 }
 
 static const char *fault_at(const struct control *control, size_t index)
@@ -65,7 +65,7 @@ static enum error_code find_name_index(const struct control *control, const stru
 static enum error_code find_tunable(const struct control *control, const char *name, size_t *index,
                                     struct error *error)
 {
-    const struct names names = {"tunable", steering_tunables(control->config.steering), tunable_at};
+    const struct names names = {"tunable", requests_tunables(control->config.requests), tunable_at};
 
     return find_name_index(control, &names, name, index, error);
 }
@@ -89,108 +89,107 @@ static enum error_code find_body(const struct control *control, const char *name
 
 /* ---- requests to the loop ---- */
 
-static enum error_code steer_set(const struct control *control,
-                                 const struct control_request *request, struct steer_request *steer,
-                                 struct error *error)
+static enum error_code request_set(const struct control *control,
+                                   const struct control_request *request, struct loop_request *to,
+                                   struct error *error)
 {
-    enum error_code code = find_tunable(control, request->name, &steer->index, error);
+    enum error_code code = find_tunable(control, request->name, &to->index, error);
     const struct tunable *tunable;
 
     if (code) {
         return code;
     }
-    tunable = steering_tunable(control->config.steering, steer->index);
+    tunable = requests_tunable(control->config.requests, to->index);
     if (!(request->value >= tunable->min && request->value <= tunable->max) ||
         (tunable->whole && request->value != floor(request->value))) {
         return error_set(error, ERROR_INPUT, "set: %s: found %.15g, expected %s%.15g to %.15g%s%s",
                          tunable->name, request->value, tunable->whole ? "a whole number, " : "",
                          tunable->min, tunable->max, tunable->unit[0] ? " " : "", tunable->unit);
     }
-    steer->value = request->value;
+    to->value = request->value;
     return ERROR_NONE;
 }
 
-static enum error_code steer_push(const struct control *control,
-                                  const struct control_request *request,
-                                  struct steer_request *steer, struct error *error)
+static enum error_code request_push(const struct control *control,
+                                    const struct control_request *request, struct loop_request *to,
+                                    struct error *error)
 {
-    memcpy(steer->force_n, request->force_n, sizeof steer->force_n);
-    memcpy(steer->moment_nm, request->moment_nm, sizeof steer->moment_nm);
-    steer->duration_ns = (int64_t)llround(request->time_s * 1e9);
-    return find_body(control, request->name, &steer->index, error);
+    memcpy(to->force_n, request->force_n, sizeof to->force_n);
+    memcpy(to->moment_nm, request->moment_nm, sizeof to->moment_nm);
+    to->duration_ns = (int64_t)llround(request->time_s * 1e9);
+    return find_body(control, request->name, &to->index, error);
 }
 
 /* The loop's request for a client's. */
-static enum error_code make_steer(const struct control *control,
-                                  const struct control_request *request,
-                                  struct steer_request *steer, struct error *error)
+static enum error_code make_loop_request(const struct control *control,
+                                         const struct control_request *request,
+                                         struct loop_request *to, struct error *error)
 {
     switch (request->command) {
     /* Commands of the clock */
     case CONTROL_PAUSE:
-        steer->kind = STEER_PAUSE;
+        to->kind = REQUEST_PAUSE;
         return ERROR_NONE;
     case CONTROL_RESUME:
-        steer->kind = STEER_RESUME;
+        to->kind = REQUEST_RESUME;
         return ERROR_NONE;
     case CONTROL_RESET:
-        steer->kind = STEER_RESET;
+        to->kind = REQUEST_RESET;
         return ERROR_NONE;
     case CONTROL_STEP:
-        steer->kind = STEER_STEP;
-        steer->count = (uint64_t)request->count;
+        to->kind = REQUEST_STEP;
+        to->count = (uint64_t)request->count;
         return ERROR_NONE;
     case CONTROL_SPEED:
-        steer->kind = STEER_SPEED;
-        steer->value = request->value;
+        to->kind = REQUEST_SPEED;
+        to->value = request->value;
         return ERROR_NONE;
 
     /* The state */
     case CONTROL_CHECKPOINT:
     case CONTROL_RESTORE:
-        steer->kind = request->command == CONTROL_RESTORE ? STEER_RESTORE : STEER_CHECKPOINT;
-        steer->index = (size_t)request->count;
+        to->kind = request->command == CONTROL_RESTORE ? REQUEST_RESTORE : REQUEST_CHECKPOINT;
+        to->index = (size_t)request->count;
         return ERROR_NONE;
 
     /* What acts on the robot: names become indices here, outside the loop */
     case CONTROL_FAULT:
-        steer->kind = STEER_FAULT;
-        steer->on = request->on;
-        return find_fault(control, request->name, &steer->index, error);
+        to->kind = REQUEST_FAULT;
+        to->on = request->on;
+        return find_fault(control, request->name, &to->index, error);
     case CONTROL_PUSH:
-        steer->kind = STEER_PUSH;
-        return steer_push(control, request, steer, error);
+        to->kind = REQUEST_PUSH;
+        return request_push(control, request, to, error);
     default:
-        steer->kind = STEER_SET;
-        return steer_set(control, request, steer, error);
+        to->kind = REQUEST_SET;
+        return request_set(control, request, to, error);
     }
 }
 
 static void client_ask_loop(struct control *control, struct control_client *client)
 {
     client->waiting =
-        steering_ask(control->config.steering, &client->steer) ? WAITING_LOOP : WAITING_ROOM;
+        requests_ask(control->config.requests, &client->loop_request) ? WAITING_LOOP : WAITING_ROOM;
 }
 
 /* A number for the loop's answer that also says which checkpoint was written, in case the client
  * has left by then. */
-static uint64_t new_ticket(struct control *control, const struct steer_request *steer)
+static uint64_t new_ticket(struct control *control, const struct loop_request *to)
 {
-    return ++control->tickets * STEERING_SLOTS +
-           (steer->kind == STEER_CHECKPOINT ? steer->index : 0);
+    return ++control->tickets * CHECKPOINT_SLOTS + (to->kind == REQUEST_CHECKPOINT ? to->index : 0);
 }
 
-static void begin_steer(struct control *control, struct control_client *client)
+static void begin_loop_request(struct control *control, struct control_client *client)
 {
     struct error error;
 
-    client->steer = (struct steer_request){.ticket = 0};
-    if (make_steer(control, &client->request, &client->steer, &error)) {
+    client->loop_request = (struct loop_request){.ticket = 0};
+    if (make_loop_request(control, &client->request, &client->loop_request, &error)) {
         control_refuse(control, client, client->request.id, "input", error.text, NULL);
         control_request_clear(&client->request);
         return;
     }
-    client->steer.ticket = new_ticket(control, &client->steer);
+    client->loop_request.ticket = new_ticket(control, &client->loop_request);
     client_ask_loop(control, client);
 }
 
@@ -272,7 +271,7 @@ void control_execute(struct control *control, struct control_client *client)
     case CONTROL_RESET:
     case CONTROL_CHECKPOINT:
     case CONTROL_RESTORE:
-        begin_steer(control, client);
+        begin_loop_request(control, client);
         break;
     case CONTROL_WAIT:
         client->waiting = WAITING_TICK;
@@ -297,17 +296,17 @@ static json_t *answer_moment(uint64_t tick, int64_t time_ns)
     return body;
 }
 
-static const char *verdict_code(enum steer_verdict verdict)
+static const char *verdict_code(enum request_verdict verdict)
 {
     static const char *const codes[] = {
-        [STEER_OK] = "",
-        [STEER_RANGE] = "input",
-        [STEER_EMPTY] = "empty",
-        [STEER_RECORDING] = "recording",
-        [STEER_CLOCK] = "clock",
-        [STEER_BUSY] = "busy",
-        [STEER_UNAVAILABLE] = "unavailable",
-        [STEER_CUT] = "cut",
+        [REQUEST_OK] = "",
+        [REQUEST_RANGE] = "input",
+        [REQUEST_EMPTY] = "empty",
+        [REQUEST_RECORDING] = "recording",
+        [REQUEST_CLOCK] = "clock",
+        [REQUEST_BUSY] = "busy",
+        [REQUEST_UNAVAILABLE] = "unavailable",
+        [REQUEST_CUT] = "cut",
     };
 
     return codes[verdict];
@@ -315,26 +314,27 @@ static const char *verdict_code(enum steer_verdict verdict)
 
 /* Why the loop refused, in terms of the run. */
 static const char *verdict_text(const struct control *control, enum control_command command,
-                                enum steer_verdict verdict)
+                                enum request_verdict verdict)
 {
     bool back =
         command == CONTROL_RESET || command == CONTROL_CHECKPOINT || command == CONTROL_RESTORE;
 
-    if (verdict == STEER_UNAVAILABLE && back && simulator_task_runner(control->config.simulator)) {
+    if (verdict == REQUEST_UNAVAILABLE && back &&
+        simulator_task_runner(control->config.simulator)) {
         return "this run cannot go back: with the real clock its task has a thread of its own; "
                "start the task as a process (coman-hil task), or run with --clock free or lockstep";
     }
-    if (verdict == STEER_CLOCK && command == CONTROL_SPEED) {
+    if (verdict == REQUEST_CLOCK && command == CONTROL_SPEED) {
         return simulator_configuration(control->config.simulator)->clock == LOOP_CLOCK_REAL
                    ? "the task has a thread of its own, which needs a speed greater than 0"
                    : "only the real clock has a speed";
     }
-    return steer_verdict_text(verdict);
+    return request_verdict_text(verdict);
 }
 
 /* Passes the loop's answer on to the client. */
-static void finish_steer(struct control *control, struct control_client *client,
-                         const struct steer_answer *answer)
+static void finish_loop_request(struct control *control, struct control_client *client,
+                                const struct request_answer *answer)
 {
     struct control_request request = client->request;
     json_t *body = answer_moment(answer->tick, answer->time_ns);
@@ -345,7 +345,7 @@ static void finish_steer(struct control *control, struct control_client *client,
     }
     client->request.root = NULL;
     client->waiting = WAITING_NOT;
-    if (answer->verdict == STEER_OK) {
+    if (answer->verdict == REQUEST_OK) {
         control_answer(control, client, request.id, body);
     } else {
         control_refuse(control, client, request.id, verdict_code(answer->verdict),
@@ -356,21 +356,21 @@ static void finish_steer(struct control *control, struct control_client *client,
 
 static void take_loop_answers(struct control *control)
 {
-    struct steer_answer answer;
+    struct request_answer answer;
 
-    while (steering_answer(control->config.steering, &answer)) {
-        size_t slot = answer.ticket % STEERING_SLOTS;
+    while (requests_answer(control->config.requests, &answer)) {
+        size_t slot = answer.ticket % CHECKPOINT_SLOTS;
 
         control_rows(control); /* rows of the ticks before the answer come before it */
-        if (slot > 0 && answer.verdict == STEER_OK) {
+        if (slot > 0 && answer.verdict == REQUEST_OK) {
             control->slot[slot] = answer;
         }
         for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
             struct control_client *client = &control->client[i];
 
             if (client->socket >= 0 && client->waiting == WAITING_LOOP &&
-                client->steer.ticket == answer.ticket) {
-                finish_steer(control, client, &answer);
+                client->loop_request.ticket == answer.ticket) {
+                finish_loop_request(control, client, &answer);
             }
         }
     }

@@ -4,7 +4,7 @@
 
 #include "base/count.h"
 #include "base/text.h"
-#include "rt/steering.h"
+#include "rt/requests.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -88,8 +88,8 @@ static const struct key keys[] = {
     {CONTROL_PUSH, "duration_s", KEY_REAL, false, OF(time_s), 0, 1e6},
     {CONTROL_STEP, "count", KEY_WHOLE, false, OF(count), 1, 1e12},
     {CONTROL_SPEED, "factor", KEY_REAL, true, OF(value), 0, 1000},
-    {CONTROL_CHECKPOINT, "slot", KEY_WHOLE, false, OF(count), 1, STEERING_SLOTS - 1},
-    {CONTROL_RESTORE, "slot", KEY_WHOLE, false, OF(count), 0, STEERING_SLOTS - 1},
+    {CONTROL_CHECKPOINT, "slot", KEY_WHOLE, false, OF(count), 1, CHECKPOINT_SLOTS - 1},
+    {CONTROL_RESTORE, "slot", KEY_WHOLE, false, OF(count), 0, CHECKPOINT_SLOTS - 1},
     {CONTROL_WAIT, "tick", KEY_WHOLE, false, OF(count), 0, 9e15},
     {CONTROL_WAIT, "time_s", KEY_REAL, false, OF(time_s), 0, 9e6},
     {CONTROL_SUBSCRIBE, "signals", KEY_PATTERNS, true, OF(signals), 0, 0},

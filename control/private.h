@@ -53,7 +53,7 @@ struct control_client {
     int64_t taken_ns;     /* the last byte was taken, or the outbox began to fill */
 
     enum control_waiting waiting;
-    struct steer_request steer;
+    struct loop_request loop_request;
     struct control_request request; /* being waited for */
 
     struct control_subscription subscription;
@@ -82,9 +82,9 @@ struct control {
     int64_t now_ns; /* of this turn */
     uint64_t tickets;
     struct control_counters counters;
-    struct steer_answer slot[STEERING_SLOTS]; /* what each checkpoint is of; ticket 0 = empty */
-    struct ring events;                       /* struct control_event */
-    struct histogram histogram;               /* a copy, for statistics */
+    struct request_answer slot[CHECKPOINT_SLOTS]; /* what each checkpoint is of; ticket 0 = empty */
+    struct ring events;                           /* struct control_event */
+    struct histogram histogram;                   /* a copy, for statistics */
     struct control_client client[CONTROL_CLIENTS];
 };
 

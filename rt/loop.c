@@ -41,8 +41,8 @@ enum error_code loop_create(const struct loop_config *config, struct arena *aren
     if (!loop_complete_config(&loop->config, arena) || !loop_allocate(loop, arena)) {
         return error_set(error, ERROR_MEMORY, "no memory left for the loop");
     }
-    if (config->steering && !loop_steering_create(loop, arena)) {
-        return error_set(error, ERROR_MEMORY, "no memory left for the steering of the loop");
+    if (config->requests && !loop_requests_create(loop, arena)) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the requests of the loop");
     }
     lockstep =
         (struct lockstep_config){loop->config.lockstep.step_id, loop->config.lockstep.done_id,
@@ -201,7 +201,7 @@ static bool loop_wait(struct loop *loop)
 
     /* Before the wait, for in lockstep that receives frames already */
     machine->begin(machine->context, loop->stats.time_ns);
-    go = (!loop->config.steering || loop_steering_carry_out(loop)) && loop_wait_by_clock(loop);
+    go = (!loop->config.requests || loop_requests_carry_out(loop)) && loop_wait_by_clock(loop);
     if (!go && loop->end == LOOP_RUNNING) {
         return false;
     }
@@ -321,8 +321,8 @@ static void loop_run_tick(struct loop *loop)
     begin_ns = loop->stats.time_ns;
     end_ns = begin_ns + loop->config.tick_ns;
     PROBE2(tick_begin, loop->stats.ticks, begin_ns);
-    if (loop->config.steering) {
-        loop_steering_tick_begins(loop);
+    if (loop->config.requests) {
+        loop_requests_tick_begins(loop);
     }
 
     /* From frames to motor voltages to motion to measured values to frames */
@@ -342,8 +342,8 @@ static void loop_run_tick(struct loop *loop)
     } else if (loop_is_paced(loop)) {
         overrun_pace_tick(loop, loop->mark_ns);
     }
-    if (loop->config.steering) {
-        loop_steering_tick_ended(loop);
+    if (loop->config.requests) {
+        loop_requests_tick_ended(loop);
     }
     PROBE2(tick_end, loop->stats.ticks - 1, loop->mark_ns - loop->work_begin_ns);
 
@@ -368,8 +368,8 @@ enum loop_end loop_run(struct loop *loop)
     const struct loop_machine *machine = &loop->config.machine;
     uint64_t faults = thread_page_faults();
 
-    if (loop->config.steering) {
-        loop_steering_begin(loop);
+    if (loop->config.requests) {
+        loop_requests_begin(loop);
     }
 
     /* The grid of deadlines begins now */
@@ -386,8 +386,8 @@ enum loop_end loop_run(struct loop *loop)
     loop->stats.page_faults = thread_page_faults() - faults;
 
     /* Requests are refused, motors are switched off, and a lockstep controller hears of the end */
-    if (loop->config.steering) {
-        loop_steering_end(loop);
+    if (loop->config.requests) {
+        loop_requests_end(loop);
     }
     machine->shut_down(machine->context, loop->stats.time_ns);
     if (loop->config.clock == LOOP_CLOCK_LOCKSTEP) {

@@ -41,7 +41,7 @@
  *
  * Free run. No waiting at all.
  *
- * Requests of other threads are carried out between two ticks (rt/steering.h): the loop may be
+ * Requests of other threads are carried out between two ticks (rt/requests.h): the loop may be
  * paused, run at another speed and go back in time; the deadlines are then D + k T / speed, with a
  * new D wherever one of these begins or ends.
  */
@@ -53,7 +53,7 @@
 #include "rt/clock.h"
 #include "rt/histogram.h"
 #include "rt/recording/recorder.h"
-#include "rt/steering.h"
+#include "rt/requests.h"
 #include "rt/timing.h"
 
 #include <stdbool.h>
@@ -150,7 +150,7 @@ struct loop_config {
     struct loop_machine machine;
     struct recorder *recorder; /* NULL = none */
     enum loop_recording recording;
-    struct steering *steering; /* requests of another thread (rt/steering.h); NULL = none */
+    struct requests *requests; /* requests of another thread (rt/requests.h); NULL = none */
 };
 
 enum loop_end {
@@ -192,7 +192,7 @@ struct loop_event {
 
 struct loop;
 
-/* Memory from arena; borrows ports, clock, recorder and steering. ERROR_MEMORY. Not RT-safe. */
+/* Memory from arena; borrows ports, clock, recorder and requests. ERROR_MEMORY. Not RT-safe. */
 enum error_code loop_create(const struct loop_config *config, struct arena *arena,
                             struct loop **loop, struct error *error);
 

@@ -38,8 +38,8 @@ const char *loop_phase_name(enum loop_phase phase)
 static void loop_format_request(const struct loop *loop, const struct loop_event *event, char *text,
                                 size_t size)
 {
-    const struct steering *steering = loop->config.steering;
-    const struct steering_machine *machine = steering_machine(steering);
+    const struct requests *requests = loop->config.requests;
+    const struct request_machine *machine = requests_machine(requests);
     const struct tunable *tunable;
     long long a = event->a, b = event->b;
     double value;
@@ -72,7 +72,7 @@ static void loop_format_request(const struct loop *loop, const struct loop_event
                  machine->body(machine->context, (size_t)a), (double)b * 1e-3);
         break;
     case LOOP_EVENT_SET:
-        tunable = steering_tunable(steering, (size_t)a);
+        tunable = requests_tunable(requests, (size_t)a);
         memcpy(&value, &event->b, sizeof value);
         snprintf(text, size, "control: %s is %g%s%s", tunable->name, value,
                  tunable->unit[0] ? " " : "", tunable->unit);

@@ -104,17 +104,17 @@ static void step_sleep(struct loop *loop, int64_t now_ns)
     if (loop->lockstep.report_at_ns < until) {
         until = loop->lockstep.report_at_ns;
     }
-    if (loop->config.steering) {
-        loop_steering_sleep(loop, fd.fd >= 0 ? &fd : NULL, until);
+    if (loop->config.requests) {
+        loop_requests_sleep(loop, fd.fd >= 0 ? &fd : NULL, until);
         return;
     }
     clock_wait_readable(loop->config.time, &fd, fd.fd >= 0, until);
 }
 
-/* STEER_STEP plays the part of a STEP frame, unless an inline controller sends its own. */
+/* REQUEST_STEP plays the part of a STEP frame, unless an inline controller sends its own. */
 static bool step_was_requested(struct loop *loop)
 {
-    uint64_t left = loop->config.steering ? loop->steering.step_left : 0;
+    uint64_t left = loop->config.requests ? loop->requests.step_left : 0;
 
     loop->step_asked = left > 0 && !loop->config.machine.controller;
     if (loop->step_asked) {

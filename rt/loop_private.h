@@ -2,7 +2,7 @@
 /*
  * What the parts of the loop share. loop.c runs the tick, loop_wait.c waits for its time,
  * loop_lockstep.c for its STEP frame, overrun.c keeps the accounts of the real clock,
- * loop_steering.c carries out requests between two ticks, loop_events.c words the log and
+ * loop_requests.c carries out requests between two ticks, loop_events.c words the log and
  * loop_defaults.c completes a configuration. All of it runs in the loop's thread and is RT-safe
  * unless it says otherwise.
  */
@@ -11,7 +11,7 @@
 
 #include "base/ring.h"
 #include "rt/loop.h"
-#include "rt/steering_private.h"
+#include "rt/requests_private.h"
 
 #include <stdatomic.h>
 
@@ -46,13 +46,13 @@ struct loop_push {
     int64_t most_mn;  /* its greatest force */
 };
 
-struct loop_steering {
+struct loop_requests {
     bool paused;
     double speed;         /* virtual seconds a second; 0 = as fast as possible */
-    uint64_t step_left;   /* ticks of the STEER_STEP under way; 0 = none is */
+    uint64_t step_left;   /* ticks of the REQUEST_STEP under way; 0 = none is */
     uint64_t step_ticket; /* of it */
     struct loop_push push;
-    struct loop_moment moment[STEERING_SLOTS];
+    struct loop_moment moment[CHECKPOINT_SLOTS];
 };
 
 struct loop {
@@ -76,7 +76,7 @@ struct loop {
     /* Lockstep */
     struct lockstep lockstep;
     bool step_begins; /* this tick is the first of its STEP */
-    bool step_asked;  /* the present STEP is one of STEER_STEP */
+    bool step_asked;  /* the present STEP is one of REQUEST_STEP */
     bool awaiting;    /* the wait for a STEP has begun */
     struct bus_frame *held;
     size_t held_count; /* frames in held */
@@ -89,7 +89,7 @@ struct loop {
     uint64_t lost_at_done;
     struct ring events;
 
-    struct loop_steering steering; /* with config.steering */
+    struct loop_requests requests; /* with config.requests */
 };
 
 /* ---- loop_defaults.c ---- */
@@ -132,13 +132,13 @@ bool loop_wait_by_clock(struct loop *loop);
 /* Free run that has been given a speed. */
 static inline bool loop_is_paced(const struct loop *loop)
 {
-    return loop->config.clock == LOOP_CLOCK_FREE && loop->steering.speed > 0.0;
+    return loop->config.clock == LOOP_CLOCK_FREE && loop->requests.speed > 0.0;
 }
 
 /* A request waits to be carried out between two ticks. */
 static inline bool loop_request_waits(const struct loop *loop)
 {
-    return loop->config.steering && steering_waits(loop->config.steering);
+    return loop->config.requests && requests_waits(loop->config.requests);
 }
 
 /* ---- loop_lockstep.c ---- */
@@ -165,26 +165,26 @@ void overrun_skip_pause(struct loop *loop, int64_t now_ns);
 /* The next deadline of a paced free run, which has no account: what is late stays late. */
 void overrun_pace_tick(struct loop *loop, int64_t now_ns);
 
-/* ---- loop_steering.c; only with config.steering ---- */
+/* ---- loop_requests.c; only with config.requests ---- */
 
 /* Memory from arena; false when it is used up. Not RT-safe. */
-bool loop_steering_create(struct loop *loop, struct arena *arena);
+bool loop_requests_create(struct loop *loop, struct arena *arena);
 
 /* Before the first tick: keeps the start as checkpoint 0. */
-void loop_steering_begin(struct loop *loop);
+void loop_requests_begin(struct loop *loop);
 
 /* Between two ticks: carries out the requests, and waits while the loop is paused. False when the
  * run is to end. */
-bool loop_steering_carry_out(struct loop *loop);
+bool loop_requests_carry_out(struct loop *loop);
 
 /* Sleeps until a request comes, fd (NULL = none) can be read or until_ns has come. */
-void loop_steering_sleep(struct loop *loop, struct pollfd *fd, int64_t until_ns);
+void loop_requests_sleep(struct loop *loop, struct pollfd *fd, int64_t until_ns);
 
 /* Before and after a tick. */
-void loop_steering_tick_begins(struct loop *loop);
-void loop_steering_tick_ended(struct loop *loop);
+void loop_requests_tick_begins(struct loop *loop);
+void loop_requests_tick_ended(struct loop *loop);
 
 /* After the last tick: no request is carried out any more. */
-void loop_steering_end(struct loop *loop);
+void loop_requests_end(struct loop *loop);
 
 #endif

@@ -33,9 +33,9 @@ static bool wait_for_deadline(struct loop *loop)
         }
 
         /* Far from the deadline requests interrupt the sleep, close to it nothing does */
-        if (loop->config.steering && loop->deadline_ns - now > 2 * POLL_SLICE_NS) {
+        if (loop->config.requests && loop->deadline_ns - now > 2 * POLL_SLICE_NS) {
             loop->config.machine.idle(loop->config.machine.context);
-            loop_steering_sleep(loop, NULL, wait_next_look(loop, now));
+            loop_requests_sleep(loop, NULL, wait_next_look(loop, now));
             if (loop_request_waits(loop)) {
                 return false;
             }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A clock that runs at a multiple of the clock behind it, or stands still: a controller in a thread
- * of its own waits on it while requests change the simulator's speed (rt/steering.h), so that both
+ * of its own waits on it while requests change the simulator's speed (rt/requests.h), so that both
  * agree how long a second is. It begins equal to the other clock and never goes back. One thread
  * changes the rate, any may wait. RT-safe.
  */

@@ -223,9 +223,9 @@ static enum error_code simulator_create_plant(struct simulator *simulator, struc
 static enum error_code simulator_create_faults(struct simulator *simulator, struct error *error)
 {
     const struct simulator_config *config = &simulator->config;
-    struct injection_config injection = {.rig = config->rig,
-                                         .command = plant_command(simulator->plant),
-                                         .wire = simulator->buses.wire};
+    struct fault_injection_config injection = {.rig = config->rig,
+                                               .command = plant_command(simulator->plant),
+                                               .wire = simulator->buses.wire};
     uint64_t seed = config->seed_given ? config->seed : config->rig->seed;
     bool *wire = arena_alloc(simulator->arena, config->rig->nbus + 1, sizeof *wire);
     enum error_code code;
@@ -242,14 +242,14 @@ static enum error_code simulator_create_faults(struct simulator *simulator, stru
         return code;
     }
     injection.faults = simulator->faults;
-    code = injection_create(&injection, simulator->arena, &simulator->ports, &simulator->injection,
-                            error);
+    code = fault_injection_create(&injection, simulator->arena, &simulator->ports,
+                                  &simulator->injection, error);
     if (code) {
         return code;
     }
 
     /* Those that begin at time 0 already disturb the first sample */
-    injection_step(simulator->injection, 0);
+    fault_injection_step(simulator->injection, 0);
     return ERROR_NONE;
 }
 
@@ -330,7 +330,7 @@ static enum error_code simulator_create_task(struct simulator *simulator, struct
 
     /* With the real clock it has a thread, and a clock that follows the simulator's speed */
     simulator->task_inline = config->clock != LOOP_CLOCK_REAL;
-    if (config->steering && !simulator->task_inline) {
+    if (config->requests && !simulator->task_inline) {
         code = pace_create(simulator->time, simulator->arena, &simulator->pace, error);
         if (code) {
             return code;
@@ -356,7 +356,7 @@ static void simulator_set_task_pace(void *context, double speed, bool paused)
     pace_set(simulator->pace, paused ? 0.0 : speed);
 }
 
-static enum error_code simulator_create_steering(struct simulator *simulator, struct error *error)
+static enum error_code simulator_create_requests(struct simulator *simulator, struct error *error)
 {
     struct task_runner *task = simulator->task_inline ? simulator->task : NULL;
     /* What a checkpoint saves: the part of the arena that moves in virtual time */
@@ -373,7 +373,7 @@ static enum error_code simulator_create_steering(struct simulator *simulator, st
         {task ? task->published : NULL, task ? sizeof *task->published : 0},
         {task ? task->published->word : NULL, task ? 8 * task->published->words : 0},
     };
-    const struct robot_steering_config config = {
+    const struct robot_requests_config config = {
         .rig = simulator->config.rig,
         .plant = simulator->plant,
         .boards = simulator->boards,
@@ -393,9 +393,9 @@ static enum error_code simulator_create_steering(struct simulator *simulator, st
         .pace = simulator->pace ? simulator_set_task_pace : NULL,
     };
 
-    return simulator->config.steering
-               ? robot_steering_create(&config, simulator->arena, &simulator->robot_steering,
-                                       &simulator->steering, error)
+    return simulator->config.requests
+               ? robot_requests_create(&config, simulator->arena, &simulator->robot_requests,
+                                       &simulator->requests, error)
                : ERROR_NONE;
 }
 
@@ -447,7 +447,7 @@ static enum error_code simulator_create_loop(struct simulator *simulator, struct
         .machine = simulator_machine(simulator),
         .recorder = simulator->recorder,
         .recording = simulator->buses.timed ? LOOP_RECORD_UNCARRIED : LOOP_RECORD_ALL,
-        .steering = simulator->steering,
+        .requests = simulator->requests,
     };
     enum error_code code = snapshot_create(sizeof(struct simulator_status), simulator->arena,
                                            &simulator->published, error);
@@ -469,7 +469,7 @@ enum error_code simulator_assemble(struct simulator *simulator, char notice[256]
         simulator_create_watch,
         simulator_play_stimulus,
         simulator_create_task,
-        simulator_create_steering,
+        simulator_create_requests,
         simulator_create_signals,
         simulator_create_view,
         /* The recorder late: it leaves files behind when another part fails */

@@ -16,7 +16,7 @@ static void machine_begin(void *context, int64_t now_ns)
     struct simulator *simulator = context;
 
     simulator->stimulus_ns = now_ns;
-    injection_step(simulator->injection, now_ns);
+    fault_injection_step(simulator->injection, now_ns);
 }
 
 /* The observer sees the tick before, then an inline task takes its step. */

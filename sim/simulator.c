@@ -201,5 +201,5 @@ void simulator_destroy(struct simulator *simulator)
     if (simulator->contact) {
         simulator->contact->ops->destroy(simulator->contact);
     }
-    steering_destroy(simulator->steering);
+    requests_destroy(simulator->requests);
 }

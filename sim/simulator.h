@@ -64,7 +64,7 @@ struct simulator_config {
     /* NULL = none. With it the run goes on when a task has ended, but in lockstep, where the task's
      * STEP frames drive it. */
     const struct simulator_observer *observer;
-    bool steering;  /* takes requests (rt/steering.h); reserves memory for checkpoints */
+    bool requests;  /* takes requests (rt/requests.h); reserves memory for checkpoints */
     bool untouched; /* pages come at their first use, which costs least where nobody measures ticks;
                        else all are there when the run begins */
     size_t guests;  /* how often simulator_join will be called */
@@ -186,9 +186,9 @@ const char *simulator_failure(const struct simulator *simulator); /* after LOOP_
 const struct settled *simulator_settled(const struct simulator *simulator);
 /* Which implementation computes the rigid-body dynamics, and why; a sentence. */
 const char *simulator_dynamics(const struct simulator *simulator);
-/* For requests, NULL without config.steering; bytes of one checkpoint without the frames on their
+/* For requests, NULL without config.requests; bytes of one checkpoint without the frames on their
  * way, 0 = there are none. */
-struct steering *simulator_steering(const struct simulator *simulator);
+struct requests *simulator_requests(const struct simulator *simulator);
 size_t simulator_checkpoint_size(const struct simulator *simulator);
 bool simulator_is_local(const struct simulator *simulator);
 /* State, settings and counters of the CAN controller of a bus, now, as text; false when its

@@ -10,9 +10,9 @@
 #include "model/symbolic/builtin.h"
 #include "rt/pace.h"
 #include "sim/external.h"
-#include "sim/injection.h"
+#include "sim/fault_injection.h"
 #include "sim/interfaces.h"
-#include "sim/robot_steering.h"
+#include "sim/robot_requests.h"
 #include "sim/simulator.h"
 #include "sim/stimulus.h"
 #include "sim/watch.h"
@@ -38,7 +38,7 @@ struct simulator {
     struct plant *plant;
     struct settled settled;
     struct faults *faults;
-    struct injection *injection;
+    struct fault_injection *injection;
     struct sensing *sensing;
     const struct plant_sensors *measured; /* what the boards see; the plant's are the truth */
     struct boards *boards;
@@ -77,8 +77,8 @@ struct simulator {
                                    * = reported or not yet */
     _Atomic int clamped_trip_on; /* motors that were on then */
     char failure[256];
-    struct steering *steering; /* NULL = none */
-    struct robot_steering *robot_steering;
+    struct requests *requests; /* NULL = none */
+    struct robot_requests *robot_requests;
     struct pace *pace;           /* clock of a task in its own thread; NULL = the real one */
     size_t moves_from, moves_to; /* of the arena: state that changes in virtual time */
 };

@@ -266,13 +266,13 @@ static void put_state_header(const struct viewer *viewer, const struct viewer_cl
                              uint8_t *to, uint16_t ncontact, size_t nfault)
 {
     const struct simulator_status *status = &viewer->view.status;
-    const struct steering *steering =
-        viewer->playback ? NULL : simulator_steering(viewer->config.simulator);
+    const struct requests *requests =
+        viewer->playback ? NULL : simulator_requests(viewer->config.simulator);
     const struct rig *rig = viewer->rig;
     bool paused =
-        viewer->playback ? client->playback.paused : steering && steering_paused(steering);
+        viewer->playback ? client->playback.paused : requests && requests_paused(requests);
     double speed = viewer->playback ? client->playback.speed
-                   : steering       ? steering_speed(steering)
+                   : requests       ? requests_speed(requests)
                                     : 1.0;
 
     /* What kind of message, then the clocks, then how much of each part follows */

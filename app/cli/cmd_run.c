@@ -210,13 +210,13 @@ static enum error_code open_control(const struct run_options *options, struct si
 {
     struct control_config config = {
         .simulator = simulator,
-        .steering = simulator_steering(simulator),
+        .requests = simulator_requests(simulator),
         .path = options->control,
         .name = simulator_configuration(simulator)->rig->name,
     };
 
     *control = NULL;
-    if (!config.steering) {
+    if (!config.requests) {
         return ERROR_NONE;
     }
     if (control_start(&config, control, error)) {

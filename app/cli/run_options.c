@@ -309,7 +309,7 @@ enum error_code run_options_configure(const struct run_options *given, const str
         .setting = given->set.item,
         .nsetting = given->set.count,
         .stimulus = given->stimulus,
-        .steering = !given->control || strcmp(given->control, "none") != 0,
+        .requests = !given->control || strcmp(given->control, "none") != 0,
         .record = given->record ? given->record : rig->record.directory,
         .overwrite = given->force,
         .record_format = given->record_format ? (unsigned)given->record_format : rig->record.format,

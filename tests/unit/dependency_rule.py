@@ -35,7 +35,7 @@ RULES = {
     "sim": BELOW_SIM + r"|sim/[^/]*",
     "control": BELOW_SIM + r"|(sim|control)/[^/]*",
     "viewer": r"(base|contact|model|boards|rig|sim|viewer)/[^/]*|canbus/(candump|frame|port)\.h"
-              r"|rt/(clock|histogram|steering)\.h|control/(parse|socket)\.h",
+              r"|rt/(clock|histogram|requests)\.h|control/(parse|socket)\.h",
     "app/report": r"(base|app/report)/[^/]*",
     "app/scenario": BELOW_SIM + r"|(sim|app/report|app/scenario)/[^/]*",
     "app/sweep": BELOW_SIM + r"|(sim|app/report|app/scenario|app/sweep)/[^/]*",

@@ -133,7 +133,7 @@ static void lists_have_patterns(void **state)
     json_decref(answer);
     answer = ask("{\"cmd\":\"list\",\"what\":\"tunables\"}");
     assert_int_equal(json_array_size(json_object_get(answer, "tunables")),
-                     steering_tunables(simulator_steering(bench.simulator)));
+                     requests_tunables(simulator_requests(bench.simulator)));
     json_decref(answer);
     answer = ask("{\"cmd\":\"list\",\"what\":\"commands\"}");
     list = json_object_get(answer, "commands");

@@ -199,7 +199,7 @@ static inline void bench_open(struct bench *bench, const struct bench_options *o
         .fault = options->fault,
         .nfault = options->nfault,
         .ticks = options->ticks,
-        .steering = !options->without_socket,
+        .requests = !options->without_socket,
     };
     struct control_config control = {.path = bench->path, .patience_ns = options->patience_ns};
     struct realtime_report report;
@@ -219,7 +219,7 @@ static inline void bench_open(struct bench *bench, const struct bench_options *o
                      ERROR_NONE);
     if (!options->without_socket) {
         control.simulator = bench->simulator;
-        control.steering = simulator_steering(bench->simulator);
+        control.requests = simulator_requests(bench->simulator);
         assert_int_equal(control_start(&control, &bench->control, &error), ERROR_NONE);
         client_open(&bench->client, bench->path);
         assert_true(bench->client.socket >= 0);

@@ -5,33 +5,33 @@
  * the plant's command, buses through a port with rules (canbus/fault_port.h), wires through faults
  * of their own. Virtual times in ns.
  */
-#ifndef SIM_INJECTION_H
-#define SIM_INJECTION_H
+#ifndef SIM_FAULT_INJECTION_H
+#define SIM_FAULT_INJECTION_H
 
 #include "faults/faults.h"
 #include "rig/rig.h"
 #include "sim/buses.h"
 
-struct injection_config {
+struct fault_injection_config {
     const struct rig *rig;
     struct faults *faults;
     struct plant_command *command;
     struct wire *const *wire; /* by bus; NULL where a bus is none */
 };
 
-struct injection;
+struct fault_injection;
 
 /* Ports of buses that have faults are replaced in *ports by others in front of them. Memory from
  * arena; the rest is borrowed. ERROR_MEMORY, ERROR_UNSUPPORTED. Not RT-safe. */
-enum error_code injection_create(const struct injection_config *config, struct arena *arena,
-                                 struct bus_ports *ports, struct injection **injection,
-                                 struct error *error);
+enum error_code fault_injection_create(const struct fault_injection_config *config,
+                                       struct arena *arena, struct bus_ports *ports,
+                                       struct fault_injection **injection, struct error *error);
 
 /* At the beginning of the tick at now_ns: faults begin and end as their windows open and close.
  * With the same time again it changes nothing but what was switched meanwhile. RT-safe. */
-void injection_step(struct injection *injection, int64_t now_ns);
+void fault_injection_step(struct fault_injection *injection, int64_t now_ns);
 
 /* A checkpoint was restored: counters and states of the ports follow. RT-safe. */
-void injection_restored(struct injection *injection);
+void fault_injection_restored(struct fault_injection *injection);
 
 #endif

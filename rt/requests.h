@@ -15,34 +15,34 @@
  * stand still too. A task in a thread of its own (real clock) pauses and resumes with the loop, at
  * its speed (rt/pace.h); controllers in other processes see a silent bus.
  *
- * Steps. STEER_STEP runs its ticks at the present speed, whether the loop was paused or not, then
- * pauses. Until then RESUME, STEP, RESET and RESTORE are STEER_BUSY, and a PAUSE ends it
- * (STEER_CUT). In lockstep it plays the part of a STEP frame: the frames that wait, its ticks, DONE
- * on every bus. A STEP frame that waits stays; its sender learns by a mismatch at which tick the
- * simulator is. What is left of a STEP frame comes first. An inline task sends STEPs of its own, of
- * which so many ticks run.
+ * Steps. REQUEST_STEP runs its ticks at the present speed, whether the loop was paused or not, then
+ * pauses. Until then RESUME, STEP, RESET and RESTORE are REQUEST_BUSY, and a PAUSE ends it
+ * (REQUEST_CUT). In lockstep it plays the part of a STEP frame: the frames that wait, its ticks,
+ * DONE on every bus. A STEP frame that waits stays; its sender learns by a mismatch at which tick
+ * the simulator is. What is left of a STEP frame comes first. An inline task sends STEPs of its
+ * own, of which so many ticks run.
  *
  * Speed. The real clock's grid and all accounts of it scale, and the grid begins anew; at 0 there
  * is none, and nothing is late. Free run is paced without any account. In lockstep the STEPs are
- * the pace, and a task in a thread of its own needs one: STEER_CLOCK.
+ * the pace, and a task in a thread of its own needs one: REQUEST_CLOCK.
  *
  * Going back. A checkpoint is a copy, in memory set aside at the start, of all state that changes
  * in virtual time: plant, boards, sensors, faults, wires, an inline task, the loop's tick. Slot 0
- * holds the start and is what STEER_RESET restores. Time goes back with it, so that a run from a
+ * holds the start and is what REQUEST_RESET restores. Time goes back with it, so that a run from a
  * checkpoint repeats bit for bit what followed it the first time, given the same frames. Faults
  * that were switched, pushes and tunables go back too; speed and pause do not. Frames in the queues
  * of other processes and threads (clients of the gateway) stay where they are; those that the loop
  * itself had taken for the next STEP are again those of then. Accounts (overruns, histograms,
  * counters of ports, the log) go on. While a recording runs time cannot go back: that of a
- * recording never does. Nor can it, STEER_UNAVAILABLE, with a task in a thread of its own, whose
+ * recording never does. Nor can it, REQUEST_UNAVAILABLE, with a task in a thread of its own, whose
  * state is not in a checkpoint; and there is no checkpoint while more than two thousand frames are
  * on their way between boards and an inline task on one local bus.
  *
- * All functions are RT-safe and never wait, but for steering_find and steer_verdict_text, which are
- * for other threads.
+ * All functions are RT-safe and never wait, but for requests_find and request_verdict_text, which
+ * are for other threads.
  */
-#ifndef RT_STEERING_H
-#define RT_STEERING_H
+#ifndef RT_REQUESTS_H
+#define RT_REQUESTS_H
 
 #include "base/arena.h"
 #include "base/error.h"
@@ -51,25 +51,25 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { STEERING_SLOTS = 4 }; /* of checkpoints; 0 is the start */
+enum { CHECKPOINT_SLOTS = 4 }; /* of checkpoints; 0 is the start */
 
-enum steer_kind {
-    STEER_PAUSE,      /* after the tick that runs */
-    STEER_RESUME,     /* real time: the grid begins anew */
-    STEER_STEP,       /* count ticks, then pause; answered when they have run */
-    STEER_SPEED,      /* value: virtual seconds a second, 0.001 to 1000; 0 = as fast as possible */
-    STEER_RESET,      /* to the start; paused stays paused */
-    STEER_CHECKPOINT, /* index: the slot, 1 to STEERING_SLOTS - 1 */
-    STEER_RESTORE,    /* index: the slot */
-    STEER_FAULT,      /* index of the fault, on */
-    STEER_PUSH,       /* index of the body, force and moment (world frame), for duration_ns of
+enum request_kind {
+    REQUEST_PAUSE,  /* after the tick that runs */
+    REQUEST_RESUME, /* real time: the grid begins anew */
+    REQUEST_STEP,   /* count ticks, then pause; answered when they have run */
+    REQUEST_SPEED,  /* value: virtual seconds a second, 0.001 to 1000; 0 = as fast as possible */
+    REQUEST_RESET,  /* to the start; paused stays paused */
+    REQUEST_CHECKPOINT, /* index: the slot, 1 to CHECKPOINT_SLOTS - 1 */
+    REQUEST_RESTORE,    /* index: the slot */
+    REQUEST_FAULT,      /* index of the fault, on */
+    REQUEST_PUSH,       /* index of the body, force and moment (world frame), for duration_ns of
                        * virtual time, 0 = until changed */
-    STEER_SET,        /* index of the tunable, value */
+    REQUEST_SET,        /* index of the tunable, value */
 };
 
-struct steer_request {
+struct loop_request {
     uint64_t ticket; /* of the client's choice; the answer carries it */
-    enum steer_kind kind;
+    enum request_kind kind;
     size_t index;
     uint64_t count;
     double value;
@@ -78,20 +78,20 @@ struct steer_request {
     int64_t duration_ns;
 };
 
-enum steer_verdict {
-    STEER_OK,
-    STEER_RANGE,       /* index, count or value out of range */
-    STEER_EMPTY,       /* no checkpoint in this slot */
-    STEER_RECORDING,   /* time cannot go back while a recording runs */
-    STEER_CLOCK,       /* this clock cannot do it (speed in lockstep) */
-    STEER_BUSY,        /* a STEER_STEP is under way */
-    STEER_UNAVAILABLE, /* this run does not support it (no memory was set aside, ...) */
-    STEER_CUT,         /* a STEER_PAUSE ended the STEER_STEP; tick says where */
+enum request_verdict {
+    REQUEST_OK,
+    REQUEST_RANGE,       /* index, count or value out of range */
+    REQUEST_EMPTY,       /* no checkpoint in this slot */
+    REQUEST_RECORDING,   /* time cannot go back while a recording runs */
+    REQUEST_CLOCK,       /* this clock cannot do it (speed in lockstep) */
+    REQUEST_BUSY,        /* a REQUEST_STEP is under way */
+    REQUEST_UNAVAILABLE, /* this run does not support it (no memory was set aside, ...) */
+    REQUEST_CUT,         /* a REQUEST_PAUSE ended the REQUEST_STEP; tick says where */
 };
 
-struct steer_answer {
+struct request_answer {
     uint64_t ticket;
-    enum steer_verdict verdict;
+    enum request_verdict verdict;
     uint64_t tick; /* after it was carried out */
     int64_t time_ns;
     uint64_t state_hash; /* plant_hash */
@@ -99,34 +99,34 @@ struct steer_answer {
 
 /* A parameter that may change while the simulator runs. */
 struct tunable {
-    const char *name; /* "joint.RKneeSag.position_kp", "supply_v", ...; owned by the steering */
+    const char *name; /* "joint.RKneeSag.position_kp", "supply_v", ...; owned by the requests */
     const char *unit; /* "" = a count */
     double min, max;
     bool whole; /* takes whole numbers only */
 };
 
-struct steering;
+struct requests;
 
 /* Sends a request; false when the ring is full or the run has ended. From one thread other than the
  * loop's. */
-bool steering_ask(struct steering *steering, const struct steer_request *request);
+bool requests_ask(struct requests *requests, const struct loop_request *request);
 
 /* Takes one answer, false when none waits. From the thread that sends requests. */
-bool steering_answer(struct steering *steering, struct steer_answer *answer);
+bool requests_answer(struct requests *requests, struct request_answer *answer);
 
 /* A sentence for the user; static. */
-const char *steer_verdict_text(enum steer_verdict verdict);
+const char *request_verdict_text(enum request_verdict verdict);
 
 /* The tunables; any thread. */
-size_t steering_tunables(const struct steering *steering);
-const struct tunable *steering_tunable(const struct steering *steering, size_t index);
-int steering_find(const struct steering *steering, const char *name); /* -1 = none */
+size_t requests_tunables(const struct requests *requests);
+const struct tunable *requests_tunable(const struct requests *requests, size_t index);
+int requests_find(const struct requests *requests, const char *name); /* -1 = none */
 
 /* The value of a tunable as of the last tick; any thread, consistent. */
-double steering_value(const struct steering *steering, size_t index);
+double requests_value(const struct requests *requests, size_t index);
 
 /* Whether the loop is paused, and its speed (0 = as fast as possible); any thread. */
-bool steering_paused(const struct steering *steering);
-double steering_speed(const struct steering *steering);
+bool requests_paused(const struct requests *requests);
+double requests_speed(const struct requests *requests);
 
 #endif

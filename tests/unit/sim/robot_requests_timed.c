@@ -5,7 +5,7 @@
  * checkpoint, by requests that begin, change and end such activities, and goes back; from there on
  * it must follow the plain run bit by bit, beyond the end of every activity.
  */
-#include "tests/unit/sim/robot_steering_scene.h"
+#include "tests/unit/sim/robot_requests_scene.h"
 
 enum { AT = 50, SPAN = 30, LENGTH = 100 }; /* checkpoint; ticks undone; ticks compared */
 
@@ -28,31 +28,31 @@ static struct pass plain[AT + LENGTH];
 
 static void ask_push(struct witness *w, size_t body, double x, double y, int64_t ticks)
 {
-    struct steer_request request = {.kind = STEER_PUSH,
-                                    .index = body,
-                                    .force_n = {x, y, 0.0},
-                                    .moment_nm = {0.0, 0.25 * x, 0.5 * y},
-                                    .duration_ns = ticks * w->tick_ns};
+    struct loop_request request = {.kind = REQUEST_PUSH,
+                                   .index = body,
+                                   .force_n = {x, y, 0.0},
+                                   .moment_nm = {0.0, 0.25 * x, 0.5 * y},
+                                   .duration_ns = ticks * w->tick_ns};
 
-    assert_true(steering_ask(simulator_steering(w->simulator), &request));
+    assert_true(requests_ask(simulator_requests(w->simulator), &request));
 }
 
 static void ask_set(struct witness *w, const char *name, double value)
 {
-    struct steering *steering = simulator_steering(w->simulator);
-    struct steer_request request = {.kind = STEER_SET, .value = value};
-    int index = steering_find(steering, name);
+    struct requests *requests = simulator_requests(w->simulator);
+    struct loop_request request = {.kind = REQUEST_SET, .value = value};
+    int index = requests_find(requests, name);
 
     assert_true(index >= 0);
     request.index = (size_t)index;
-    assert_true(steering_ask(steering, &request));
+    assert_true(requests_ask(requests, &request));
 }
 
 static void ask_fault(struct witness *w, size_t index, bool on)
 {
-    struct steer_request request = {.kind = STEER_FAULT, .index = index, .on = on};
+    struct loop_request request = {.kind = REQUEST_FAULT, .index = index, .on = on};
 
-    assert_true(steering_ask(simulator_steering(w->simulator), &request));
+    assert_true(requests_ask(simulator_requests(w->simulator), &request));
 }
 
 /* ---- the two runs ---- */
@@ -62,11 +62,11 @@ static void turn(void *context, int64_t time_ns)
     struct timed *t = context;
     struct witness *w = &t->w;
     int64_t tick = time_ns / w->tick_ns;
-    struct steer_answer answer;
+    struct request_answer answer;
     struct pass unused;
 
-    while (steering_answer(simulator_steering(w->simulator), &answer)) {
-        assert_string_equal(steer_verdict_text(answer.verdict), steer_verdict_text(STEER_OK));
+    while (requests_answer(simulator_requests(w->simulator), &answer)) {
+        assert_string_equal(request_verdict_text(answer.verdict), request_verdict_text(REQUEST_OK));
     }
     if (w->tick > tick) {
         w->pass = w->again; /* it went back: the tick before was undone */
@@ -80,11 +80,11 @@ static void turn(void *context, int64_t time_ns)
     }
     if (t->disturbed && w->goes == 0) {
         if (tick == AT - 1) {
-            ask(w, STEER_CHECKPOINT, 1);
+            ask(w, REQUEST_CHECKPOINT, 1);
         } else if (tick >= AT && tick < AT + SPAN - 1) {
             t->activity->disturb(w, tick);
         } else if (tick == AT + SPAN - 1) {
-            ask(w, STEER_RESTORE, 1);
+            ask(w, REQUEST_RESTORE, 1);
             w->goes++;
         }
     }
@@ -205,8 +205,8 @@ static void disturb_winches(struct witness *w, int64_t tick)
 static void stop_winches(struct witness *w, int64_t tick)
 {
     const struct plant_command *command = plant_command(simulator_plant(w->simulator));
-    struct steering *steering = simulator_steering(w->simulator);
-    int right = steering_find(steering, "joint.RKneeSag.pretension_m");
+    struct requests *requests = simulator_requests(w->simulator);
+    int right = requests_find(requests, "joint.RKneeSag.pretension_m");
 
     /* Where it is now is where it is to stay: the winches stand still when time goes back */
     if (tick == AT + 2) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Carrying out, between two ticks, the requests to a running loop (rt/steering.h). */
+/* Carrying out, between two ticks, the requests to a running loop (rt/requests.h). */
 #include "rt/loop_private.h"
 
 #include <math.h>
@@ -10,16 +10,16 @@
 
 enum { PUSH_GROWS = 10 }; /* by more than this factor: worth an event of its own */
 
-bool loop_steering_create(struct loop *loop, struct arena *arena)
+bool loop_requests_create(struct loop *loop, struct arena *arena)
 {
-    struct loop_steering *steering = &loop->steering;
+    struct loop_requests *requests = &loop->requests;
 
-    steering->speed = loop->config.clock == LOOP_CLOCK_REAL ? 1.0 : 0.0;
+    requests->speed = loop->config.clock == LOOP_CLOCK_REAL ? 1.0 : 0.0;
     if (loop->config.clock != LOOP_CLOCK_LOCKSTEP) {
         return true;
     }
-    for (size_t i = 0; i < STEERING_SLOTS; i++) {
-        struct loop_moment *moment = &steering->moment[i];
+    for (size_t i = 0; i < CHECKPOINT_SLOTS; i++) {
+        struct loop_moment *moment = &requests->moment[i];
 
         moment->held = arena_alloc(arena, HELD_MAX, sizeof *moment->held);
         if (!moment->held) {
@@ -29,9 +29,9 @@ bool loop_steering_create(struct loop *loop, struct arena *arena)
     return true;
 }
 
-static const struct steering_machine *loop_steering_machine(const struct loop *loop)
+static const struct request_machine *loop_request_machine(const struct loop *loop)
 {
-    return steering_machine(loop->config.steering);
+    return requests_machine(loop->config.requests);
 }
 
 /* ---- checkpoints ---- */
@@ -45,7 +45,7 @@ static void loop_save_moment(struct loop *loop, struct loop_moment *moment)
     moment->ticks = loop->stats.ticks;
     moment->lockstep = loop->lockstep;
     if (loop->step_asked) {
-        moment->lockstep.ticks = 0; /* a STEER_STEP runs once */
+        moment->lockstep.ticks = 0; /* a REQUEST_STEP runs once */
     }
     moment->lost_since_done = rx + tx - loop->lost_at_done;
     moment->held_count = loop->held_count;
@@ -62,7 +62,7 @@ static void loop_restore_moment(struct loop *loop, const struct loop_moment *mom
 
     loop->stats.ticks = moment->ticks;
     loop->stats.time_ns = (int64_t)moment->ticks * loop->config.tick_ns;
-    loop->steering.push.until_ns = 0;
+    loop->requests.push.until_ns = 0;
     loop->lockstep = moment->lockstep;
     loop->lockstep.counters = counters;
     loop_count_lost(loop, &loop->rx_lost, &loop->tx_lost);
@@ -74,56 +74,56 @@ static void loop_restore_moment(struct loop *loop, const struct loop_moment *mom
     }
 }
 
-static enum steer_verdict loop_save_slot(struct loop *loop, size_t slot)
+static enum request_verdict loop_save_slot(struct loop *loop, size_t slot)
 {
-    const struct steering_machine *machine = loop_steering_machine(loop);
-    enum steer_verdict verdict = STEER_UNAVAILABLE;
+    const struct request_machine *machine = loop_request_machine(loop);
+    enum request_verdict verdict = REQUEST_UNAVAILABLE;
 
     if (machine->save && machine->restore) {
         verdict = machine->save(machine->context, slot);
     }
-    if (verdict == STEER_OK) {
-        loop_save_moment(loop, &loop->steering.moment[slot]);
+    if (verdict == REQUEST_OK) {
+        loop_save_moment(loop, &loop->requests.moment[slot]);
     } else {
-        loop->steering.moment[slot].kept = false;
+        loop->requests.moment[slot].kept = false;
     }
     return verdict;
 }
 
-static enum steer_verdict request_checkpoint(struct loop *loop, size_t slot)
+static enum request_verdict request_checkpoint(struct loop *loop, size_t slot)
 {
-    enum steer_verdict verdict;
+    enum request_verdict verdict;
 
-    if (slot < 1 || slot >= STEERING_SLOTS) {
-        return STEER_RANGE;
+    if (slot < 1 || slot >= CHECKPOINT_SLOTS) {
+        return REQUEST_RANGE;
     }
     verdict = loop_save_slot(loop, slot);
-    if (verdict == STEER_OK) {
+    if (verdict == REQUEST_OK) {
         loop_emit_event(loop, LOOP_EVENT_CHECKPOINT, -1, (int64_t)slot, (int64_t)loop->stats.ticks);
     }
     return verdict;
 }
 
-static enum steer_verdict request_restore(struct loop *loop, size_t slot)
+static enum request_verdict request_restore(struct loop *loop, size_t slot)
 {
-    const struct steering_machine *machine = loop_steering_machine(loop);
+    const struct request_machine *machine = loop_request_machine(loop);
 
-    if (slot >= STEERING_SLOTS) {
-        return STEER_RANGE;
+    if (slot >= CHECKPOINT_SLOTS) {
+        return REQUEST_RANGE;
     }
     if (!machine->save || !machine->restore) {
-        return STEER_UNAVAILABLE;
+        return REQUEST_UNAVAILABLE;
     }
     if (loop->config.recorder) {
-        return STEER_RECORDING;
+        return REQUEST_RECORDING;
     }
-    if (!loop->steering.moment[slot].kept) {
-        return slot == 0 ? STEER_UNAVAILABLE : STEER_EMPTY;
+    if (!loop->requests.moment[slot].kept) {
+        return slot == 0 ? REQUEST_UNAVAILABLE : REQUEST_EMPTY;
     }
     machine->restore(machine->context, slot);
-    loop_restore_moment(loop, &loop->steering.moment[slot]);
+    loop_restore_moment(loop, &loop->requests.moment[slot]);
     loop_emit_event(loop, LOOP_EVENT_RESTORED, -1, (int64_t)slot, (int64_t)loop->stats.ticks);
-    return STEER_OK;
+    return REQUEST_OK;
 }
 
 /* ---- pause and speed ---- */
@@ -140,95 +140,95 @@ static void loop_restart_grid(struct loop *loop)
 /* Publishes pause and speed, to other threads and to the machine. */
 static void loop_publish_pace(struct loop *loop)
 {
-    const struct steering_machine *machine = loop_steering_machine(loop);
-    bool paused = loop->steering.paused;
+    const struct request_machine *machine = loop_request_machine(loop);
+    bool paused = loop->requests.paused;
 
-    steering_publish(loop->config.steering, paused, loop->steering.speed);
+    requests_publish(loop->config.requests, paused, loop->requests.speed);
     if (machine->pace) {
-        machine->pace(machine->context, loop->steering.speed, paused);
+        machine->pace(machine->context, loop->requests.speed, paused);
     }
 }
 
-static void request_reply(struct loop *loop, uint64_t ticket, enum steer_verdict verdict)
+static void request_reply(struct loop *loop, uint64_t ticket, enum request_verdict verdict)
 {
-    steering_reply(loop->config.steering, ticket, verdict, loop->stats.ticks, loop->stats.time_ns);
+    requests_reply(loop->config.requests, ticket, verdict, loop->stats.ticks, loop->stats.time_ns);
 }
 
 static void loop_pause(struct loop *loop)
 {
-    loop->steering.paused = true;
+    loop->requests.paused = true;
     loop_publish_pace(loop);
     loop_emit_event(loop, LOOP_EVENT_PAUSED, -1, (int64_t)loop->stats.ticks, 0);
 }
 
-static enum steer_verdict request_pause(struct loop *loop)
+static enum request_verdict request_pause(struct loop *loop)
 {
     /* A step under way ends here, with its DONE where one is due */
-    if (loop->steering.step_left > 0) {
-        loop->steering.step_left = 0;
+    if (loop->requests.step_left > 0) {
+        loop->requests.step_left = 0;
         if (loop->step_asked && loop->lockstep.ticks > 0) {
             loop->lockstep.ticks = 0;
             loop_send_done(loop, 0);
         }
-        request_reply(loop, loop->steering.step_ticket, STEER_CUT);
+        request_reply(loop, loop->requests.step_ticket, REQUEST_CUT);
     }
-    if (!loop->steering.paused) {
+    if (!loop->requests.paused) {
         loop_pause(loop);
     }
-    return STEER_OK;
+    return REQUEST_OK;
 }
 
-static enum steer_verdict request_resume(struct loop *loop)
+static enum request_verdict request_resume(struct loop *loop)
 {
-    if (loop->steering.paused) {
-        loop->steering.paused = false;
+    if (loop->requests.paused) {
+        loop->requests.paused = false;
         loop_publish_pace(loop);
         loop_emit_event(loop, LOOP_EVENT_RESUMED, -1, (int64_t)loop->stats.ticks, 0);
     }
-    return STEER_OK;
+    return REQUEST_OK;
 }
 
-/* Answered by loop_steering_tick_ended. */
-static enum steer_verdict request_step(struct loop *loop, const struct steer_request *request)
+/* Answered by loop_requests_tick_ended. */
+static enum request_verdict request_step(struct loop *loop, const struct loop_request *request)
 {
     if (request->count == 0) {
-        return STEER_RANGE;
+        return REQUEST_RANGE;
     }
-    loop->steering.step_left = request->count;
-    loop->steering.step_ticket = request->ticket;
-    loop->steering.paused = false;
+    loop->requests.step_left = request->count;
+    loop->requests.step_ticket = request->ticket;
+    loop->requests.paused = false;
     loop_publish_pace(loop);
-    return STEER_OK;
+    return REQUEST_OK;
 }
 
-static enum steer_verdict request_speed(struct loop *loop, double speed)
+static enum request_verdict request_speed(struct loop *loop, double speed)
 {
-    const struct steering_machine *machine = loop_steering_machine(loop);
+    const struct request_machine *machine = loop_request_machine(loop);
 
     if (loop->config.clock == LOOP_CLOCK_LOCKSTEP || (speed == 0.0 && machine->pace)) {
-        return STEER_CLOCK;
+        return REQUEST_CLOCK;
     }
     if (!(speed == 0.0 || (speed >= SPEED_MIN && speed <= SPEED_MAX))) {
-        return STEER_RANGE;
+        return REQUEST_RANGE;
     }
-    loop->steering.speed = speed;
+    loop->requests.speed = speed;
     loop->period_ns =
         speed > 0.0 ? (int64_t)fmax(1.0, round((double)loop->config.tick_ns / speed)) : 0;
     loop_restart_grid(loop);
     loop_publish_pace(loop);
     loop_emit_event(loop, LOOP_EVENT_SPEED, -1, (int64_t)(speed * 1e6), 0);
-    return STEER_OK;
+    return REQUEST_OK;
 }
 
 /* ---- the machine: faults, pushes, tunables ---- */
 
-static enum steer_verdict request_fault(struct loop *loop, const struct steer_request *request)
+static enum request_verdict request_fault(struct loop *loop, const struct loop_request *request)
 {
-    const struct steering_machine *machine = loop_steering_machine(loop);
+    const struct request_machine *machine = loop_request_machine(loop);
 
     return request->index < machine->nfault
                ? machine->fault(machine->context, request->index, request->on, loop->stats.time_ns)
-               : STEER_RANGE;
+               : REQUEST_RANGE;
 }
 
 static int64_t vector_length_milli(const double v[3])
@@ -237,9 +237,9 @@ static int64_t vector_length_milli(const double v[3])
 }
 
 /* Tells a push, where it renews the last one only when it has become much greater, or ends. */
-static void loop_tell_push(struct loop *loop, const struct steer_request *request)
+static void loop_tell_push(struct loop *loop, const struct loop_request *request)
 {
-    struct loop_push *push = &loop->steering.push;
+    struct loop_push *push = &loop->requests.push;
     int64_t now_ns = loop->stats.time_ns, force_mn = vector_length_milli(request->force_n);
     bool goes_on = push->until_ns > now_ns && push->body == request->index;
     bool ends = force_mn == 0 && vector_length_milli(request->moment_nm) == 0;
@@ -259,32 +259,32 @@ static void loop_tell_push(struct loop *loop, const struct steer_request *reques
     }
 }
 
-static enum steer_verdict request_push(struct loop *loop, const struct steer_request *request)
+static enum request_verdict request_push(struct loop *loop, const struct loop_request *request)
 {
-    const struct steering_machine *machine = loop_steering_machine(loop);
-    enum steer_verdict verdict = machine->push
-                                     ? machine->push(machine->context, request, loop->stats.time_ns)
-                                     : STEER_UNAVAILABLE;
+    const struct request_machine *machine = loop_request_machine(loop);
+    enum request_verdict verdict =
+        machine->push ? machine->push(machine->context, request, loop->stats.time_ns)
+                      : REQUEST_UNAVAILABLE;
 
-    if (verdict == STEER_OK) {
+    if (verdict == REQUEST_OK) {
         loop_tell_push(loop, request);
     }
     return verdict;
 }
 
-static enum steer_verdict request_set(struct loop *loop, const struct steer_request *request)
+static enum request_verdict request_set(struct loop *loop, const struct loop_request *request)
 {
-    const struct steering_machine *machine = loop_steering_machine(loop);
-    const struct tunable *tunable = steering_tunable(loop->config.steering, request->index);
-    enum steer_verdict verdict;
+    const struct request_machine *machine = loop_request_machine(loop);
+    const struct tunable *tunable = requests_tunable(loop->config.requests, request->index);
+    enum request_verdict verdict;
     int64_t bits;
 
     if (!tunable || !(request->value >= tunable->min && request->value <= tunable->max) ||
         (tunable->whole && request->value != rint(request->value))) {
-        return STEER_RANGE;
+        return REQUEST_RANGE;
     }
     verdict = machine->set(machine->context, request->index, request->value);
-    if (verdict == STEER_OK) {
+    if (verdict == REQUEST_OK) {
         memcpy(&bits, &request->value, sizeof bits);
         loop_emit_event(loop, LOOP_EVENT_SET, -1, (int64_t)request->index, bits);
     }
@@ -293,64 +293,64 @@ static enum steer_verdict request_set(struct loop *loop, const struct steer_requ
 
 /* ---- requests ---- */
 
-static bool request_conflicts_with_step(enum steer_kind kind)
+static bool request_conflicts_with_step(enum request_kind kind)
 {
-    return kind == STEER_RESUME || kind == STEER_STEP || kind == STEER_RESET ||
-           kind == STEER_RESTORE;
+    return kind == REQUEST_RESUME || kind == REQUEST_STEP || kind == REQUEST_RESET ||
+           kind == REQUEST_RESTORE;
 }
 
-static enum steer_verdict request_dispatch(struct loop *loop, const struct steer_request *request)
+static enum request_verdict request_dispatch(struct loop *loop, const struct loop_request *request)
 {
-    if (loop->steering.step_left > 0 && request_conflicts_with_step(request->kind)) {
-        return STEER_BUSY;
+    if (loop->requests.step_left > 0 && request_conflicts_with_step(request->kind)) {
+        return REQUEST_BUSY;
     }
     switch (request->kind) {
-    case STEER_PAUSE:
+    case REQUEST_PAUSE:
         return request_pause(loop);
-    case STEER_RESUME:
+    case REQUEST_RESUME:
         return request_resume(loop);
-    case STEER_STEP:
+    case REQUEST_STEP:
         return request_step(loop, request);
-    case STEER_SPEED:
+    case REQUEST_SPEED:
         return request_speed(loop, request->value);
-    case STEER_RESET:
+    case REQUEST_RESET:
         return request_restore(loop, 0);
-    case STEER_CHECKPOINT:
+    case REQUEST_CHECKPOINT:
         return request_checkpoint(loop, request->index);
-    case STEER_RESTORE:
+    case REQUEST_RESTORE:
         return request_restore(loop, request->index);
-    case STEER_FAULT:
+    case REQUEST_FAULT:
         return request_fault(loop, request);
-    case STEER_PUSH:
+    case REQUEST_PUSH:
         return request_push(loop, request);
-    case STEER_SET:
+    case REQUEST_SET:
         return request_set(loop, request);
     }
-    return STEER_UNAVAILABLE;
+    return REQUEST_UNAVAILABLE;
 }
 
 static void request_dispatch_all(struct loop *loop)
 {
-    const struct steering_machine *machine = loop_steering_machine(loop);
-    struct steer_request request;
+    const struct request_machine *machine = loop_request_machine(loop);
+    struct loop_request request;
 
-    while (steering_next(loop->config.steering, &request)) {
-        enum steer_verdict verdict = request_dispatch(loop, &request);
-        bool back = request.kind == STEER_RESTORE || request.kind == STEER_RESET;
-        bool went_back = back && verdict == STEER_OK;
+    while (requests_next(loop->config.requests, &request)) {
+        enum request_verdict verdict = request_dispatch(loop, &request);
+        bool back = request.kind == REQUEST_RESTORE || request.kind == REQUEST_RESET;
+        bool went_back = back && verdict == REQUEST_OK;
 
         if (went_back) {
             loop_restart_grid(loop);
         }
 
         /* What others may see is up to date before they have the answer */
-        steering_publish_values(loop->config.steering, went_back);
+        requests_publish_values(loop->config.requests, went_back);
         if (machine->publish) {
             machine->publish(machine->context, loop->stats.time_ns, &loop->stats);
         }
 
         /* A step that has begun is answered at its end */
-        if (request.kind != STEER_STEP || verdict != STEER_OK) {
+        if (request.kind != REQUEST_STEP || verdict != REQUEST_OK) {
             request_reply(loop, request.ticket, verdict);
         }
     }
@@ -358,24 +358,24 @@ static void request_dispatch_all(struct loop *loop)
 
 /* ---- the loop's calls ---- */
 
-void loop_steering_begin(struct loop *loop)
+void loop_requests_begin(struct loop *loop)
 {
     loop_save_slot(loop, 0);
     loop_publish_pace(loop);
 }
 
-bool loop_steering_carry_out(struct loop *loop)
+bool loop_requests_carry_out(struct loop *loop)
 {
     bool was_paused = false;
 
     request_dispatch_all(loop);
-    while (loop->steering.paused) {
+    while (loop->requests.paused) {
         if (loop_stop_requested(loop)) {
             return false;
         }
         was_paused = true;
         loop->config.machine.idle(loop->config.machine.context);
-        loop_steering_sleep(loop, NULL, clock_now(loop->config.time) + WAIT_SLICE_NS);
+        loop_requests_sleep(loop, NULL, clock_now(loop->config.time) + WAIT_SLICE_NS);
         request_dispatch_all(loop);
     }
     if (was_paused) {
@@ -384,44 +384,44 @@ bool loop_steering_carry_out(struct loop *loop)
     return true;
 }
 
-void loop_steering_sleep(struct loop *loop, struct pollfd *fd, int64_t until_ns)
+void loop_requests_sleep(struct loop *loop, struct pollfd *fd, int64_t until_ns)
 {
-    struct steering *steering = loop->config.steering;
+    struct requests *requests = loop->config.requests;
     struct pollfd fds[2] = {{.fd = -1, .events = POLLIN}, {.fd = -1}};
 
-    fds[0].fd = steering_sleep_begin(steering);
+    fds[0].fd = requests_sleep_begin(requests);
     if (fd) {
         fds[1] = *fd;
     }
     if (fds[0].fd >= 0) {
         clock_wait_readable(loop->config.time, fds, fd ? 2 : 1, until_ns);
     }
-    steering_sleep_end(steering, (fds[0].revents & POLLIN) != 0);
+    requests_sleep_end(requests, (fds[0].revents & POLLIN) != 0);
 }
 
-void loop_steering_tick_begins(struct loop *loop)
+void loop_requests_tick_begins(struct loop *loop)
 {
-    const struct steering_machine *machine = loop_steering_machine(loop);
+    const struct request_machine *machine = loop_request_machine(loop);
 
     if (machine->advance) {
         machine->advance(machine->context, loop->stats.time_ns);
     }
 }
 
-void loop_steering_tick_ended(struct loop *loop)
+void loop_requests_tick_ended(struct loop *loop)
 {
-    steering_publish_values(loop->config.steering, false);
-    if (loop->steering.step_left > 0 && --loop->steering.step_left == 0) {
+    requests_publish_values(loop->config.requests, false);
+    if (loop->requests.step_left > 0 && --loop->requests.step_left == 0) {
         loop_pause(loop);
-        request_reply(loop, loop->steering.step_ticket, STEER_OK);
+        request_reply(loop, loop->requests.step_ticket, REQUEST_OK);
     }
 }
 
-void loop_steering_end(struct loop *loop)
+void loop_requests_end(struct loop *loop)
 {
-    if (loop->steering.step_left > 0) {
-        loop->steering.step_left = 0;
-        request_reply(loop, loop->steering.step_ticket, STEER_CUT);
+    if (loop->requests.step_left > 0) {
+        loop->requests.step_left = 0;
+        request_reply(loop, loop->requests.step_ticket, REQUEST_CUT);
     }
-    steering_close(loop->config.steering, loop->stats.ticks, loop->stats.time_ns);
+    requests_close(loop->config.requests, loop->stats.ticks, loop->stats.time_ns);
 }

@@ -4,17 +4,17 @@
  * and bit by bit of the plant's state. A guest on every bus notes what is sent; requests are made
  * by an observer, in the loop's own thread, so that all happens at known ticks.
  */
-#include "tests/unit/sim/robot_steering_scene.h"
+#include "tests/unit/sim/robot_requests_scene.h"
 
 #include <time.h>
 
 static void take_answers(struct witness *w, int64_t tick)
 {
-    struct steer_answer answer;
+    struct request_answer answer;
 
-    while (steering_answer(simulator_steering(w->simulator), &answer)) {
-        if (answer.verdict != STEER_OK) {
-            fail_msg("%s: %s", w->scene->rig, steer_verdict_text(answer.verdict));
+    while (requests_answer(simulator_requests(w->simulator), &answer)) {
+        if (answer.verdict != REQUEST_OK) {
+            fail_msg("%s: %s", w->scene->rig, request_verdict_text(answer.verdict));
         }
         assert_int_equal((int64_t)answer.tick, tick);
         if (w->scene->at > 0 && answer.ticket == 1) {
@@ -50,10 +50,10 @@ static void step(void *context, int64_t time_ns)
     take_answers(w, tick);
     if (tick == (int64_t)w->scene->at - 1 && w->goes == 0) {
         w->asked = true;
-        ask(w, STEER_CHECKPOINT, 1);
+        ask(w, REQUEST_CHECKPOINT, 1);
     } else if (tick == (int64_t)(w->scene->at + w->scene->span) && w->goes == 0) {
         w->asked = true;
-        ask(w, w->scene->at == 0 ? STEER_RESET : STEER_RESTORE, 1);
+        ask(w, w->scene->at == 0 ? REQUEST_RESET : REQUEST_RESTORE, 1);
     }
 }
 
@@ -293,17 +293,17 @@ static void measure(void *context, int64_t time_ns)
     struct stopwatch *stopwatch = context;
     int64_t spent = wall_ns() - stopwatch->begin_ns;
     int call = stopwatch->calls++ - 100;
-    struct steer_answer answer;
+    struct request_answer answer;
 
     (void)time_ns;
     if (call >= 0 && call < 3) {
         stopwatch->spent_ns[call] = spent;
     }
-    while (steering_answer(simulator_steering(stopwatch->w.simulator), &answer)) {
-        assert_int_equal(answer.verdict, STEER_OK);
+    while (requests_answer(simulator_requests(stopwatch->w.simulator), &answer)) {
+        assert_int_equal(answer.verdict, REQUEST_OK);
     }
     for (int i = 0; i < COPIES && (call == 0 || call == 1); i++) {
-        ask(&stopwatch->w, call == 0 ? STEER_CHECKPOINT : STEER_RESTORE, 1u - (call & i & 1));
+        ask(&stopwatch->w, call == 0 ? REQUEST_CHECKPOINT : REQUEST_RESTORE, 1u - (call & i & 1));
     }
     stopwatch->begin_ns = wall_ns();
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Carries out the faults of motors, valves, supplies and buses. */
-#include "sim/injection.h"
+#include "sim/fault_injection.h"
 
 #include "canbus/fault_port.h"
 #include "canbus/wire/wire.h"
@@ -15,8 +15,8 @@ struct wire_injection {
     bool was_active;
 };
 
-struct injection {
-    struct injection_config config;
+struct fault_injection {
+    struct fault_injection_config config;
     struct wire_injection *wire;          /* by fault */
     struct can_port *port[RIG_BUSES_MAX]; /* with rules; NULL = none */
     int64_t now_ns;
@@ -58,11 +58,11 @@ static struct fault_port_rule fault_port_rule_of(const struct fault *fault)
 }
 
 /* Puts a port with the rules of a bus's faults in front of its port, if it has any. */
-static enum error_code injection_create_port(struct injection *injection, size_t bus,
+static enum error_code injection_create_port(struct fault_injection *injection, size_t bus,
                                              struct arena *arena, struct can_port **port,
                                              struct error *error)
 {
-    const struct injection_config *config = &injection->config;
+    const struct fault_injection_config *config = &injection->config;
     const struct loop_lockstep *lockstep = &config->rig->lockstep;
     size_t count = faults_count(config->faults), on_wire = 0;
     struct fault_port_rule *rule = arena_alloc(arena, count + 1, sizeof *rule);
@@ -108,11 +108,11 @@ static enum error_code injection_create_port(struct injection *injection, size_t
     return ERROR_NONE;
 }
 
-enum error_code injection_create(const struct injection_config *config, struct arena *arena,
-                                 struct bus_ports *ports, struct injection **out,
-                                 struct error *error)
+enum error_code fault_injection_create(const struct fault_injection_config *config,
+                                       struct arena *arena, struct bus_ports *ports,
+                                       struct fault_injection **out, struct error *error)
 {
-    struct injection *injection = arena_alloc(arena, 1, sizeof *injection);
+    struct fault_injection *injection = arena_alloc(arena, 1, sizeof *injection);
     size_t count = faults_count(config->faults);
     enum error_code code = ERROR_NONE;
 
@@ -133,7 +133,7 @@ enum error_code injection_create(const struct injection_config *config, struct a
     return ERROR_NONE;
 }
 
-static void injection_step_wire(struct injection *injection, size_t index)
+static void injection_step_wire(struct fault_injection *injection, size_t index)
 {
     const struct fault *fault = faults_at(injection->config.faults, index);
     struct wire_injection *state = &injection->wire[index];
@@ -211,7 +211,7 @@ static void break_hydraulic_supply(const struct fault *fault, double pressure,
     }
 }
 
-static void injection_step_command(struct injection *injection)
+static void injection_step_command(struct fault_injection *injection)
 {
     const double pressure = injection->config.rig->robot->hydraulic_supply.pressure;
     struct plant_command *command = injection->config.command;
@@ -237,7 +237,7 @@ static void injection_step_command(struct injection *injection)
     }
 }
 
-static void injection_set_port_time(struct injection *injection)
+static void injection_set_port_time(struct fault_injection *injection)
 {
     for (size_t b = 0; b < RIG_BUSES_MAX; b++) {
         if (injection->port[b]) {
@@ -246,12 +246,12 @@ static void injection_set_port_time(struct injection *injection)
     }
 }
 
-void injection_restored(struct injection *injection)
+void fault_injection_restored(struct fault_injection *injection)
 {
     injection_set_port_time(injection);
 }
 
-void injection_step(struct injection *injection, int64_t now_ns)
+void fault_injection_step(struct fault_injection *injection, int64_t now_ns)
 {
     size_t count = faults_count(injection->config.faults);
 

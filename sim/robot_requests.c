@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Faults, pushes, tunables and checkpoints on the parts of a robot. */
-#include "sim/robot_steering.h"
+#include "sim/robot_requests.h"
 
 #include "base/ring.h"
 #include "canbus/wire/wire.h"
@@ -24,14 +24,14 @@ struct meaning {
     size_t board, axis, index; /* TUNE_SETTING; index: TUNE_TASK, too */
 };
 
-struct robot_steering {
-    struct robot_steering_config config;
-    struct steering_machine machine;
+struct robot_requests {
+    struct robot_requests_config config;
+    struct request_machine machine;
     struct checkpoint *checkpoint;
     struct tunable *tunable;
     struct meaning *meaning;
     size_t ntunable;
-    unsigned char *bus_moment[STEERING_SLOTS][RIG_BUSES_MAX]; /* NULL = not a local bus */
+    unsigned char *bus_moment[CHECKPOINT_SLOTS][RIG_BUSES_MAX]; /* NULL = not a local bus */
 
     /* State that changes in virtual time */
     struct {
@@ -45,18 +45,18 @@ struct robot_steering {
 
 /* ---- faults and pushes ---- */
 
-static enum steer_verdict robot_switch_fault(void *context, size_t index, bool on, int64_t now_ns)
+static enum request_verdict robot_switch_fault(void *context, size_t index, bool on, int64_t now_ns)
 {
-    struct robot_steering *s = context;
+    struct robot_requests *s = context;
 
     if (!faults_set(s->config.faults, now_ns, index, on)) {
-        return STEER_RANGE;
+        return REQUEST_RANGE;
     }
-    injection_step(s->config.injection, now_ns); /* takes effect in the coming tick */
-    return STEER_OK;
+    fault_injection_step(s->config.injection, now_ns); /* takes effect in the coming tick */
+    return REQUEST_OK;
 }
 
-static size_t robot_count_bodies(const struct robot_steering *s)
+static size_t robot_count_bodies(const struct robot_requests *s)
 {
     return s->config.rig->robot->nbody + s->config.rig->nfree;
 }
@@ -71,25 +71,25 @@ static bool push_is_bounded(const double vector[3])
     return true;
 }
 
-static enum steer_verdict robot_push_body(void *context, const struct steer_request *request,
-                                          int64_t now_ns)
+static enum request_verdict robot_push_body(void *context, const struct loop_request *request,
+                                            int64_t now_ns)
 {
-    struct robot_steering *s = context;
+    struct robot_requests *s = context;
     int64_t tick_ns = s->config.rig->tick_ns, duration_ns = request->duration_ns;
 
     if (request->index >= robot_count_bodies(s) || duration_ns < 0 ||
         duration_ns > INT64_MAX - now_ns || !push_is_bounded(request->force_n) ||
         !push_is_bounded(request->moment_nm)) {
-        return STEER_RANGE;
+        return REQUEST_RANGE;
     }
     plant_set_push(s->config.plant, (int)request->index, request->force_n, request->moment_nm);
     s->moving.pushing = s->moving.pushing || duration_ns > 0;
     s->push_until[request->index] =
         duration_ns == 0 ? 0 : now_ns + (duration_ns > tick_ns ? duration_ns : tick_ns);
-    return STEER_OK;
+    return REQUEST_OK;
 }
 
-static void robot_end_pushes(struct robot_steering *s, int64_t now_ns)
+static void robot_end_pushes(struct robot_requests *s, int64_t now_ns)
 {
     const double none[3] = {0.0, 0.0, 0.0};
 
@@ -105,7 +105,7 @@ static void robot_end_pushes(struct robot_steering *s, int64_t now_ns)
 
 static const char *robot_body_name(void *context, size_t index)
 {
-    const struct robot_steering *s = context;
+    const struct robot_requests *s = context;
     const struct robot *robot = s->config.rig->robot;
 
     return index < robot->nbody ? robot->body[index].name
@@ -116,7 +116,7 @@ static const char *robot_body_name(void *context, size_t index)
 
 static double tunable_get(void *context, size_t index)
 {
-    const struct robot_steering *s = context;
+    const struct robot_requests *s = context;
     const struct meaning *meaning = &s->meaning[index];
 
     switch (meaning->kind) {
@@ -134,17 +134,17 @@ static double tunable_get(void *context, size_t index)
     return 0.0;
 }
 
-static enum steer_verdict tunable_set(void *context, size_t index, double value)
+static enum request_verdict tunable_set(void *context, size_t index, double value)
 {
-    struct robot_steering *s = context;
+    struct robot_requests *s = context;
     const struct meaning *meaning = &s->meaning[index];
 
     s->moving.changes++;
     switch (meaning->kind) {
     case TUNE_SETTING:
         return boards_set(s->config.boards, meaning->board, meaning->axis, meaning->index, value)
-                   ? STEER_OK
-                   : STEER_RANGE;
+                   ? REQUEST_OK
+                   : REQUEST_RANGE;
     case TUNE_PRETENSION:
         s->pretension[meaning->joint] = value;
         s->moving.winding = true;
@@ -156,24 +156,24 @@ static enum steer_verdict tunable_set(void *context, size_t index, double value)
         sensing_scale_noise(s->config.sensing, value);
         break;
     case TUNE_TASK:
-        return task_set(s->config.task, meaning->index, value) ? STEER_OK : STEER_RANGE;
+        return task_set(s->config.task, meaning->index, value) ? REQUEST_OK : REQUEST_RANGE;
     }
-    return STEER_OK;
+    return REQUEST_OK;
 }
 
 static uint64_t tunable_changes(void *context)
 {
-    const struct robot_steering *s = context;
+    const struct robot_requests *s = context;
 
     return s->moving.changes + boards_settings_changes(s->config.boards) +
            (s->config.task ? task_changes(s->config.task) : 0);
 }
 
 /* Moves each winch by at most its speed times a tick, so that a rope does not jerk. */
-static void robot_wind_winches(struct robot_steering *s)
+static void robot_wind_winches(struct robot_requests *s)
 {
     struct plant_command *command = plant_command(s->config.plant);
-    double most = ROBOT_STEERING_WINCH_M_S * 1e-9 * (double)s->config.rig->tick_ns;
+    double most = ROBOT_REQUESTS_WINCH_M_S * 1e-9 * (double)s->config.rig->tick_ns;
 
     s->moving.winding = false;
     for (size_t j = 0; j < command->njoint; j++) {
@@ -190,7 +190,7 @@ static void robot_wind_winches(struct robot_steering *s)
 
 static void robot_advance_requests(void *context, int64_t now_ns)
 {
-    struct robot_steering *s = context;
+    struct robot_requests *s = context;
 
     if (s->moving.pushing) {
         robot_end_pushes(s, now_ns);
@@ -202,23 +202,23 @@ static void robot_advance_requests(void *context, int64_t now_ns)
 
 /* ---- checkpoints ---- */
 
-static enum steer_verdict robot_save(void *context, size_t slot)
+static enum request_verdict robot_save(void *context, size_t slot)
 {
-    struct robot_steering *s = context;
+    struct robot_requests *s = context;
 
     for (size_t b = 0; b < s->config.rig->nbus; b++) {
         if (s->bus_moment[slot][b] &&
             !local_bus_save(s->config.buses->bus[b], s->config.own, s->bus_moment[slot][b])) {
-            return STEER_UNAVAILABLE;
+            return REQUEST_UNAVAILABLE;
         }
     }
     checkpoint_save(s->checkpoint, slot);
-    return STEER_OK;
+    return REQUEST_OK;
 }
 
 static void robot_restore(void *context, size_t slot)
 {
-    struct robot_steering *s = context;
+    struct robot_requests *s = context;
 
     checkpoint_restore(s->checkpoint, slot);
     for (size_t b = 0; b < s->config.rig->nbus; b++) {
@@ -226,26 +226,26 @@ static void robot_restore(void *context, size_t slot)
             local_bus_restore(s->config.buses->bus[b], s->config.own, s->bus_moment[slot][b]);
         }
     }
-    injection_restored(s->config.injection);
+    fault_injection_restored(s->config.injection);
 }
 
 static uint64_t robot_hash_state(void *context)
 {
-    const struct robot_steering *s = context;
+    const struct robot_requests *s = context;
 
     return plant_hash(s->config.plant);
 }
 
 static void robot_publish(void *context, int64_t now_ns, const struct loop_stats *stats)
 {
-    const struct robot_steering *s = context;
+    const struct robot_requests *s = context;
 
     s->config.publish(s->config.context, now_ns, stats);
 }
 
 static void robot_pace(void *context, double speed, bool paused)
 {
-    const struct robot_steering *s = context;
+    const struct robot_requests *s = context;
 
     s->config.pace(s->config.context, speed, paused);
 }
@@ -253,7 +253,7 @@ static void robot_pace(void *context, double speed, bool paused)
 /* ---- creation ---- */
 
 /* Adds a tunable; only counts it while there is no memory yet. */
-static struct tunable *tunable_add(struct robot_steering *s, struct meaning meaning)
+static struct tunable *tunable_add(struct robot_requests *s, struct meaning meaning)
 {
     size_t index = s->ntunable++;
 
@@ -274,7 +274,7 @@ static bool tunable_name(struct tunable *tunable, struct arena *arena, const cha
     return tunable->name != NULL;
 }
 
-static bool tunable_list_axis(struct robot_steering *s, size_t board, size_t axis,
+static bool tunable_list_axis(struct robot_requests *s, size_t board, size_t axis,
                               struct arena *arena)
 {
     const struct board_config *config = &s->config.rig->boards.board[board];
@@ -297,7 +297,7 @@ static bool tunable_list_axis(struct robot_steering *s, size_t board, size_t axi
     return true;
 }
 
-static bool tunable_list_springs(struct robot_steering *s, struct arena *arena)
+static bool tunable_list_springs(struct robot_requests *s, struct arena *arena)
 {
     const struct robot *robot = s->config.rig->robot;
     bool good = true;
@@ -316,7 +316,7 @@ static bool tunable_list_springs(struct robot_steering *s, struct arena *arena)
     return good;
 }
 
-static void tunable_list_task(struct robot_steering *s)
+static void tunable_list_task(struct robot_requests *s)
 {
     const struct task_setting *setting;
     size_t count = s->config.task ? task_settings(s->config.task, &setting) : 0;
@@ -332,7 +332,7 @@ static void tunable_list_task(struct robot_steering *s)
 }
 
 /* All of them; called once to count and once to fill in. */
-static bool tunable_list_all(struct robot_steering *s, struct arena *arena)
+static bool tunable_list_all(struct robot_requests *s, struct arena *arena)
 {
     struct tunable *to;
     bool good = true;
@@ -358,7 +358,7 @@ static bool tunable_list_all(struct robot_steering *s, struct arena *arena)
     return good;
 }
 
-static bool robot_steering_create_tunables(struct robot_steering *s, struct arena *arena)
+static bool robot_requests_create_tunables(struct robot_requests *s, struct arena *arena)
 {
     tunable_list_all(s, arena);
     s->meaning = arena_alloc(arena, s->ntunable, sizeof *s->meaning);
@@ -373,10 +373,10 @@ static void hole_add_ring(struct span *hole, size_t *count, const struct ring *r
     hole[(*count)++] = (struct span){ring->slots, ring->slot_size * ((size_t)ring->mask + 1)};
 }
 
-static enum error_code robot_steering_create_checkpoint(struct robot_steering *s,
+static enum error_code robot_requests_create_checkpoint(struct robot_requests *s,
                                                         struct arena *arena, struct error *error)
 {
-    const struct robot_steering_config *config = &s->config;
+    const struct robot_requests_config *config = &s->config;
     enum { OWN_SPANS = 3, OWN_HOLES = 5 };
     struct span *moving =
         arena_alloc(arena, config->nmoving + RIG_BUSES_MAX + OWN_SPANS, sizeof *moving);
@@ -384,7 +384,7 @@ static enum error_code robot_steering_create_checkpoint(struct robot_steering *s
     size_t nmoving = config->nmoving, nhole = config->nhole;
 
     if (!moving || !hole) {
-        return error_set(error, ERROR_MEMORY, "no memory left for the steering");
+        return error_set(error, ERROR_MEMORY, "no memory left for the requests");
     }
 
     /* What changes: the caller's, the requests' own, the wires */
@@ -409,16 +409,16 @@ static enum error_code robot_steering_create_checkpoint(struct robot_steering *s
     /* What the plant remembers of the last contact evaluation holds for any state */
     hole[nhole].memory = plant_contact_memory(config->plant, &hole[nhole].size);
     nhole++;
-    return checkpoint_create(moving, nmoving, hole, nhole, STEERING_SLOTS, arena, &s->checkpoint,
+    return checkpoint_create(moving, nmoving, hole, nhole, CHECKPOINT_SLOTS, arena, &s->checkpoint,
                              error);
 }
 
-static bool robot_steering_create_bus_moments(struct robot_steering *s, struct arena *arena)
+static bool robot_requests_create_bus_moments(struct robot_requests *s, struct arena *arena)
 {
     for (size_t b = 0; b < s->config.rig->nbus; b++) {
         struct local_bus *bus = s->config.buses->bus[b];
 
-        for (size_t slot = 0; bus && slot < STEERING_SLOTS; slot++) {
+        for (size_t slot = 0; bus && slot < CHECKPOINT_SLOTS; slot++) {
             s->bus_moment[slot][b] = arena_alloc(arena, 1, local_bus_save_size(bus));
             if (!s->bus_moment[slot][b]) {
                 return false;
@@ -428,11 +428,11 @@ static bool robot_steering_create_bus_moments(struct robot_steering *s, struct a
     return true;
 }
 
-enum error_code robot_steering_create(const struct robot_steering_config *config,
-                                      struct arena *arena, struct robot_steering **out,
-                                      struct steering **steering, struct error *error)
+enum error_code robot_requests_create(const struct robot_requests_config *config,
+                                      struct arena *arena, struct robot_requests **out,
+                                      struct requests **requests, struct error *error)
 {
-    struct robot_steering *s = arena_alloc(arena, 1, sizeof *s);
+    struct robot_requests *s = arena_alloc(arena, 1, sizeof *s);
     enum error_code code;
 
     /* What requests keep of their own */
@@ -441,13 +441,13 @@ enum error_code robot_steering_create(const struct robot_steering_config *config
         s->push_until = arena_alloc(arena, robot_count_bodies(s), sizeof *s->push_until);
         s->pretension = arena_alloc(arena, config->rig->robot->njoint, sizeof *s->pretension);
     }
-    if (!s || !s->push_until || !s->pretension || !robot_steering_create_tunables(s, arena) ||
-        !robot_steering_create_bus_moments(s, arena)) {
-        return error_set(error, ERROR_MEMORY, "no memory left for the steering");
+    if (!s || !s->push_until || !s->pretension || !robot_requests_create_tunables(s, arena) ||
+        !robot_requests_create_bus_moments(s, arena)) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the requests");
     }
 
     /* What the loop may ask, then the rings through which other threads do */
-    s->machine = (struct steering_machine){
+    s->machine = (struct request_machine){
         .context = s,
         .fault = robot_switch_fault,
         .push = robot_push_body,
@@ -466,12 +466,12 @@ enum error_code robot_steering_create(const struct robot_steering_config *config
         .tunable = s->tunable,
     };
     if (!config->one_way) {
-        code = robot_steering_create_checkpoint(s, arena, error);
+        code = robot_requests_create_checkpoint(s, arena, error);
         if (code) {
             return code;
         }
     }
-    code = steering_create(&s->machine, arena, steering, error);
+    code = requests_create(&s->machine, arena, requests, error);
     if (code) {
         return code;
     }
@@ -479,7 +479,7 @@ enum error_code robot_steering_create(const struct robot_steering_config *config
     return ERROR_NONE;
 }
 
-size_t robot_steering_checkpoint_size(const struct robot_steering *s)
+size_t robot_requests_checkpoint_size(const struct robot_requests *s)
 {
     return s->checkpoint ? checkpoint_size(s->checkpoint) : 0;
 }

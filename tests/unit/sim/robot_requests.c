@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What is asked of a whole robot happens to it: pushes by their momentum, faults, parameters that
- * host and steering see alike; and to be steered changes nothing by itself.
+ * host and requests see alike; and to take requests changes nothing by itself.
  */
 #include "boards/icub/protocol.h"
-#include "tests/unit/sim/robot_steering_scene.h"
+#include "tests/unit/sim/robot_requests_scene.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -16,7 +16,7 @@ struct play {
     void (*act)(struct play *play, int64_t tick);
     double number[8];
     uint64_t count;
-    struct steer_answer answer[16];
+    struct request_answer answer[16];
     size_t answers;
 };
 
@@ -24,16 +24,16 @@ static struct play play;
 
 static void turn(void *context, int64_t time_ns)
 {
-    struct steering *steering = simulator_steering(play.w.simulator);
+    struct requests *requests = simulator_requests(play.w.simulator);
 
     (void)context;
-    while (steering && play.answers < 16 && steering_answer(steering, &play.answer[play.answers])) {
+    while (requests && play.answers < 16 && requests_answer(requests, &play.answer[play.answers])) {
         play.answers++;
     }
     play.act(&play, time_ns / play.w.tick_ns);
 }
 
-static void perform(const struct scene *scene, uint64_t ticks, bool steered,
+static void perform(const struct scene *scene, uint64_t ticks, bool asked,
                     void (*act)(struct play *play, int64_t tick))
 {
     const struct simulator_observer observer = {&play, turn};
@@ -42,18 +42,18 @@ static void perform(const struct scene *scene, uint64_t ticks, bool steered,
 
     memset(&play, 0, sizeof play);
     play.act = act;
-    open_scene(scene, &play.w, &arena, &rig, &observer, ticks, steered);
+    open_scene(scene, &play.w, &arena, &rig, &observer, ticks, asked);
     play.act = act;
     simulator_run(play.w.simulator);
     turn(&play, (int64_t)ticks * rig.tick_ns);
     close_scene(&play.w, &arena);
 }
 
-static void expect(size_t index, enum steer_verdict verdict)
+static void expect(size_t index, enum request_verdict verdict)
 {
     assert_true(index < play.answers);
-    assert_string_equal(steer_verdict_text(play.answer[index].verdict),
-                        steer_verdict_text(verdict));
+    assert_string_equal(request_verdict_text(play.answer[index].verdict),
+                        request_verdict_text(verdict));
 }
 
 /* ---- nothing asked, nothing changed ---- */
@@ -95,10 +95,10 @@ static void a_run_without_requests_is_the_same_bit_for_bit(void **state)
 
 static void ask_push(size_t body, double x, double y, int64_t duration_ns)
 {
-    struct steer_request request = {
-        .kind = STEER_PUSH, .index = body, .force_n = {x, y, 0.0}, .duration_ns = duration_ns};
+    struct loop_request request = {
+        .kind = REQUEST_PUSH, .index = body, .force_n = {x, y, 0.0}, .duration_ns = duration_ns};
 
-    assert_true(steering_ask(simulator_steering(play.w.simulator), &request));
+    assert_true(requests_ask(simulator_requests(play.w.simulator), &request));
 }
 
 static void push_two(struct play *p, int64_t tick)
@@ -129,11 +129,11 @@ static void pushes_give_their_momentum_and_end_in_virtual_time(void **state)
 
     (void)state;
     perform(&scene, 60, true, push_two);
-    expect(0, STEER_OK);
-    expect(1, STEER_OK);
-    expect(2, STEER_RANGE);
-    expect(3, STEER_RANGE);
-    expect(4, STEER_RANGE);
+    expect(0, REQUEST_OK);
+    expect(1, REQUEST_OK);
+    expect(2, REQUEST_RANGE);
+    expect(3, REQUEST_RANGE);
+    expect(4, REQUEST_RANGE);
     assert_true(fabs(play.number[2] - 50.0 * 0.020) < 1e-3);
     assert_true(fabs(play.number[3] + 20.0 * 0.005) < 1e-3);
 }
@@ -144,10 +144,10 @@ static void push_askew(struct play *p, int64_t tick)
     uint64_t key;
 
     if (tick == 5) {
-        struct steer_request request = {
-            .kind = STEER_PUSH, .index = 0, .force_n = {3.0, -4.0, 12.0}, .duration_ns = 1000000};
+        struct loop_request request = {
+            .kind = REQUEST_PUSH, .index = 0, .force_n = {3.0, -4.0, 12.0}, .duration_ns = 1000000};
 
-        assert_true(steering_ask(simulator_steering(p->w.simulator), &request));
+        assert_true(requests_ask(simulator_requests(p->w.simulator), &request));
     }
     while (tick == 8 && simulator_next_event(p->w.simulator, &key, text, sizeof text)) {
         p->count += strstr(text, "body Waist pushed with 13.0 N") != NULL;
@@ -161,12 +161,12 @@ static void push_as_a_hand_does(struct play *p, int64_t tick)
     uint64_t key;
 
     if (tick >= 5 && tick <= 55) {
-        struct steer_request request = {.kind = STEER_PUSH,
-                                        .index = 0,
-                                        .force_n = {tick < 55 ? (double)tick - 4.0 : 0.0},
-                                        .duration_ns = 500000000};
+        struct loop_request request = {.kind = REQUEST_PUSH,
+                                       .index = 0,
+                                       .force_n = {tick < 55 ? (double)tick - 4.0 : 0.0},
+                                       .duration_ns = 500000000};
 
-        assert_true(steering_ask(simulator_steering(p->w.simulator), &request));
+        assert_true(requests_ask(simulator_requests(p->w.simulator), &request));
     }
     while (tick == 60 && simulator_next_event(p->w.simulator, &key, text, sizeof text)) {
         p->count += strstr(text, "body Waist pushed with") != NULL;
@@ -203,10 +203,10 @@ static void sag(struct play *p, int64_t tick)
     double supply = simulator_measured(p->w.simulator)->supply_v;
 
     if (tick == 5 || tick == 10) {
-        struct steer_request request = {.kind = STEER_FAULT, .index = 0, .on = tick == 5};
+        struct loop_request request = {.kind = REQUEST_FAULT, .index = 0, .on = tick == 5};
 
         p->number[0] = supply;
-        assert_true(steering_ask(simulator_steering(p->w.simulator), &request));
+        assert_true(requests_ask(simulator_requests(p->w.simulator), &request));
     }
     if (tick == 7) {
         p->number[1] = supply; /* the request was carried out before tick 6 */
@@ -224,8 +224,8 @@ static void a_fault_counts_for_the_tick_that_comes(void **state)
 
     (void)state;
     perform(&scene, 20, true, sag);
-    expect(0, STEER_OK);
-    expect(1, STEER_OK);
+    expect(0, REQUEST_OK);
+    expect(1, REQUEST_OK);
     assert_true(fabs(play.number[1] - (play.number[2] - 10.0)) < 1e-9);
     assert_true(fabs(play.number[0] - play.number[1]) < 1e-9); /* at tick 10 it was still there */
 }
@@ -234,22 +234,22 @@ static void a_fault_counts_for_the_tick_that_comes(void **state)
 
 static void ask_set(const char *name, double value)
 {
-    struct steering *steering = simulator_steering(play.w.simulator);
-    int index = steering_find(steering, name);
-    struct steer_request request = {.kind = STEER_SET, .index = (size_t)index, .value = value};
+    struct requests *requests = simulator_requests(play.w.simulator);
+    int index = requests_find(requests, name);
+    struct loop_request request = {.kind = REQUEST_SET, .index = (size_t)index, .value = value};
 
     if (index < 0) {
         fail_msg("there is no %s", name);
     }
-    assert_true(steering_ask(steering, &request));
+    assert_true(requests_ask(requests, &request));
 }
 
 static double value_of(const char *name)
 {
-    struct steering *steering = simulator_steering(play.w.simulator);
+    struct requests *requests = simulator_requests(play.w.simulator);
 
-    assert_true(steering_find(steering, name) >= 0);
-    return steering_value(steering, (size_t)steering_find(steering, name));
+    assert_true(requests_find(requests, name) >= 0);
+    return requests_value(requests, (size_t)requests_find(requests, name));
 }
 
 /* The board and axis that drive a joint */
@@ -302,8 +302,8 @@ static double told(const char *joint, uint8_t code)
 
 static void tune(struct play *p, int64_t tick)
 {
-    struct steer_request checkpoint = {.kind = STEER_CHECKPOINT, .index = 1};
-    struct steer_request restore = {.kind = STEER_RESTORE, .index = 1};
+    struct loop_request checkpoint = {.kind = REQUEST_CHECKPOINT, .index = 1};
+    struct loop_request restore = {.kind = REQUEST_RESTORE, .index = 1};
 
     switch (++p->count) {
     case 3:
@@ -311,7 +311,7 @@ static void tune(struct play *p, int64_t tick)
         break;
     case 5:
         p->number[0] = value_of("joint.RKneeSag.position_kp");
-        assert_true(steering_ask(simulator_steering(p->w.simulator), &checkpoint));
+        assert_true(requests_ask(simulator_requests(p->w.simulator), &checkpoint));
         ask_set("joint.RKneeSag.position_kp", -77.0);
         ask_set("joint.RKneeSag.position_kp", 40000.0); /* no int16 */
         ask_set("joint.RKneeSag.position_kp", 1.5);
@@ -328,7 +328,7 @@ static void tune(struct play *p, int64_t tick)
         break;
     case 9:
         p->number[5] = told("RKneeSag", ICUB_GET_P_GAIN);
-        assert_true(steering_ask(simulator_steering(p->w.simulator), &restore));
+        assert_true(requests_ask(simulator_requests(p->w.simulator), &restore));
         break;
     case 11:
         p->number[6] = value_of("joint.RKneeSag.position_kp");
@@ -340,20 +340,20 @@ static void tune(struct play *p, int64_t tick)
     (void)tick;
 }
 
-static void host_and_steering_see_the_same_parameters(void **state)
+static void host_and_requests_see_the_same_parameters(void **state)
 {
     const struct scene scene = {
         .rig = "coman-sensors", .clock = LOOP_CLOCK_FREE, .no_contact = true};
 
     (void)state;
     perform(&scene, 20, true, tune);
-    expect(0, STEER_OK);
-    expect(1, STEER_OK);
-    expect(2, STEER_RANGE);
-    expect(3, STEER_RANGE);
-    expect(4, STEER_OK);
-    expect(5, STEER_OK);
-    expect(6, STEER_OK);
+    expect(0, REQUEST_OK);
+    expect(1, REQUEST_OK);
+    expect(2, REQUEST_RANGE);
+    expect(3, REQUEST_RANGE);
+    expect(4, REQUEST_OK);
+    expect(5, REQUEST_OK);
+    expect(6, REQUEST_OK);
     assert_true(play.number[0] == 321.0);
     assert_true(play.number[1] == -77.0);
     assert_true(play.number[2] == 40.0);
@@ -391,7 +391,7 @@ static void a_winch_takes_its_time(void **state)
 
     (void)state;
     perform(&scene, 401, true, tighten);
-    expect(0, STEER_OK);
+    expect(0, REQUEST_OK);
     assert_true(fabs(play.number[0] - 0.1 * 0.100) < 1e-9); /* ticks 10 to 109 */
     assert_true(play.number[1] == 0.02);
 }
@@ -399,32 +399,32 @@ static void a_winch_takes_its_time(void **state)
 /* Every tunable takes its own value and both its ends */
 static void try_all(struct play *p, int64_t tick)
 {
-    const struct steering *steering = simulator_steering(p->w.simulator);
-    size_t count = steering_tunables(steering), index = p->count / 2;
+    const struct requests *requests = simulator_requests(p->w.simulator);
+    size_t count = requests_tunables(requests), index = p->count / 2;
 
     (void)tick;
     if (p->count >= 2 * count) {
         return;
     }
     for (size_t i = 0; i < p->answers; i++) {
-        assert_int_equal(p->answer[i].verdict, STEER_OK);
+        assert_int_equal(p->answer[i].verdict, REQUEST_OK);
     }
     p->answers = 0;
     if (p->count % 2 == 0) {
-        const struct tunable *tunable = steering_tunable(steering, index);
-        double was = steering_value(steering, index);
+        const struct tunable *tunable = requests_tunable(requests, index);
+        double was = requests_value(requests, index);
         const double value[] = {tunable->min, tunable->max, was};
 
         assert_true(tunable->min <= was && was <= tunable->max);
-        assert_int_equal(steering_find(steering, tunable->name), (int)index);
+        assert_int_equal(requests_find(requests, tunable->name), (int)index);
         p->number[0] = was;
         for (int i = 0; i < 3; i++) {
-            struct steer_request request = {.kind = STEER_SET, .index = index, .value = value[i]};
+            struct loop_request request = {.kind = REQUEST_SET, .index = index, .value = value[i]};
 
-            assert_true(steering_ask(simulator_steering(p->w.simulator), &request));
+            assert_true(requests_ask(simulator_requests(p->w.simulator), &request));
         }
     } else {
-        assert_true(steering_value(steering, index) == p->number[0]);
+        assert_true(requests_value(requests, index) == p->number[0]);
     }
     p->count++;
 }
@@ -451,24 +451,24 @@ static void every_tunable_takes_what_its_range_says(void **state)
 static void go_back_early(struct play *p, int64_t tick)
 {
     if (tick == 2) {
-        ask(&p->w, STEER_CHECKPOINT, 1);
-        ask(&p->w, STEER_RESTORE, 1);
-        ask(&p->w, STEER_RESET, 0);
+        ask(&p->w, REQUEST_CHECKPOINT, 1);
+        ask(&p->w, REQUEST_RESTORE, 1);
+        ask(&p->w, REQUEST_RESET, 0);
     }
 }
 
 static void there_is_no_way_back_while_it_is_recorded(void **state)
 {
-    char directory[] = "/tmp/steering-XXXXXX", file[64];
+    char directory[] = "/tmp/requests-XXXXXX", file[64];
     const struct scene scene = {
         .rig = "coman", .clock = LOOP_CLOCK_FREE, .no_contact = true, .record = directory};
 
     (void)state;
     assert_non_null(mkdtemp(directory));
     perform(&scene, 10, true, go_back_early);
-    expect(0, STEER_OK);
-    expect(1, STEER_RECORDING);
-    expect(2, STEER_RECORDING);
+    expect(0, REQUEST_OK);
+    expect(1, REQUEST_RECORDING);
+    expect(2, REQUEST_RECORDING);
     snprintf(file, sizeof file, "%s/candump.log", directory);
     unlink(file);
     snprintf(file, sizeof file, "%s/signals.csv", directory);
@@ -481,10 +481,10 @@ static void a_task_beside_the_loop_cannot_go_back(void **state)
 {
     const struct scene scene = {
         .rig = "coman", .task = "squat", .clock = LOOP_CLOCK_REAL, .no_contact = true};
-    static const enum steer_kind kinds[] = {STEER_CHECKPOINT, STEER_RESTORE, STEER_RESET,
-                                            STEER_SPEED};
-    struct steer_request request = {.kind = STEER_SPEED, .value = 1000.0};
-    struct steer_answer answer;
+    static const enum request_kind kinds[] = {REQUEST_CHECKPOINT, REQUEST_RESTORE, REQUEST_RESET,
+                                              REQUEST_SPEED};
+    struct loop_request request = {.kind = REQUEST_SPEED, .value = 1000.0};
+    struct request_answer answer;
     struct witness w;
     struct arena arena;
     struct rig rig;
@@ -494,13 +494,13 @@ static void a_task_beside_the_loop_cannot_go_back(void **state)
     for (int i = 0; i < 4; i++) {
         ask(&w, kinds[i], 1);
     }
-    assert_true(steering_ask(simulator_steering(w.simulator), &request));
+    assert_true(requests_ask(simulator_requests(w.simulator), &request));
     simulator_run(w.simulator);
     for (int i = 0; i < 5; i++) {
-        assert_true(steering_answer(simulator_steering(w.simulator), &answer));
-        assert_int_equal(answer.verdict, i < 3    ? STEER_UNAVAILABLE
-                                         : i == 3 ? STEER_CLOCK
-                                                  : STEER_OK);
+        assert_true(requests_answer(simulator_requests(w.simulator), &answer));
+        assert_int_equal(answer.verdict, i < 3    ? REQUEST_UNAVAILABLE
+                                         : i == 3 ? REQUEST_CLOCK
+                                                  : REQUEST_OK);
     }
     assert_int_equal(simulator_checkpoint_size(w.simulator), 0);
     close_scene(&w, &arena);
@@ -514,7 +514,7 @@ int main(void)
         cmocka_unit_test(a_push_that_goes_on_is_told_once_and_at_its_end),
         cmocka_unit_test(the_log_tells_how_hard_a_push_is),
         cmocka_unit_test(a_fault_counts_for_the_tick_that_comes),
-        cmocka_unit_test(host_and_steering_see_the_same_parameters),
+        cmocka_unit_test(host_and_requests_see_the_same_parameters),
         cmocka_unit_test(a_winch_takes_its_time),
         cmocka_unit_test(every_tunable_takes_what_its_range_says),
         cmocka_unit_test(there_is_no_way_back_while_it_is_recorded),

@@ -1,31 +1,31 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What a machine has to offer so that the loop can carry out the requests of rt/steering.h on it:
+ * What a machine has to offer so that the loop can carry out the requests of rt/requests.h on it:
  * the seam between the loop and whatever it drives. The functions are called in the loop's thread,
  * between two ticks, and have to be RT-safe. Virtual times in ns.
  */
-#ifndef RT_STEERING_MACHINE_H
-#define RT_STEERING_MACHINE_H
+#ifndef RT_REQUEST_MACHINE_H
+#define RT_REQUEST_MACHINE_H
 
-#include "rt/steering.h"
+#include "rt/requests.h"
 
 struct loop_stats;
 
 /* A function that is NULL cannot be requested, unless its comment says otherwise. */
-struct steering_machine {
+struct request_machine {
     void *context;
-    enum steer_verdict (*fault)(void *context, size_t index, bool on, int64_t now_ns);
-    enum steer_verdict (*push)(void *context, const struct steer_request *request, int64_t now_ns);
-    enum steer_verdict (*set)(void *context, size_t index, double value);
+    enum request_verdict (*fault)(void *context, size_t index, bool on, int64_t now_ns);
+    enum request_verdict (*push)(void *context, const struct loop_request *request, int64_t now_ns);
+    enum request_verdict (*set)(void *context, size_t index, double value);
     double (*get)(void *context, size_t index);
     /* Copies all state that changes in virtual time to a checkpoint slot, and back from one that
-     * was saved; NULL: time cannot go back. save says STEER_UNAVAILABLE when the slot is too small.
-     * */
-    enum steer_verdict (*save)(void *context, size_t slot);
+     * was saved; NULL: time cannot go back. save says REQUEST_UNAVAILABLE when the slot is too
+     * small. */
+    enum request_verdict (*save)(void *context, size_t slot);
     void (*restore)(void *context, size_t slot);
     uint64_t (*hash)(void *context);
     /* The speed has changed or the loop is paused; NULL = not needed. A machine that has it cannot
-     * run at speed 0 (as fast as possible): STEER_CLOCK. */
+     * run at speed 0 (as fast as possible): REQUEST_CLOCK. */
     void (*pace)(void *context, double speed, bool paused);
     /* Once a tick, when its wait is over: what requests have set in motion moves on by a tick. NULL
      * = nothing does. */
@@ -42,10 +42,10 @@ struct steering_machine {
 };
 
 /* Copies the machine. Memory from arena. ERROR_MEMORY, ERROR_SYSTEM. Not RT-safe. */
-enum error_code steering_create(const struct steering_machine *machine, struct arena *arena,
-                                struct steering **steering, struct error *error);
+enum error_code requests_create(const struct request_machine *machine, struct arena *arena,
+                                struct requests **requests, struct error *error);
 
 /* Closes its descriptor; the arena is the caller's. NULL is allowed. Not RT-safe. */
-void steering_destroy(struct steering *steering);
+void requests_destroy(struct requests *requests);
 
 #endif

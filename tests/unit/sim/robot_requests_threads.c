@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A robot that is steered from another thread with every kind of request, as fast as answers come,
- * while a third reads its state, its tunables and its log and a fourth talks on its buses. The
- * thread sanitizer looks on; without it the test still counts the answers.
+ * A robot that takes requests from another thread with every kind of request, as fast as answers
+ * come, while a third reads its state, its tunables and its log and a fourth talks on its buses.
+ * The thread sanitizer looks on; without it the test still counts the answers.
  */
 #include "base/random.h"
 #include "sim/simulator.h"
-#include "rt/steering.h"
+#include "rt/requests.h"
 
 #include <pthread.h>
 #include <sched.h>
@@ -20,69 +20,69 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-enum { ROUNDS = 120, KINDS = STEER_SET + 1 };
+enum { ROUNDS = 120, KINDS = REQUEST_SET + 1 };
 
 struct crowd {
     struct simulator *simulator;
     struct bus_ports ports;
     size_t nbus;
     atomic_bool stop;
-    uint64_t verdicts[STEER_CUT + 1];
+    uint64_t verdicts[REQUEST_CUT + 1];
     uint64_t lines, frames;
     uint64_t wrong; /* answers that no request of theirs can have */
 };
 
 /* Mostly in range. */
-static struct steer_request next_request(struct crowd *crowd, struct random_stream *random,
-                                         uint64_t ticket)
+static struct loop_request next_request(struct crowd *crowd, struct random_stream *random,
+                                        uint64_t ticket)
 {
-    const struct steering *steering = simulator_steering(crowd->simulator);
-    struct steer_request request = {.ticket = ticket,
-                                    .kind = (enum steer_kind)(random_bits(random) % KINDS),
-                                    .index = random_bits(random) % (STEERING_SLOTS + 1),
-                                    .count = random_bits(random) % 4,
-                                    .value = 100.0 * random_uniform(random),
-                                    .on = random_bits(random) & 1,
-                                    .force_n = {random_uniform(random), 0.0, 1.0},
-                                    .duration_ns = (int64_t)(random_bits(random) % 5) * 1000000};
+    const struct requests *requests = simulator_requests(crowd->simulator);
+    struct loop_request request = {.ticket = ticket,
+                                   .kind = (enum request_kind)(random_bits(random) % KINDS),
+                                   .index = random_bits(random) % (CHECKPOINT_SLOTS + 1),
+                                   .count = random_bits(random) % 4,
+                                   .value = 100.0 * random_uniform(random),
+                                   .on = random_bits(random) & 1,
+                                   .force_n = {random_uniform(random), 0.0, 1.0},
+                                   .duration_ns = (int64_t)(random_bits(random) % 5) * 1000000};
 
-    if (request.kind == STEER_SET) {
-        request.index = random_bits(random) % steering_tunables(steering);
-        request.value = steering_value(steering, request.index);
-    } else if (request.kind == STEER_SPEED) {
+    if (request.kind == REQUEST_SET) {
+        request.index = random_bits(random) % requests_tunables(requests);
+        request.value = requests_value(requests, request.index);
+    } else if (request.kind == REQUEST_SPEED) {
         request.value *= 10.0;
     }
     return request;
 }
 
-/* What may be said to a request of each kind; any is STEER_OK or _RANGE, going back or on is
- * STEER_BUSY during a step, and there is no checkpoint while thousands of frames wait for the task,
- * which reads none when it has given up. */
-static bool verdict_fits(enum steer_kind kind, enum steer_verdict verdict)
+/* What may be said to a request of each kind; any is REQUEST_OK or _RANGE, going back or on is
+ * REQUEST_BUSY during a step, and there is no checkpoint while thousands of frames wait for the
+ * task, which reads none when it has given up. */
+static bool verdict_fits(enum request_kind kind, enum request_verdict verdict)
 {
     static const unsigned further[KINDS] = {
-        [STEER_RESUME] = 1u << STEER_BUSY,
-        [STEER_STEP] = 1u << STEER_BUSY | 1u << STEER_CUT,
-        [STEER_RESET] = 1u << STEER_BUSY,
-        [STEER_CHECKPOINT] = 1u << STEER_UNAVAILABLE,
-        [STEER_RESTORE] = 1u << STEER_BUSY | 1u << STEER_EMPTY,
+        [REQUEST_RESUME] = 1u << REQUEST_BUSY,
+        [REQUEST_STEP] = 1u << REQUEST_BUSY | 1u << REQUEST_CUT,
+        [REQUEST_RESET] = 1u << REQUEST_BUSY,
+        [REQUEST_CHECKPOINT] = 1u << REQUEST_UNAVAILABLE,
+        [REQUEST_RESTORE] = 1u << REQUEST_BUSY | 1u << REQUEST_EMPTY,
     };
-    unsigned always = 1u << STEER_OK;
+    unsigned always = 1u << REQUEST_OK;
 
-    if (kind != STEER_PAUSE && kind != STEER_RESUME && kind != STEER_RESET) {
-        always |= 1u << STEER_RANGE;
+    if (kind != REQUEST_PAUSE && kind != REQUEST_RESUME && kind != REQUEST_RESET) {
+        always |= 1u << REQUEST_RANGE;
     }
     return (always | further[kind]) >> verdict & 1;
 }
 
-static void await_answer(struct crowd *crowd, const struct steer_request *request)
+static void await_answer(struct crowd *crowd, const struct loop_request *request)
 {
-    struct steering *steering = simulator_steering(crowd->simulator);
-    struct steer_request resume = {.kind = STEER_RESUME};
-    struct steer_answer answer;
+    struct requests *requests = simulator_requests(crowd->simulator);
+    struct loop_request resume = {.kind = REQUEST_RESUME};
+    struct request_answer answer;
 
     for (;;) {
-        while (!steering_answer(steering, &answer)) {
+        while (!requests_answer(requests, &answer)) {
             sched_yield();
         }
         if (answer.ticket == request->ticket) {
@@ -92,10 +92,10 @@ static void await_answer(struct crowd *crowd, const struct steer_request *reques
         }
         crowd->wrong += answer.ticket != 0; /* 0 = to the RESUMEs below */
     }
-    while (!steering_ask(steering, &resume)) {
+    while (!requests_ask(requests, &resume)) {
         sched_yield();
     }
-    while (!steering_answer(steering, &answer)) {
+    while (!requests_answer(requests, &answer)) {
         sched_yield();
     }
 }
@@ -106,9 +106,9 @@ static void *asks(void *context)
     struct random_stream random = random_named(7, "asks");
 
     for (uint64_t i = 1; i <= ROUNDS; i++) {
-        struct steer_request request = next_request(crowd, &random, i);
+        struct loop_request request = next_request(crowd, &random, i);
 
-        while (!steering_ask(simulator_steering(crowd->simulator), &request)) {
+        while (!requests_ask(simulator_requests(crowd->simulator), &request)) {
             sched_yield();
         }
         await_answer(crowd, &request);
@@ -120,7 +120,7 @@ static void *asks(void *context)
 static void *looks(void *context)
 {
     struct crowd *crowd = context;
-    const struct steering *steering = simulator_steering(crowd->simulator);
+    const struct requests *requests = simulator_requests(crowd->simulator);
     struct task_runner_status task;
     struct simulator_status status;
     char text[256];
@@ -131,12 +131,12 @@ static void *looks(void *context)
         while (simulator_next_event(crowd->simulator, &key, text, sizeof text)) {
             crowd->lines++;
         }
-        for (size_t i = 0; i < steering_tunables(steering); i++) {
-            sum += steering_value(steering, i);
+        for (size_t i = 0; i < requests_tunables(requests); i++) {
+            sum += requests_value(requests, i);
         }
         simulator_read(crowd->simulator, &status);
         task_runner_read(simulator_task_runner(crowd->simulator), &task);
-        sum += steering_speed(steering) + steering_paused(steering);
+        sum += requests_speed(requests) + requests_paused(requests);
         sched_yield();
     }
     assert_true(sum == sum);
@@ -179,7 +179,7 @@ static void hammer(bool timed)
         .task = "squat",
         .observer = &observer,
         .guests = 1,
-        .steering = true,
+        .requests = true,
         .fault = fault,
         .nfault = sizeof fault / sizeof fault[0],
     };
@@ -216,7 +216,7 @@ static void hammer(bool timed)
     for (int i = 0; i < 3; i++) {
         pthread_join(thread[i], NULL);
     }
-    assert_true(crowd.verdicts[STEER_OK] > ROUNDS / 3);
+    assert_true(crowd.verdicts[REQUEST_OK] > ROUNDS / 3);
     assert_int_equal(crowd.wrong, 0);
     assert_true(crowd.lines > 20);
     assert_true(crowd.frames > 20);

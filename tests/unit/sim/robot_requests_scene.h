@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A whole robot that is steered from within its own thread, and a guest on its buses who notes what
- * is sent: for tests of rt/steering.h. */
-#ifndef TESTS_UNIT_SIM_ROBOT_STEERING_SCENE_H
-#define TESTS_UNIT_SIM_ROBOT_STEERING_SCENE_H
+/* A whole robot that takes requests from within its own thread, and a guest on its buses who notes
+ * what is sent: for tests of rt/requests.h. */
+#ifndef TESTS_UNIT_SIM_ROBOT_REQUESTS_SCENE_H
+#define TESTS_UNIT_SIM_ROBOT_REQUESTS_SCENE_H
 
 #include "base/hash.h"
 #include "sim/simulator.h"
-#include "rt/steering.h"
+#include "rt/requests.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -48,15 +48,15 @@ struct witness {
     struct pass *pass;
     int goes; /* how often it went back */
     uint64_t tickets;
-    struct steer_answer checkpoint;
+    struct request_answer checkpoint;
     bool asked;
 };
 
-static inline void ask(struct witness *w, enum steer_kind kind, size_t index)
+static inline void ask(struct witness *w, enum request_kind kind, size_t index)
 {
-    struct steer_request request = {.ticket = ++w->tickets, .kind = kind, .index = index};
+    struct loop_request request = {.ticket = ++w->tickets, .kind = kind, .index = index};
 
-    assert_true(steering_ask(simulator_steering(w->simulator), &request));
+    assert_true(requests_ask(simulator_requests(w->simulator), &request));
 }
 
 static inline uint64_t hash_measured(const struct plant_sensors *sensors)
@@ -109,7 +109,7 @@ static inline void enable_springs(struct rig *rig)
 
 static inline void open_scene(const struct scene *scene, struct witness *w, struct arena *arena,
                               struct rig *rig, const struct simulator_observer *observer,
-                              uint64_t ticks, bool steered)
+                              uint64_t ticks, bool asked)
 {
     struct simulator_config config = {
         .clock = scene->clock,
@@ -118,7 +118,7 @@ static inline void open_scene(const struct scene *scene, struct witness *w, stru
         .task = scene->task,
         .observer = observer,
         .guests = 1,
-        .steering = steered,
+        .requests = asked,
         .fault = scene->fault,
         .record = scene->record,
         .overwrite = true,

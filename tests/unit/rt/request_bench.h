@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A loop on the scripted clock that is steered: requests come from the host's turn while the loop
- * waits, or from the end of a tick. */
-#ifndef TESTS_UNIT_RT_STEERING_BENCH_H
-#define TESTS_UNIT_RT_STEERING_BENCH_H
+/* A loop on the scripted clock that takes requests: requests come from the host's turn while the
+ * loop waits, or from the end of a tick. */
+#ifndef TESTS_UNIT_RT_REQUEST_BENCH_H
+#define TESTS_UNIT_RT_REQUEST_BENCH_H
 
-#include "rt/steering_machine.h"
+#include "rt/request_machine.h"
 #include "tests/unit/rt/loop_bench.h"
 
-/* The machine behind the steering, and a script of what is asked when. */
-struct steering_bench {
+/* The machine behind the requests, and a script of what is asked when. */
+struct request_bench {
     struct bench *bench;
-    struct steering *steering;
-    uint64_t kept[STEERING_SLOTS];
+    struct requests *requests;
+    uint64_t kept[CHECKPOINT_SLOTS];
     int backs;
     double value;
     int sets, faults;
@@ -19,27 +19,27 @@ struct steering_bench {
     uint64_t paused_at; /* tick at whose end PAUSE is asked */
     int waits_left;     /* while paused, before on_paused */
     int waits;          /* seen while paused */
-    void (*on_paused)(struct steering_bench *sb);
-    void (*each_tick)(struct steering_bench *sb);
+    void (*on_paused)(struct request_bench *sb);
+    void (*each_tick)(struct request_bench *sb);
 };
 
-static struct steering_bench sb;
+static struct request_bench sb;
 
-static inline enum steer_verdict fault(void *context, size_t index, bool on, int64_t time_ns)
+static inline enum request_verdict fault(void *context, size_t index, bool on, int64_t time_ns)
 {
     (void)context;
     (void)time_ns;
     assert_int_equal(index, 1);
     assert_true(on);
     sb.faults++;
-    return STEER_OK;
+    return REQUEST_OK;
 }
 
-static inline enum steer_verdict save(void *context, size_t slot)
+static inline enum request_verdict save(void *context, size_t slot)
 {
     (void)context;
     sb.kept[slot] = sb.bench->tick;
-    return STEER_OK;
+    return REQUEST_OK;
 }
 
 static inline void restore(void *context, size_t slot)
@@ -57,51 +57,51 @@ static inline double get(void *context, size_t index)
     return sb.value;
 }
 
-static inline enum steer_verdict set(void *context, size_t index, double value)
+static inline enum request_verdict set(void *context, size_t index, double value)
 {
     (void)context;
     (void)index;
     sb.value = value;
     sb.sets++;
-    return STEER_OK;
+    return REQUEST_OK;
 }
 
-static inline uint64_t ask(enum steer_kind kind, size_t index, uint64_t count, double value)
+static inline uint64_t ask(enum request_kind kind, size_t index, uint64_t count, double value)
 {
-    struct steer_request request = {.ticket = ++sb.tickets,
-                                    .kind = kind,
-                                    .index = index,
-                                    .count = count,
-                                    .value = value,
-                                    .on = true};
+    struct loop_request request = {.ticket = ++sb.tickets,
+                                   .kind = kind,
+                                   .index = index,
+                                   .count = count,
+                                   .value = value,
+                                   .on = true};
 
-    assert_true(steering_ask(sb.steering, &request));
+    assert_true(requests_ask(sb.requests, &request));
     return sb.tickets;
 }
 
 /* The next answer is to this ticket; returns it */
-static inline struct steer_answer answer(uint64_t ticket, enum steer_verdict verdict)
+static inline struct request_answer answer(uint64_t ticket, enum request_verdict verdict)
 {
-    struct steer_answer got;
+    struct request_answer got;
 
-    assert_true(steering_answer(sb.steering, &got));
+    assert_true(requests_answer(sb.requests, &got));
     assert_int_equal(got.ticket, ticket);
-    assert_string_equal(steer_verdict_text(got.verdict), steer_verdict_text(verdict));
+    assert_string_equal(request_verdict_text(got.verdict), request_verdict_text(verdict));
     return got;
 }
 
 static inline void no_answer(void)
 {
-    struct steer_answer got;
+    struct request_answer got;
 
-    assert_false(steering_answer(sb.steering, &got));
+    assert_false(requests_answer(sb.requests, &got));
 }
 
 static inline void on_tick(struct bench *bench)
 {
     (void)bench;
     if (sb.bench->tick == sb.paused_at) {
-        ask(STEER_PAUSE, 0, 0, 0.0);
+        ask(REQUEST_PAUSE, 0, 0, 0.0);
     }
     if (sb.each_tick) {
         sb.each_tick(&sb);
@@ -111,7 +111,7 @@ static inline void on_tick(struct bench *bench)
 static inline void on_wait(struct bench *bench)
 {
     (void)bench;
-    if (steering_paused(sb.steering)) {
+    if (requests_paused(sb.requests)) {
         sb.waits++;
         if (sb.waits_left-- == 0) {
             sb.on_paused(&sb);
@@ -119,11 +119,11 @@ static inline void on_wait(struct bench *bench)
     }
 }
 
-static inline struct bench *steered_create(enum loop_clock clock, uint64_t ticks)
+static inline struct bench *requested_create(enum loop_clock clock, uint64_t ticks)
 {
     static const struct tunable tunable[] = {{"gain", "", 0.0, 10.0, true},
                                              {"supply_v", "V", -5.0, 5.0, false}};
-    const struct steering_machine machine = {
+    const struct request_machine machine = {
         .fault = fault,
         .set = set,
         .get = get,
@@ -141,21 +141,21 @@ static inline struct bench *steered_create(enum loop_clock clock, uint64_t ticks
     sb.paused_at = UINT64_MAX;
     bench->on_tick = on_tick;
     bench->on_wait = on_wait;
-    assert_int_equal(steering_create(&machine, &bench->arena, &sb.steering, &error), ERROR_NONE);
-    bench->config.steering = sb.steering;
+    assert_int_equal(requests_create(&machine, &bench->arena, &sb.requests, &error), ERROR_NONE);
+    bench->config.requests = sb.requests;
     return bench;
 }
 
-static inline void steered_destroy(struct bench *bench)
+static inline void requested_destroy(struct bench *bench)
 {
-    steering_destroy(sb.steering);
+    requests_destroy(sb.requests);
     bench_destroy(bench);
 }
 
-static inline void go_on(struct steering_bench *unused)
+static inline void go_on(struct request_bench *unused)
 {
     (void)unused;
-    ask(STEER_RESUME, 0, 0, 0.0);
+    ask(REQUEST_RESUME, 0, 0, 0.0);
 }
 
 static inline void send_step(struct bench *bench, uint32_t expected, uint16_t ticks)
@@ -173,17 +173,17 @@ static inline void send_step(struct bench *bench, uint32_t expected, uint16_t ti
 static inline void ask_often_and_stop(struct bench *bench)
 {
     static int turns;
-    struct steer_answer unread;
+    struct request_answer unread;
 
     if (bench->waits == 1) {
         turns = 0;
     }
-    while (steering_answer(sb.steering, &unread)) {
+    while (requests_answer(sb.requests, &unread)) {
     }
     if (++turns == 90) {
         loop_stop(bench->loop);
     } else {
-        ask(STEER_FAULT, 1, 0, 0.0);
+        ask(REQUEST_FAULT, 1, 0, 0.0);
     }
 }
 
