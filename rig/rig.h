@@ -37,9 +37,8 @@ enum rig_hold {
 };
 
 enum rig_dynamics {
-    RIG_DYNAMICS_FASTEST, /* generated code where available, else generic with a notice */
+    RIG_DYNAMICS_FASTEST, /* generated code where there is some, else generic with a notice */
     RIG_DYNAMICS_GENERIC,
-    RIG_DYNAMICS_BUILT_IN, /* with added masses: as fastest, but nothing is compiled */
 };
 
 struct rig_bus {

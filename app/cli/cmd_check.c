@@ -40,9 +40,8 @@ static void check_print_time(const struct rig *rig)
     static const char *const clocks[] = {"real", "lockstep", "free"};
     static const char *const integrators[] = {
         [PLANT_RK4] = "rk4", [PLANT_IMPLICIT] = "implicit", [PLANT_DOPRI5] = "dopri5"};
-    static const char *const dynamics[] = {[RIG_DYNAMICS_FASTEST] = "fastest",
-                                           [RIG_DYNAMICS_GENERIC] = "generic",
-                                           [RIG_DYNAMICS_BUILT_IN] = "fastest without compiling"};
+    static const char *const dynamics[] = {
+        [RIG_DYNAMICS_FASTEST] = "fastest", [RIG_DYNAMICS_GENERIC] = "generic"};
     static const char *const holds[] = {"free", "held until all motors are on", "held"};
     const struct robot_pose *pose = &rig->robot->pose[robot_find_pose(rig->robot, rig->pose)];
     size_t moved = 0;

@@ -67,6 +67,7 @@ static void import_print_result(const struct import_result *result)
     import_print_notes(notes, IMPORT_MISSING);
     import_print_notes(notes, IMPORT_CHANGED);
     printf("next      coman-hil run %s --task hold\n", result->rig);
+    printf("faster    coman-hil generate --module %s\n", result->rig);
 }
 
 static int import_run_request(const struct command_spec *spec, const struct import_request *request)

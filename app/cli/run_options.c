@@ -18,10 +18,6 @@ enum { KINDS_SIZE = 4096 };
 
 static const struct option_word clock_words[] = {
     {"real", LOOP_CLOCK_REAL}, {"lockstep", LOOP_CLOCK_LOCKSTEP}, {"free", LOOP_CLOCK_FREE}, {0}};
-static const struct option_word compile_words[] = {{"wait", DYNAMICS_COMPILE_WAIT},
-                                                   {"background", DYNAMICS_COMPILE_BACKGROUND},
-                                                   {"never", DYNAMICS_COMPILE_NEVER},
-                                                   {0}};
 static const struct option_word hold_words[] = {
     {"none", RIG_HOLD_NONE}, {"until_enabled", RIG_HOLD_ENABLED}, {"always", RIG_HOLD_ALWAYS}, {0}};
 static const struct option_word overrun_words[] = {
@@ -99,10 +95,6 @@ static const struct option_spec options[] = {
      "account for electrical energy, heat and stored energy; the summary says how well the account "
      "balances",
      .value = &read.energy},
-    {"--compile", OPTION_ENUM, "WHEN",
-     "dynamics that are not compiled yet: background, for the next start, this one is numeric; "
-     "wait for them; never; by default background with the real clock, else wait",
-     .value = &read.compile, .words = compile_words},
     {"--overrun", OPTION_ENUM, "POLICY", "skip, slip or stop; the rig's by default",
      .value = &read.overrun, .words = overrun_words},
     {"--fault", OPTION_LIST, "LINE",
@@ -163,7 +155,6 @@ bool run_options_read(int argc, char **argv, struct run_options *out, int *statu
                                 .http_linger_s = -1.0,
                                 .seed = -1,
                                 .clock = -1,
-                                .compile = -1,
                                 .overrun = -1,
                                 .hold = -1,
                                 .wire = -1,
@@ -316,10 +307,6 @@ enum error_code run_options_configure(const struct run_options *given, const str
         .guests = run_options_http(given, rig) != NULL,
         .row_period_ns = given->record_period_ms * CLOCK_MS,
     };
-    /* Who asks for the same bits at each repeat waits; who drives in real time does not */
-    config->compile = given->compile >= 0                ? (enum dynamics_compile)given->compile
-                      : config->clock == LOOP_CLOCK_REAL ? DYNAMICS_COMPILE_BACKGROUND
-                                                         : DYNAMICS_COMPILE_WAIT;
 
     if (given->set.count > 0 && !given->task) {
         return error_set(error, ERROR_INPUT, "found --set without --task");
