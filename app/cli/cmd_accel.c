@@ -346,7 +346,7 @@ static enum error_code accel_run(const void *context, const struct robot *robot,
 int cmd_accel(int argc, char **argv)
 {
     static struct accel_options o;
-    static const struct option_word implementations[] = {
+    static const struct word implementations[] = {
         {"generic", GENERIC}, {"generated", GENERATED}, {NULL, 0}};
     static const struct option_spec options[] = {
         {"--variant", OPTION_STRING, "NAME",
