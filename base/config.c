@@ -19,11 +19,6 @@ enum { ENTRIES_MAX = 1024 };
 static const char suffix[] = ".yaml";
 static const char *const kinds[CONFIG_KINDS] = {"rig", "robot", "scenario", "drive", "protocol"};
 
-const char *config_kind_name(enum config_kind kind)
-{
-    return kinds[kind];
-}
-
 /* ---- the trees ---- */
 
 /* PREFIX/share/coman-hil of a program in PREFIX/bin, and config beside it; "" when unknown. */

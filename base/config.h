@@ -36,9 +36,6 @@ struct config_entry {
     const char *name, *path;
 };
 
-/* "rig", "robot", "scenario", "drive", "protocol". */
-const char *config_kind_name(enum config_kind kind);
-
 /* Finds the path of one of a kind. What has a slash or a dot is a path already; a
  * bare name NAME is the file of that name if there is one, else NAME.yaml of the first tree that
  * has it. ERROR_INPUT gives the nearest name, or the places that were searched. */

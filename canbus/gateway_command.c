@@ -21,7 +21,9 @@ enum {
 
 /* ---- frames ---- */
 
-bool gateway_is_step(const struct gateway *gateway, size_t bus, const struct bus_frame *frame)
+/* Whether a frame is the STEP or the DONE of lockstep. */
+static bool gateway_is_step(const struct gateway *gateway, size_t bus,
+                            const struct bus_frame *frame)
 {
     const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
 
@@ -235,7 +237,8 @@ static void gateway_drain_clients(struct gateway *gateway)
     }
 }
 
-bool gateway_is_behind(const struct gateway_client *client)
+/* Whether a client has to read first: the STEP waits for it. */
+static bool gateway_is_behind(const struct gateway_client *client)
 {
     return client->socket >= 0 && client->mode == CLIENT_RAW &&
            client->waiting > GATEWAY_OUTBOX / 2;

@@ -87,8 +87,6 @@ static inline bool gateway_step_runs(const struct gateway *gateway)
     return gateway->step_until_ms > 0;
 }
 
-/* Whether a frame is the STEP or the DONE of lockstep. */
-bool gateway_is_step(const struct gateway *gateway, size_t bus, const struct bus_frame *frame);
 bool gateway_is_done(const struct gateway *gateway, const struct bus_frame *frame);
 
 /* Executes every complete command in the inbox, up to a STEP, which stays until it is released;
@@ -98,8 +96,5 @@ void gateway_execute_inbox(struct gateway *gateway, struct gateway_client *clien
 /* Sends the STEP that waits, if one does and nothing is in its way: once every client has been read
  * to the end and has taken most of what waits for it. */
 void gateway_release_step(struct gateway *gateway);
-
-/* Whether a client has to read first: the STEP waits for it. */
-bool gateway_is_behind(const struct gateway_client *client);
 
 #endif

@@ -244,11 +244,6 @@ struct wire *local_bus_wire(const struct local_bus *bus)
     return bus->wire;
 }
 
-size_t local_bus_node(const struct can_port *port)
-{
-    return local_node_of_port(port)->first_controller;
-}
-
 void local_bus_tap(struct local_bus *bus, void (*tap)(void *context, const struct bus_frame *frame),
                    void *context)
 {

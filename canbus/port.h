@@ -128,9 +128,6 @@ void socketcan_seek(struct can_port *port);
 /* Whether the kernel can open CAN sockets at all. Not RT-safe. */
 bool socketcan_available(void);
 
-/* Whether the named interface exists (any state). Not RT-safe. */
-bool socketcan_interface_exists(const char *interface);
-
 /*
  * A bus in the process. Nodes may live in different threads (lock-free).
  *
@@ -202,9 +199,6 @@ void local_bus_advance(struct local_bus *bus, int64_t now_ns);
 /* The wire, to inspect it and to inject faults from the thread that advances it; NULL in ideal
  * mode. RT-safe. */
 struct wire *local_bus_wire(const struct local_bus *bus);
-
-/* The controller on the wire of the first of a port's nodes; the others follow. RT-safe. */
-size_t local_bus_node(const struct can_port *port);
 
 /* Calls tap, in the thread that advances, for every frame that the wire has carried to its end, in
  * the order of the wire. To be set before the first frame. No effect in ideal mode. RT-safe. */

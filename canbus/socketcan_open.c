@@ -261,13 +261,3 @@ bool socketcan_available(void)
     socketcan_close_descriptor(descriptor);
     return descriptor >= 0;
 }
-
-bool socketcan_interface_exists(const char *interface)
-{
-    const int link = link_open();
-    struct link_info info;
-    const bool exists = link >= 0 && !link_query(link, interface, &info);
-
-    socketcan_close_descriptor(link);
-    return exists;
-}

@@ -210,7 +210,8 @@ void plant_effects_end(struct plant *plant)
 
 /* ---- the supply ---- */
 
-double plant_bridge_power(const struct plant *plant, const double *state)
+/* Power that the bridges take from the supply, W. */
+static double plant_bridge_power(const struct plant *plant, const double *state)
 {
     double power = 0.0;
 

@@ -185,9 +185,6 @@ void plant_effects_derive(const struct plant *plant, const double *state, size_t
 void plant_effects_begin(struct plant *plant);
 void plant_effects_end(struct plant *plant);
 
-/* Power that the bridges take from the supply, W. */
-double plant_bridge_power(const struct plant *plant, const double *state);
-
 /* Rates of the bus; work may be NULL. */
 void plant_supply_derive(const struct plant *plant, const double *state, double *derivative,
                          double *work);

@@ -149,10 +149,6 @@ static enum error_code rig_build_time(struct rig_builder *b)
     rig->integrator = (enum plant_integrator)raw->integrator;
     rig->tolerance = raw->tolerance;
     rig->dynamics = (enum rig_dynamics)raw->dynamics;
-    if (raw->robot.nmass && rig->dynamics == RIG_DYNAMICS_FASTEST) {
-        /* Code would be compiled for each mass that a sweep draws */
-        rig->dynamics = RIG_DYNAMICS_BUILT_IN;
-    }
     return rig_build_supply(b);
 }
 

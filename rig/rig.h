@@ -10,6 +10,7 @@
 
 #include "base/arena.h"
 #include "base/error.h"
+#include "base/word.h"
 #include "base/yaml.h"
 #include "boards/board.h"
 #include "boards/sensing/sensing.h"
@@ -37,10 +38,13 @@ enum rig_hold {
 };
 
 enum rig_dynamics {
-    RIG_DYNAMICS_FASTEST, /* generated code where available, else generic with a notice */
+    RIG_DYNAMICS_FASTEST, /* generated code where there is some, else generic with a notice */
     RIG_DYNAMICS_GENERIC,
-    RIG_DYNAMICS_BUILT_IN, /* with added masses: as fastest, but nothing is compiled */
 };
+
+/* The words of enums in rig files and options; of the wire: 0 ideal, 1 timed. */
+extern const struct word rig_integrator_words[], rig_dynamics_words[], rig_engine_words[];
+extern const struct word rig_hold_words[], rig_wire_words[];
 
 struct rig_bus {
     const char *name;

@@ -4,7 +4,7 @@
 #include "base/ring.h"
 #include "canbus/replay_port.h"
 #include "rig/faults.h"
-#include "sim/module_cache.h"
+#include "sim/robot_dynamics.h"
 #include "sim/simulator_private.h"
 
 static enum error_code simulator_check_config(const struct simulator_config *config,
@@ -136,29 +136,6 @@ static int64_t simulator_wall_time_ns(void *clock)
     return clock_now(clock);
 }
 
-static enum error_code simulator_create_dynamics(struct simulator *simulator, struct error *error)
-{
-    const struct rig *rig = simulator->config.rig;
-    const struct dynamics_compiling compiling = {
-        .when = simulator->config.compile,
-        .progress = simulator->config.compiling,
-        .loop_cpu = rig->realtime.cpu,
-    };
-    char folder[4096];
-
-    if (rig->dynamics == RIG_DYNAMICS_GENERIC) {
-        error_set(&simulator->dynamics_notice, ERROR_NONE, "numeric dynamics, as the rig says");
-        return dynamics_generic(rig->robot, simulator->arena, &simulator->dynamics, error);
-    }
-    if (rig->dynamics == RIG_DYNAMICS_BUILT_IN) {
-        return dynamics_built_in(rig->robot, simulator->arena, &simulator->dynamics,
-                                 &simulator->dynamics_notice, error);
-    }
-    return dynamics_fastest(rig->robot, module_cache_folder(folder, sizeof folder) ? folder : NULL,
-                            &compiling, simulator->arena, &simulator->dynamics, &simulator->library,
-                            &simulator->dynamics_notice, error);
-}
-
 /* Clamps the robot where the rig holds it, puts it into its pose and lets it settle. */
 static enum error_code simulator_place_robot(struct simulator *simulator, struct error *error)
 {
@@ -201,7 +178,9 @@ static enum error_code simulator_create_plant(struct simulator *simulator, struc
         .now_ns = simulator_wall_time_ns,
         .clock = simulator->time,
     };
-    enum error_code code = simulator_create_dynamics(simulator, error);
+    enum error_code code =
+        robot_dynamics_create(simulator->config.rig, simulator->arena, &simulator->dynamics,
+                              &simulator->library, &simulator->dynamics_notice, error);
 
     if (!code && rig->contact_engine != RIG_CONTACT_NONE) {
         code = simulator_create_contact(simulator, error);

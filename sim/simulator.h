@@ -10,7 +10,6 @@
 #include "base/journal.h"
 #include "canbus/gateway.h"
 #include "model/settle.h"
-#include "model/symbolic/builtin.h"
 #include "rig/rig.h"
 #include "rt/loop.h"
 #include "rt/realtime.h"
@@ -72,10 +71,8 @@ struct simulator_config {
     const struct gateway_config *gateway; /* host and port; NULL = none */
     const char *record;                   /* directory, NULL = none */
     bool overwrite;
-    unsigned record_format;             /* of rows: enum recorder_format; 0 = CSV */
-    int64_t row_period_ns;              /* of signals.csv, a multiple of the tick */
-    enum dynamics_compile compile;      /* the dynamics of a robot that are not built in */
-    struct symbolic_progress compiling; /* while that is waited for */
+    unsigned record_format; /* of rows: enum recorder_format; 0 = CSV */
+    int64_t row_period_ns;  /* of signals.csv, a multiple of the tick */
 };
 
 struct bus_status {

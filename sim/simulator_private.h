@@ -7,7 +7,7 @@
 #ifndef SIM_PRIVATE_H
 #define SIM_PRIVATE_H
 
-#include "model/symbolic/builtin.h"
+#include "model/symbolic/symbolic.h"
 #include "rt/pace.h"
 #include "sim/external.h"
 #include "sim/fault_injection.h"

@@ -158,7 +158,7 @@ static void gait_plan_future(const struct gait *gait, struct dcm_plan *plan)
 }
 
 /* The lines of the zero-moment point from the begin of the present phase. */
-void gait_plan(const struct gait *gait, struct dcm_plan *plan)
+static void gait_plan(const struct gait *gait, struct dcm_plan *plan)
 {
     double stance[2], to[2];
 

@@ -25,9 +25,6 @@ void gait_foothold_of(const struct gait *gait, int side, const struct gait_footh
  * 0 to 1 between them. */
 double gait_left_share(const struct gait *gait, const double point[2]);
 
-/* The lines of the zero-moment point from the begin of the present phase. */
-void gait_plan(const struct gait *gait, struct dcm_plan *plan);
-
 void gait_begin(struct gait *gait, enum gait_phase phase, double duration_s);
 
 /* The next step: from now on stance carries, the other foot goes. */

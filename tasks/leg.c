@@ -118,26 +118,6 @@ static void leg_turn(double R[9], int axis, double angle)
     mat3_mul(old, turn, R);
 }
 
-void leg_forward(const struct leg_geometry *leg, const double angle[LEG_JOINTS],
-                 struct body_pose *foot)
-{
-    double step[LEG_JOINTS][3] = {{0}}, offset[3];
-
-    /* From joint to joint of the chain, at the angles 0 */
-    vec3_sub(leg->hip, leg->offset, step[0]);
-    memcpy(step[1], leg->offset, sizeof step[1]);
-    step[3][2] = -leg->thigh_m;
-    step[4][2] = -leg->shank_m;
-
-    mat3_identity(foot->R);
-    memset(foot->p, 0, sizeof foot->p);
-    for (int i = 0; i < LEG_JOINTS; i++) {
-        mat3_apply(foot->R, step[i], offset);
-        vec3_add_scaled(foot->p, 1, offset, foot->p);
-        leg_turn(foot->R, leg_axis[leg->chain[i]], angle[leg->chain[i]]);
-    }
-}
-
 /* The knee's angle from the distance that it is to span. Within its limits; when these change it
  * the result is false and scale what the distance becomes by. */
 static bool leg_bend_knee(const struct leg_geometry *leg, double length, double least_knee,

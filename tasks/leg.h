@@ -55,10 +55,6 @@ struct leg_geometry {
 enum error_code leg_find(const struct body_model *model, int side, int link[LEG_JOINTS],
                          struct leg_geometry *leg, struct error *error);
 
-/* The foot's pose for joint angles. */
-void leg_forward(const struct leg_geometry *leg, const double angle[LEG_JOINTS],
-                 struct body_pose *foot);
-
 /* Joint angles for a pose of the foot; the knee bends forward (k >= 0). When the foot is out of
  * reach the leg stretches or folds in its direction as far as least_knee and greatest_knee (rad)
  * allow, and the result is false. Of the second kind the foot's pitch against the pelvis, hip +

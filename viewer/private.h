@@ -342,10 +342,6 @@ struct series {
     uint64_t step;       /* rows that two points stand for; 1: each row is a point */
 };
 
-/* How many points, and bytes of their message. */
-size_t series_points(const struct series *series);
-size_t series_bytes(const struct series *series);
-
 /* Sends them as one binary message (docs/page.md); false: there is no room for it. */
 bool client_put_series(struct viewer *viewer, struct viewer_client *client,
                        const struct series *series, uint32_t id, uint64_t lost);

@@ -98,14 +98,15 @@ static void series_find_kept(const struct history *history, const struct viewer_
     }
 }
 
-size_t series_points(const struct series *series)
+/* How many points its message has. */
+static size_t series_points(const struct series *series)
 {
     uint64_t count = series->end - series->first;
 
     return (size_t)(series->step == 1 ? count : 2 * ((count + series->step - 1) / series->step));
 }
 
-size_t series_bytes(const struct series *series)
+static size_t series_bytes(const struct series *series)
 {
     return SERIES_HEADER + series_points(series) * (8 + 4 * series->nsignal);
 }

@@ -9,7 +9,8 @@
 
 static const double HOUR_S = 3600.0;
 
-struct throughput_spread throughput_spread(double *value, size_t count)
+/* Of count values, at least 1, which it sorts. */
+static struct throughput_spread throughput_spread(double *value, size_t count)
 {
     for (size_t i = 0; i < count; i++) {
         if (isnan(value[i])) {

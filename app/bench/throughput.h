@@ -63,9 +63,6 @@ struct throughput {
     struct throughput_rig rig[THROUGHPUT_RIGS];
 };
 
-/* Of count values, at least 1, which it sorts. */
-struct throughput_spread throughput_spread(double *value, size_t count);
-
 /* Where the whole case was not dearer than its start, by noise, what follows from it is NAN. */
 void throughput_derive(const struct throughput *all, const struct throughput_rig *rig,
                        struct throughput_figures *figures);

@@ -5,7 +5,6 @@
  */
 #include "app/cli/commands.h"
 
-#include "app/cli/compiling.h"
 #include "app/cli/rig_command.h"
 #include "base/arena.h"
 #include "base/count.h"
@@ -13,7 +12,7 @@
 #include "base/text.h"
 #include "manual/accel.h"
 #include "model/symbolic/builtin.h"
-#include "sim/module_cache.h"
+#include "sim/robot_dynamics.h"
 
 #include <errno.h>
 #include <math.h>
@@ -278,31 +277,19 @@ static enum error_code make_dynamics(const struct robot *robot, int implementati
                                      struct arena *arena, struct dynamics *d,
                                      struct symbolic_library *library, struct error *error)
 {
-    struct symbolic_options options = {.lanes = 4, .this_cpu = true};
-    const struct dynamics_module *module = symbolic_builtin_exact(robot);
-    char folder[4096];
+    struct error notice;
+    enum error_code code;
 
     if (implementation == GENERIC) {
         return dynamics_generic(robot, arena, d, error);
     }
-    if (!module) {
-        struct compiling compiling;
-        enum error_code code;
-
-        options.progress = compiling_begin(&compiling, NULL, stderr, isatty(STDERR_FILENO));
-        if (!module_cache_folder(folder, sizeof folder)) {
-            return error_set(error, ERROR_SYSTEM,
-                             "found no folder to compile in, expected "
-                             "XDG_CACHE_HOME or HOME to name one");
-        }
-        code = symbolic_build(robot, &options, folder, library, error);
-        compiling_end(&compiling);
-        if (code) {
-            return code;
-        }
-        module = library->module;
+    code = robot_dynamics_fastest(robot, arena, d, library, &notice, error);
+    if (!code && strcmp(d->ops->name, "generated")) {
+        code = error_set(error, ERROR_UNSUPPORTED,
+                         "%.400s; coman-hil generate --module makes one for the robot of a rig",
+                         notice.text);
     }
-    return dynamics_generated(robot, module, arena, d, error);
+    return code;
 }
 
 static enum error_code accel_answer_all(const struct robot *robot, const struct dynamics *d,
@@ -359,7 +346,7 @@ static enum error_code accel_run(const void *context, const struct robot *robot,
 int cmd_accel(int argc, char **argv)
 {
     static struct accel_options o;
-    static const struct option_word implementations[] = {
+    static const struct word implementations[] = {
         {"generic", GENERIC}, {"generated", GENERATED}, {NULL, 0}};
     static const struct option_spec options[] = {
         {"--variant", OPTION_STRING, "NAME",

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil generate: writes the C code of a robot's dynamics. */
+/* coman-hil generate: writes the C code of a robot's dynamics, or compiles it for runs of a rig. */
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
@@ -8,11 +8,13 @@
 #include "base/options.h"
 #include "base/whole_file.h"
 #include "manual/generate.h"
-#include "model/symbolic/symbolic.h"
+#include "model/symbolic/builtin.h"
+#include "sim/robot_dynamics.h"
 
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
 
 enum { PATH_SIZE = 1024 };
 
@@ -74,10 +76,65 @@ static enum error_code generate_file(const void *context, const struct robot *ro
     return ERROR_NONE;
 }
 
+/* ---- modules ---- */
+
+/* Makes the module of a robot unless there is one; folder: where it lies then. */
+static enum error_code generate_compile(const struct robot *robot, const char *folder,
+                                        struct error *error)
+{
+    struct symbolic_library library;
+    enum error_code code;
+
+    if (!symbolic_find(robot, &robot_dynamics_module, folder, &library, NULL)) {
+        printf("the dynamics of %s are in %s already\n", robot->name, folder);
+        symbolic_close(&library);
+        return ERROR_NONE;
+    }
+    fprintf(stderr, "compiling the dynamics of %s: some seconds for each ten of its %zu joints\n",
+            robot->name, robot->njoint);
+
+    /* Others may read what root makes; nobody else may write, or it would not be run */
+    umask(022);
+    code = folder_make_all(folder, error);
+    code = code ? code : symbolic_build(robot, &robot_dynamics_module, folder, &library, error);
+    if (!code) {
+        printf("the dynamics of %s are in %s now\n", robot->name, folder);
+        symbolic_close(&library);
+    }
+    return code;
+}
+
+static int generate_module(void *options, const struct rig *rig, struct arena *arena)
+{
+    char folder[PATH_SIZE];
+    struct error error;
+    enum error_code code;
+
+    (void)options;
+    (void)arena;
+    if (symbolic_builtin(rig->robot)) {
+        printf("the dynamics of %s are built in\n", rig->robot->name);
+        return STATUS_OK;
+    }
+    code = robot_dynamics_folder(folder, sizeof folder)
+               ? generate_compile(rig->robot, folder, &error)
+               : error_set(&error, ERROR_SYSTEM,
+                           "found no folder for the module, expected XDG_CACHE_HOME or HOME to "
+                           "name one");
+    if (code) {
+        return command_fail("generate", &error);
+    }
+    if (rig->dynamics == RIG_DYNAMICS_GENERIC) {
+        printf("%s has dynamics: generic; with dynamics: fastest it takes them\n", rig->file);
+    }
+    return STATUS_OK;
+}
+
 int cmd_generate(int argc, char **argv)
 {
-    static const struct option_word lanes[] = {{"1", 1}, {"2", 2}, {"4", 4}, {NULL, 0}};
-    struct generate_options o = {.folder = ".", .symbolic = {.lanes = 4}};
+    static const struct word lanes[] = {{"1", 1}, {"2", 2}, {"4", 4}, {NULL, 0}};
+    struct generate_options o = {.symbolic = {.lanes = 4}};
+    bool module = false;
     const struct option_spec options[] = {
         {"--output", OPTION_STRING, "DIR",
          "folder to write into, which must exist; the current one by default", .value = &o.folder,
@@ -86,22 +143,35 @@ int cmd_generate(int argc, char **argv)
         {"--lanes", OPTION_ENUM, "N",
          "at most this many identical limbs side by side; 4 by default", .value = &o.symbolic.lanes,
          .words = lanes},
+        {"--module", OPTION_FLAG, NULL,
+         "compile the robot of a rig, for all runs that compute with its dynamics",
+         .value = &module},
     };
-    const struct operand_spec operands[] = {
-        {"ROBOT", "a robot's file or name", true, &o.robot, .noun = "robots"}};
+    const struct operand_spec operands[] = {{"ROBOT",
+                                             "a robot's file or name; with --module a rig's", true,
+                                             &o.robot, .noun = "robots"}};
     const struct command_spec spec = {
         .name = "generate",
-        .summary = "Write C code for the dynamics of a robot.",
+        .summary = "Write C code for the dynamics of a robot, or compile it for runs of a rig.",
         .option = options,
         .noption = ARRAY_COUNT(options),
         .operand = operands,
         .noperand = ARRAY_COUNT(operands),
         .manual = MANUAL_GENERATE,
     };
+    struct error error;
     int status;
 
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
-    return robot_command("generate", o.robot, o.variant, &o, generate_file);
+    if (module && (o.folder || o.variant || o.symbolic.lanes != 4)) {
+        error_set(&error, ERROR_INPUT,
+                  "found --module with --output, --variant or --lanes: a module is that of the "
+                  "rig's robot, in the folder where runs look for it");
+        return command_fail("generate", &error);
+    }
+    o.folder = o.folder ? o.folder : ".";
+    return module ? rig_command("generate", o.robot, &o, generate_module)
+                  : robot_command("generate", o.robot, o.variant, &o, generate_file);
 }

@@ -2,7 +2,6 @@
 /* coman-hil run: a rig from start to summary. */
 #include "app/cli/commands.h"
 
-#include "app/cli/compiling.h"
 #include "app/cli/firmware.h"
 #include "app/cli/monitor.h"
 #include "app/cli/page.h"
@@ -414,7 +413,6 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     const struct rig *rig = loaded;
     struct simulator_config config;
     struct simulator *simulator;
-    struct compiling compiling;
     struct task_input input;
     struct control *control;
     struct page page = {.viewer = NULL};
@@ -438,11 +436,9 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     }
     config.task_input = &input;
     config.gateway = options->gateway ? &gateway : NULL;
-    config.compiling = compiling_begin(&compiling, &manager, stderr, isatty(STDERR_FILENO));
 
     /* The simulator, the socket that controls it, the page, and the run */
     code = simulator_create(&config, arena, &simulator, notice, &error);
-    compiling_end(&compiling);
     if (code) {
         return command_fail("run", &error);
     }

@@ -34,8 +34,9 @@ static double find_busiest_bus(const struct simulator *simulator,
     return most;
 }
 
-void monitor_format(const struct simulator *simulator, const struct simulator_status *before,
-                    const struct simulator_status *status, char *text, size_t size)
+/* The status line's text. before is the status at the last line (zeros at first). */
+static void monitor_format(const struct simulator *simulator, const struct simulator_status *before,
+                           const struct simulator_status *status, char *text, size_t size)
 {
     const struct rig *rig = simulator_configuration(simulator)->rig;
     int64_t wall = status->elapsed_ns - before->elapsed_ns;

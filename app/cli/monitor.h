@@ -41,8 +41,4 @@ enum error_code monitor_start(struct monitor *monitor, const struct monitor_conf
 /* Prints the remaining events and joins the thread. */
 void monitor_stop(struct monitor *monitor);
 
-/* The status line's text. before is the status at the last line (zeros at first). */
-void monitor_format(const struct simulator *simulator, const struct simulator_status *before,
-                    const struct simulator_status *status, char *text, size_t size);
-
 #endif

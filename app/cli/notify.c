@@ -92,15 +92,6 @@ void notify_status(const struct notify *notify, const char *text)
     notify_send(notify, line);
 }
 
-void notify_busy(const struct notify *notify, int patience_s, const char *text)
-{
-    char line[TEXT_SIZE];
-
-    snprintf(line, sizeof line, "EXTEND_TIMEOUT_USEC=%lld\nWATCHDOG=1\nSTATUS=%s",
-             1000000LL * patience_s, text);
-    notify_send(notify, line);
-}
-
 void notify_stopping(const struct notify *notify)
 {
     notify_send(notify, "STOPPING=1");

@@ -42,10 +42,6 @@ void notify_watch(struct notify *notify, const struct notify_health *health, int
 /* The line that `systemctl status` shows. */
 void notify_status(const struct notify *notify, const char *text);
 
-/* Long work outside the loop, as in starting: the manager's patience begins anew, for start-up
- * patience_s (EXTEND_TIMEOUT_USEC) and for the watchdog. */
-void notify_busy(const struct notify *notify, int patience_s, const char *text);
-
 /* The run is ending (STOPPING=1), or restarting (RELOADING=1) until the next READY=1. */
 void notify_stopping(const struct notify *notify);
 void notify_reloading(struct notify *notify);

@@ -20,7 +20,6 @@ struct run_options {
     int64_t ticks, record_period_ms; /* ticks: 0 = not given */
     int64_t seed;                    /* -1 = the rig's */
     int clock, overrun, hold, wire;  /* -1 = the rig's */
-    int compile;                     /* enum dynamics_compile; -1 = by the clock */
     int transport;
     int record_format; /* enum recorder_format; 0 = the rig's */
     bool settle, energy, force, quiet;

@@ -101,8 +101,9 @@ static void moments_repair(double moment[3])
     }
 }
 
-enum error_code reduce_check_inertia(struct reducer *r, const struct import_link *link,
-                                     struct robot_inertia *inertia)
+/* Makes impossible inertias possible or refuses them. */
+static enum error_code reduce_check_inertia(struct reducer *r, const struct import_link *link,
+                                            struct robot_inertia *inertia)
 {
     double moment[3], V[9], back[9];
     struct error why;

@@ -68,10 +68,6 @@ double reduce_follow(const struct reducer *r, size_t j);
 
 /* ---- */
 
-/* Makes impossible inertias possible or refuses them. */
-enum error_code reduce_check_inertia(struct reducer *r, const struct import_link *link,
-                                     struct robot_inertia *inertia);
-
 /* Frames of the links that are part of a body, sensors and poses. */
 enum error_code reduce_add_frames(struct reducer *r);
 enum error_code reduce_add_poses(struct reducer *r);

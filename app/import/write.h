@@ -14,10 +14,6 @@
 
 #include <stdio.h>
 
-/* A number with as many digits as it takes to read it back to the last bit. */
-void import_write_real(FILE *out, double value);
-void import_write_reals(FILE *out, const double *value, size_t count);
-
 /* The robot file. */
 enum error_code import_write_robot(const struct import_robot *from, const char *path,
                                    struct error *error);

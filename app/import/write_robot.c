@@ -11,7 +11,8 @@
 
 /* ---- numbers ---- */
 
-void import_write_real(FILE *out, double value)
+/* A number with as many digits as it takes to read it back to the last bit. */
+static void import_write_real(FILE *out, double value)
 {
     char text[32];
 
@@ -28,7 +29,7 @@ void import_write_real(FILE *out, double value)
     }
 }
 
-void import_write_reals(FILE *out, const double *value, size_t count)
+static void import_write_reals(FILE *out, const double *value, size_t count)
 {
     fputc('[', out);
     for (size_t i = 0; i < count; i++) {

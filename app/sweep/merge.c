@@ -70,8 +70,10 @@ static int merge_is_result(const struct dirent *entry)
     return dot && !strcmp(dot, ".json");
 }
 
-enum error_code plan_collect(const struct plan *plan, struct arena *arena,
-                             struct plan_result **results, struct error *error)
+/* Reads the results of all cases, in the order of the cases. ERROR_INPUT when one is missing or
+ * there twice, or is of another plan or program. */
+static enum error_code plan_collect(const struct plan *plan, struct arena *arena,
+                                    struct plan_result **results, struct error *error)
 {
     struct plan_result *all = arena_alloc(arena, plan->ncase, sizeof *all), one;
     const struct plan_result *first = NULL;
@@ -224,7 +226,7 @@ static enum error_code merge_write_junit(const struct plan *plan, const struct p
 enum error_code plan_merge(const char *path, size_t *ncase, size_t *failed, struct error *error)
 {
     struct plan plan;
-    struct plan_result *result;
+    struct plan_result *result = NULL;
     char to[PATH_MAX];
     struct arena arena;
     enum error_code code = arena_init(&arena, MEMORY, error);

@@ -101,11 +101,6 @@ void plan_results_folder(const struct plan *plan, char path[PATH_MAX]);
 enum error_code plan_read_result(const char *path, struct arena *arena, struct plan_result *result,
                                  struct error *error);
 
-/* Reads the results of all cases, in the order of the cases. ERROR_INPUT when one is missing or
- * there twice, or is of another plan or program. */
-enum error_code plan_collect(const struct plan *plan, struct arena *arena,
-                             struct plan_result **results, struct error *error);
-
 /* Writes PLAN.xml (JUnit), PLAN.csv and PLAN.html. failed receives how many cases did not pass. */
 enum error_code plan_merge(const char *path, size_t *ncase, size_t *failed, struct error *error);
 

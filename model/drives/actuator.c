@@ -79,7 +79,9 @@ double sea_energy(const struct robot_sea *sea, const struct sea_state *state, do
            stop_energy(&sea->stop, spring_stop_depth(sea, deflection));
 }
 
-double parallel_spring_extension(const struct robot_parallel_spring *spring, double p, double q)
+/* Extension x = p - r s q of the parallel spring, m; it pulls while x < 0. */
+static double parallel_spring_extension(const struct robot_parallel_spring *spring, double p,
+                                        double q)
 {
     return p - spring->r * spring->s * q;
 }

@@ -51,9 +51,6 @@ void sea_power(const struct robot_sea *sea, const struct sea_state *state, doubl
 /* Stored energy, J: L I^2/2, J qm'^2/2, Ks (qm - q)^2/2, and that of the spring's stop. */
 double sea_energy(const struct robot_sea *sea, const struct sea_state *state, double q);
 
-/* Extension x = p - r s q of the parallel spring, m; it pulls while x < 0. */
-double parallel_spring_extension(const struct robot_parallel_spring *spring, double p, double q);
-
 /* Force of the parallel spring along x, eq. (5), N: k_p x + d_p x' while x < 0, else 0. As in the
  * paper the damper acts on the way back too, so a fast release can give a positive force. Its power
  * balance: force p' = joint torque q' + rate of k_p x^2/2 (while x < 0) + d_p x'^2 (likewise). */

@@ -36,7 +36,8 @@ void derive_apply(struct derive *d, const double A[9], const expr x[3], expr y[3
     derive_apply_transposed(d, transposed, x, y);
 }
 
-expr derive_body_const(struct derive *d, size_t group, size_t offset)
+/* The number at offset of each lane's body. */
+static expr derive_body_const(struct derive *d, size_t group, size_t offset)
 {
     const struct tree_group *lanes = &d->tree->group[group];
     double value[TREE_LANES];
@@ -140,7 +141,8 @@ void derive_turn_up(struct derive *d, int k, expr c, expr s, expr x[3])
     x[j] = add(d, mul(d, s, xi), mul(d, c, xj));
 }
 
-void derive_turn_down(struct derive *d, int k, expr c, expr s, expr x[3])
+/* The inverse of derive_turn_up. */
+static void derive_turn_down(struct derive *d, int k, expr c, expr s, expr x[3])
 {
     derive_turn_up(d, k, c, expr_neg(s), x);
 }

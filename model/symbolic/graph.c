@@ -43,7 +43,7 @@ int graph_width(const struct graph *graph, expr e)
     return graph->failed ? 1 : graph_get(graph, e)->width;
 }
 
-bool graph_is_const(const struct graph *graph, expr e)
+static bool graph_is_const(const struct graph *graph, expr e)
 {
     return graph->failed || graph_get(graph, e)->op == GRAPH_CONST;
 }

@@ -75,7 +75,7 @@ enum { PIECE = 3000, SHORT_PIECE = 500, LARGE = 40000 };
 /* What a generation works on. */
 struct generation {
     const struct robot *robot;
-    bool this_cpu, inertia_inputs;
+    bool inertia_inputs;
     int lanes;
     struct tree tree;
     struct graph graph[DERIVE_COUNT];
@@ -161,34 +161,23 @@ static void write_variant(FILE *file, int variant, int plainer)
             plainer < 0 ? "NULL" : "&module_", plainer < 0 ? "" : variants[plainer].name);
 }
 
-/* The variants that are wanted, and the function that picks one of them. */
+/* The variants, and the function that picks one of them. */
 static void write_variants(const struct generation *g)
 {
-    int only = (int)instruction_set_used();
-
-    if (g->this_cpu) {
-        write_variant(g->file, only, -1);
-    } else {
-        write_variant(g->file, INSTRUCTIONS_PLAIN, -1);
-        fprintf(g->file, "#if defined __x86_64__\n");
-        write_variant(g->file, INSTRUCTIONS_AVX2, INSTRUCTIONS_PLAIN);
-        write_variant(g->file, INSTRUCTIONS_AVX512, INSTRUCTIONS_AVX2);
-        fprintf(g->file, "#endif\n");
-    }
+    write_variant(g->file, INSTRUCTIONS_PLAIN, -1);
+    fprintf(g->file, "#if defined __x86_64__\n");
+    write_variant(g->file, INSTRUCTIONS_AVX2, INSTRUCTIONS_PLAIN);
+    write_variant(g->file, INSTRUCTIONS_AVX512, INSTRUCTIONS_AVX2);
     fprintf(g->file,
-            "\nconst struct dynamics_module *%s(void);\n\n"
-            "const struct dynamics_module *%s(void)\n{\n",
+            "#endif\n\nconst struct dynamics_module *%s(void);\n\n"
+            "const struct dynamics_module *%s(void)\n{\n"
+            "#if defined __x86_64__\n    __builtin_cpu_init();\n",
             g->symbol, g->symbol);
-    if (!g->this_cpu) {
-        fprintf(g->file, "#if defined __x86_64__\n    __builtin_cpu_init();\n");
-        for (int n = INSTRUCTIONS_AVX512; n > INSTRUCTIONS_PLAIN; n--) {
-            fprintf(g->file, "    if (%s) {\n        return &module_%s;\n    }\n", variants[n].test,
-                    variants[n].name);
-        }
-        fprintf(g->file, "#endif\n");
+    for (int n = INSTRUCTIONS_AVX512; n > INSTRUCTIONS_PLAIN; n--) {
+        fprintf(g->file, "    if (%s) {\n        return &module_%s;\n    }\n", variants[n].test,
+                variants[n].name);
     }
-    fprintf(g->file, "    return &module_%s;\n}\n",
-            variants[g->this_cpu ? only : INSTRUCTIONS_PLAIN].name);
+    fprintf(g->file, "#endif\n    return &module_%s;\n}\n", variants[INSTRUCTIONS_PLAIN].name);
 }
 
 /* The arguments that a derived function takes, in the order of its signature. */
@@ -361,7 +350,6 @@ enum error_code symbolic_generate(const struct robot *robot, const struct symbol
         return error_set(error, ERROR_MEMORY, "no memory for the generator");
     }
     g->robot = robot;
-    g->this_cpu = options->this_cpu;
     g->inertia_inputs = options->inertia_inputs;
     g->lanes = options->lanes;
     g->file = file;

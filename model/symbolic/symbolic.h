@@ -31,21 +31,10 @@ struct symbolic_report {
     struct symbolic_count count[SYMBOLIC_FUNCTIONS];
 };
 
-/* What is done while symbolic_build waits for the compiler: tell is called a few times a second
- * with the robot's name and for how long it has run, s. NULL = nothing. */
-struct symbolic_progress {
-    void (*tell)(void *context, const char *robot, double elapsed_s);
-    void *context;
-};
-
 struct symbolic_options {
     int lanes;           /* at most so many limbs side by side: 1, 2 or 4; 4 is the fastest */
-    bool this_cpu;       /* only the variant of instruction_set_used(): a third of the compiler's
-                    * work; else all of them */
     bool inertia_inputs; /* mass properties are inputs: for all robots that differ in them alone */
     bool fast_compile;   /* symbolic_build: -O1, for tests */
-    double limit_s;      /* symbolic_build: the compiler is killed after so long; 0 = never */
-    struct symbolic_progress progress; /* symbolic_build */
 };
 
 /* Writes the module's C file: the same bytes for the same robot and options. report may be NULL. */
@@ -59,20 +48,19 @@ void symbolic_symbol(const struct robot *robot, char symbol[SYMBOLIC_SYMBOL]);
 struct symbolic_library {
     void *handle;
     const struct dynamics_module *module;
-    bool cached; /* it was found in the folder and not made anew */
 };
 
-/* Generates, compiles with cc and loads robot's module, or loads what an earlier call left in
- * folder, which must exist and belong to this user alone. The file's name holds the robot's hash,
- * the generator's version and, with this_cpu, the variant; one that is not as it was left
- * (truncated, damaged) is made anew. Without a compiler ERROR_UNSUPPORTED. The compiler's time
+/* Generates robot's module, compiles it with cc, which is waited for, leaves it in a folder and
+ * loads it. The folder must exist and belong to this user or root alone. The file's name holds the
+ * robot's hash (with inertia_inputs that without masses) and the generator's version; it appears
+ * when it is complete. ERROR_UNSUPPORTED without a compiler or when it fails. The compiler's time
  * grows linearly with the robot: short functions, and -O1, where there are many joints. */
 enum error_code symbolic_build(const struct robot *robot, const struct symbolic_options *options,
                                const char *folder, struct symbolic_library *library,
                                struct error *error);
 
-/* Loads what symbolic_build has left in folder and compiles nothing; ERROR_UNSUPPORTED where there
- * is no such module. */
+/* Loads what symbolic_build has left in folder; ERROR_UNSUPPORTED where there is no such module or
+ * it is not as it was left (truncated, damaged). */
 enum error_code symbolic_find(const struct robot *robot, const struct symbolic_options *options,
                               const char *folder, struct symbolic_library *library,
                               struct error *error);

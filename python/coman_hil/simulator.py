@@ -54,8 +54,8 @@ class Simulator:
 
     refresh_s: while motors are on, set-points are repeated this often in a step of many ticks;
     boards let a voltage go after 0.1 s. 2FOC boards get theirs every tick. motor: what 2FOC boards
-    are told of their motors. start_timeout_s: until buses are served; a robot that is not bundled
-    is compiled first. timeout_s: for each answer, of wall time.
+    are told of their motors. start_timeout_s: until buses are served. timeout_s: for each answer,
+    of wall time.
 
     Attributes. joints, sensors: by name. tick, time_s: virtual time. bus: the connection, a bus of
     python-can. control: the control socket. buses: what the DBC files say. board_fault: whether a

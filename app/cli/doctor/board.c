@@ -15,7 +15,7 @@ bool doctor_is_arm(const struct doctor *d)
     return doctor_read_entry(d, "/proc/cpuinfo", "CPU implementer", text, sizeof text);
 }
 
-bool doctor_is_raspberry_pi(const struct doctor *d)
+static bool doctor_is_raspberry_pi(const struct doctor *d)
 {
     char model[DOCTOR_TEXT];
 

@@ -7,11 +7,10 @@
 #include "base/count.h"
 #include "base/options.h"
 #include "manual/doctor.h"
-#include "model/symbolic/builtin.h"
 #include "rt/clock.h"
 #include "rt/histogram.h"
 #include "rt/realtime.h"
-#include "sim/module_cache.h"
+#include "sim/robot_dynamics.h"
 
 #include <inttypes.h>
 #include <string.h>
@@ -26,45 +25,17 @@ static void print_finding(const struct doctor_finding *finding)
     }
 }
 
-/* What a run that began now would take. */
-static void doctor_describe_dynamics(const struct rig *rig, struct error *text)
+/* Prints what a run that began now would take to compute the robot. */
+static void doctor_print_robot(const struct rig *rig, struct arena *arena)
 {
-    static const char *const words[] = {
-        [SYMBOLIC_MISSING] = "generated when a run first needs it",
-        [SYMBOLIC_COMPILED] = "generated, compiled",
-        [SYMBOLIC_COMPILING] = "being compiled",
-    };
-    const struct dynamics_module *module = symbolic_builtin(rig->robot);
-    enum symbolic_state state;
-    struct error reason;
-    char folder[4096];
+    struct error notice = {.text = ""}, error;
+    struct symbolic_library library;
+    struct dynamics dynamics;
+    bool failed = robot_dynamics_create(rig, arena, &dynamics, &library, &notice, &error);
 
-    if (rig->dynamics == RIG_DYNAMICS_GENERIC) {
-        error_set(text, ERROR_NONE, "generic, as the rig says");
-    } else if (module) {
-        error_set(text, ERROR_NONE, "generated, built in%s",
-                  module->ninertia ? " with masses as inputs" : "");
-    } else if (rig->dynamics == RIG_DYNAMICS_BUILT_IN) {
-        error_set(text, ERROR_NONE, "generic: no code is compiled for added masses");
-    } else if (!module_cache_folder(folder, sizeof folder)) {
-        error_set(text, ERROR_NONE, "numeric: no cache folder");
-    } else {
-        state = dynamics_fastest_state(rig->robot, folder, &reason);
-        if (reason.text[0] && state != SYMBOLIC_COMPILING) {
-            error_set(text, ERROR_NONE, "numeric, not generated ones: %s", reason.text);
-        } else {
-            error_set(text, ERROR_NONE, "%s", words[state]);
-        }
-    }
-}
-
-static void doctor_print_robot(const struct rig *rig)
-{
-    struct error dynamics;
-
-    doctor_describe_dynamics(rig, &dynamics);
-    printf("%-5s%-15s%s, hash %016" PRIx64 ", dynamics %s\n", "ok", "robot", rig->robot->name,
-           rig->robot->hash, dynamics.text);
+    printf("%-5s%-15s%s, hash %016" PRIx64 ": %s\n", failed ? "fail" : "ok", "robot",
+           rig->robot->name, rig->robot->hash, failed ? error.text : notice.text);
+    symbolic_close(&library);
 }
 
 /* Wakes up on the grid of the tick as the loop does, and prints how late. */
@@ -156,7 +127,7 @@ static int doctor_examine_rig(void *context, const struct rig *rig, struct arena
     for (size_t i = 0; i < count; i++) {
         print_finding(&findings[i]);
     }
-    doctor_print_robot(rig);
+    doctor_print_robot(rig, arena);
     if (options->measure_s > 0.0) {
         fflush(stdout);
         doctor_measure_wakeups(rig, options->measure_s);

@@ -37,7 +37,6 @@ long long doctor_limit_of(const struct doctor *d, const char *row);
 
 /* Of the machine whose files these are, not of the program: board.c. */
 bool doctor_is_arm(const struct doctor *d);
-bool doctor_is_raspberry_pi(const struct doctor *d);
 bool doctor_is_virtual_arm(const struct doctor *d);
 
 /* How one gets a kernel for real time there; and where the kernel's parameters are written. */

@@ -30,9 +30,7 @@ target_link_options(test_symbolic_memory PRIVATE
                     -Wl,--wrap=calloc -Wl,--wrap=realloc -Wl,--wrap=free)
 hil_test(symbolic_builtin_modules SOURCES ${unit}/symbolic/builtin.c
          LIBS symbolic_evaluate symbolic_builtin LABELS unit TIMEOUT 300)
-hil_test(symbolic_cache SOURCES ${unit}/symbolic/cache.c LIBS symbolic_evaluate LABELS unit)
-hil_test(symbolic_background SOURCES ${unit}/symbolic/background.c LIBS symbolic_evaluate
-         LABELS unit TIMEOUT 300)
+hil_test(symbolic_build SOURCES ${unit}/symbolic/build.c LIBS symbolic_evaluate LABELS unit)
 hil_test(symbolic_large SOURCES ${unit}/symbolic/large.c LIBS symbolic_evaluate LABELS unit
          TIMEOUT 300)
 hil_test(symbolic_module SOURCES ${unit}/symbolic/module.c
