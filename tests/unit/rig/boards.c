@@ -290,7 +290,7 @@ static void cia402_loads_are_those_of_counted_bits(void **state)
  * every 2 ms. */
 static void described_loads_are_those_of_counted_bits(void **state)
 {
-    const double cheetah = 13.5 + 11.5, odrive = 13.5 + 13.5 / 2 + 1.35 + 0.27;
+    const double cheetah = 13.5 + 11.5, odrive = 13.5 + 13.5 / 2 + 2 * 1.35 + 4 * 0.135;
     const double robstride = (16.0 + 16.0) / 2;
     const struct expected_load of_cheetah[] = {
         {"torso", 3 * cheetah},         {"left_hip", 3 * cheetah},
