@@ -59,6 +59,8 @@ enum cia402_cob {
 
 #define CIA402_COB_INVALID UINT32_C(0x80000000) /* bit 31 of a COB-ID object */
 
+#define CIA402_COB_NO_REMOTE UINT32_C(0x40000000) /* bit 30: of a TPDO, no remote frames */
+
 enum { CIA402_COB_MASK = 0x7ff };
 
 enum { CIA402_SDO_LENGTH = 8, CIA402_EMCY_LENGTH = 8, CIA402_NMT_LENGTH = 2 };
@@ -255,8 +257,10 @@ enum cia402_index {
     CIA402_O_CHANNEL = 0x7130, /* of sensor nodes, as CiA 404 has its process values */
 };
 
-/* 0x1000: profile in the low word; CiA 402 counts axes elsewhere, bit 17 is a servo drive */
+/* 0x1000: profile in the low word, bit 17 is a servo drive. A node of several axes has 0xffff above
+ * the profile, and the device type of each axis in 0x67ff + 0x800 k. */
 #define CIA402_DEVICE_DRIVE UINT32_C(0x00020192)
+#define CIA402_DEVICE_DRIVES UINT32_C(0xffff0192)
 #define CIA402_DEVICE_SENSOR UINT32_C(0x00020194) /* CiA 404, analog inputs */
 
 /* ---- the PDOs as our host sets them up ---- */

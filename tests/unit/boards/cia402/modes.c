@@ -238,11 +238,29 @@ static void cyclic_velocity_follows_at_once_with_its_offset(void **state)
         turn(&motor, 10);
         assert_near(motor.velocity, 0.5, 0.05);
         turn(&motor, 20);
+        assert_true(get(&motor, 0x6041) & 0x1000); /* follows the command */
     }
     assert_near(motor.velocity, 0.5, 0.005);
     turn(&motor, 100); /* the command is old: only the offset is left */
     assert_near(motor.velocity, 0.1, 0.01);
-    assert_true(get(&motor, 0x6041) & 0x80);
+    assert_int_equal(get(&motor, 0x6041) & 0x1080, 0x80);
+    bench_stop(&motor.bench);
+}
+
+/* A motor's own greatest speed bounds as the profile's does: 6080h is in revolutions a minute. */
+static void the_motor_s_speed_bounds_a_velocity(void **state)
+{
+    struct motor motor;
+
+    (void)state;
+    enable(&motor, 9);
+    put(&motor, 0x6080, 0, 4, 3); /* no gear on this bench: 0.314 rad/s */
+    for (int i = 0; i < 10; i++) {
+        put(&motor, 0x60ff, 0, 4, 100000);
+        turn(&motor, 40);
+    }
+    assert_near(motor.velocity, 0.314, 0.01);
+    assert_true(get(&motor, 0x6041) & 0x800);
     bench_stop(&motor.bench);
 }
 
@@ -360,7 +378,7 @@ static void homing_takes_the_present_position(void **state)
         put(&motor, 0x6040, 0, 2, 0x1f);
         turn(&motor, 5);
         assert_true(get(&motor, 0x6041) & 0x1400);
-        assert_near((double)get(&motor, 0x6064), 12345.0, 20.0);
+        assert_near((double)get(&motor, 0x6064), -12345.0, 20.0); /* 0 is 0.12345 rad on */
         bench_stop(&motor.bench);
     }
 }
@@ -408,6 +426,7 @@ int main(void)
         TEST(a_following_error_is_a_fault),
         TEST(profile_velocity_ramps_and_carries_a_load),
         TEST(cyclic_velocity_follows_at_once_with_its_offset),
+        TEST(the_motor_s_speed_bounds_a_velocity),
         TEST(cyclic_position_follows_a_sine),
         TEST(a_stale_cyclic_position_is_approached_slowly),
         TEST(torque_follows_its_slope_and_the_cyclic_one_at_once),
