@@ -16,7 +16,7 @@
 
 #define STEP_S 1e-3 /* of the loops */
 
-enum { HOME_AT_POSITION_OLD = 35, HOME_AT_POSITION = 37, STOP_MAX_MS = 2000, TORQUE_NEAR = 50 };
+enum { STOP_MAX_MS = 2000, TORQUE_NEAR = 50 };
 
 /* ---- references ---- */
 
@@ -25,6 +25,7 @@ void cia402_axis_stand(struct cia402_axis *axis)
     axis->profile = (struct cia402_profile){(double)axis->position, 0.0};
     axis->goal = (double)axis->position;
     axis->moving = axis->has_next = axis->stopping = false;
+    axis->homing = CIA402_HOMING_RESTS;
     axis->interpolation_left_ms = 0;
     axis->torque_reference = 0.0;
     axis->integral_v = axis->velocity_integral_v = axis->voltage_v = 0.0;
@@ -40,6 +41,7 @@ void cia402_axis_stop(struct cia402_axis *axis, enum cia402_ramp ramp, enum cia4
     axis->stop_state = then;
     axis->stop_ms = 0;
     axis->moving = axis->has_next = false;
+    axis->homing = CIA402_HOMING_RESTS;
     axis->stop_by_current = ramp == CIA402_RAMP_CURRENT;
     axis->stop_deceleration =
         (double)(ramp == CIA402_RAMP_QUICK ? p->quick_stop_deceleration : p->profile_deceleration);
@@ -120,31 +122,18 @@ static void cia402_axis_accept_goal(struct cia402_axis *axis)
     axis->reached_ms = 0;
 }
 
-/* Methods 35 and 37: home is where it stands. The position is 0 at the home offset from there. */
-static void cia402_axis_find_home(struct cia402_axis *axis)
-{
-    int64_t method = axis->settings.homing_method;
-
-    axis->homing_failed = method != HOME_AT_POSITION && method != HOME_AT_POSITION_OLD;
-    axis->homed = !axis->homing_failed;
-    if (axis->homed) {
-        axis->home = axis->motor_encoder + axis->settings.home_offset;
-        axis->position = -axis->settings.home_offset;
-        cia402_axis_stand(axis);
-    }
-}
-
 void cia402_axis_take_set_point(struct cia402_axis *axis, int64_t before)
 {
     bool rises = axis->controlword & ~before & CIA402_CW_NEW_SET_POINT;
 
     if (!(axis->controlword & CIA402_CW_NEW_SET_POINT)) {
         axis->set_point_taken = false;
+        cia402_homing_interrupt(axis);
     }
     if (rises && axis->mode == CIA402_PROFILE_POSITION && !axis->has_next) {
         cia402_axis_accept_goal(axis);
     } else if (rises && axis->mode == CIA402_HOMING) {
-        cia402_axis_find_home(axis);
+        cia402_homing_start(axis);
     }
 }
 
@@ -294,6 +283,7 @@ static double cia402_axis_step_mode(struct cia402_axis *axis,
         cia402_axis_step_cyclic_position(axis);
         return cia402_axis_position_law(axis, config, supply_v);
     case CIA402_HOMING:
+        cia402_homing_step(axis);
         return cia402_axis_position_law(axis, config, supply_v);
 
     /* By velocity */
@@ -408,7 +398,7 @@ static bool cia402_axis_has_reached(const struct cia402_axis *axis)
     case CIA402_TORQUE:
         return llabs(axis->torque - axis->target_torque) <= TORQUE_NEAR;
     case CIA402_HOMING:
-        return true; /* it homes at once */
+        return axis->homing == CIA402_HOMING_RESTS && still;
     default:
         return false;
     }
@@ -516,16 +506,6 @@ enum cia402_abort cia402_axis_write_range(struct cia402_node *node,
                                           const struct cia402_entry *entry, int64_t value)
 {
     return value == *cia402_field(node, entry) ? CIA402_DONE : CIA402_ABORT_VALUE;
-}
-
-enum cia402_abort cia402_axis_write_homing(struct cia402_node *node,
-                                           const struct cia402_entry *entry, int64_t value)
-{
-    if (value != 0 && value != HOME_AT_POSITION_OLD && value != HOME_AT_POSITION) {
-        return CIA402_ABORT_VALUE;
-    }
-    *cia402_field(node, entry) = value;
-    return CIA402_DONE;
 }
 
 enum cia402_abort cia402_axis_write_when_off(struct cia402_node *node,

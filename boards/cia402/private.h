@@ -282,6 +282,16 @@ struct cia402_axis_settings {
     int64_t mode;
 };
 
+/* What a homing procedure does now (homing.c). */
+enum cia402_homing_part {
+    CIA402_HOMING_RESTS,
+    CIA402_HOMING_SEARCH,
+    CIA402_HOMING_LEAVE,
+    CIA402_HOMING_EDGE,
+    CIA402_HOMING_INDEX,
+    CIA402_HOMING_STOPS,
+};
+
 /* Where a reference of a profile is, in the units of the objects. */
 struct cia402_profile {
     double position, velocity;
@@ -300,6 +310,7 @@ struct cia402_axis {
     int64_t link_encoder, motor_encoder, deflection, spring_torque, voltage, current_ma,
         temperature_c, supply_mv, faults;
     int64_t pressure[2], valve_opening; /* of a hydraulic axis, else 0 */
+    int64_t homing_methods[CIA402_HOMING_METHODS], digital_inputs;
 
     enum cia402_state state;
     enum cia402_mode mode; /* that works */
@@ -310,7 +321,10 @@ struct cia402_axis {
     struct cia402_profile profile;
     double goal, next_goal; /* profile position */
     bool moving, has_next, set_point_taken;
-    bool homed, homing_failed;
+    bool homed, homing_failed, homing_found;
+    enum cia402_homing_part homing;
+    int homing_direction;
+    double homing_pulses, index_rad;
     bool stopping;        /* a ramp to standstill is in force, whatever the mode */
     bool stop_by_current; /* no ramp: as fast as the current limit lets */
     double stop_deceleration;
@@ -398,6 +412,14 @@ enum cia402_abort cia402_axis_write_range(struct cia402_node *node,
                                           const struct cia402_entry *entry, int64_t value);
 enum cia402_abort cia402_axis_write_limit(struct cia402_node *node,
                                           const struct cia402_entry *entry, int64_t value);
+
+/* Homing (homing.c): the methods that switches allow, what the switches say; begin and end of a
+ * procedure, and a millisecond of it. */
+void cia402_homing_list(struct cia402_axis *axis, const struct board_switches *switches);
+void cia402_homing_sample(struct cia402_axis *axis, const struct board_switches *switches);
+void cia402_homing_start(struct cia402_axis *axis);
+void cia402_homing_interrupt(struct cia402_axis *axis);
+void cia402_homing_step(struct cia402_axis *axis);
 
 /* One step of a trapezoidal profile of dt s towards a goal (profile.c). */
 void cia402_profile_move(struct cia402_profile *profile, double goal, double speed,

@@ -37,11 +37,12 @@
 
 enum {
     CIA402_NODE_MAX = 31,
-    CIA402_BOARD_AXES = 4,    /* axes of a node at most */
-    CIA402_AXIS_STEP = 0x800, /* between the objects of two axes */
-    CIA402_AXIS_PDOS = 4,     /* of each direction and axis */
-    CIA402_PDO_STEP = 64,     /* between the PDO numbers of two axes */
-    CIA402_MAPPED_MAX = 8,    /* objects in a PDO */
+    CIA402_BOARD_AXES = 4,      /* axes of a node at most */
+    CIA402_AXIS_STEP = 0x800,   /* between the objects of two axes */
+    CIA402_AXIS_PDOS = 4,       /* of each direction and axis */
+    CIA402_PDO_STEP = 64,       /* between the PDO numbers of two axes */
+    CIA402_MAPPED_MAX = 8,      /* objects in a PDO */
+    CIA402_HOMING_METHODS = 32, /* sub-indices of 0x60e3 */
 };
 
 enum cia402_cob {
