@@ -25,6 +25,7 @@ set(HIL_CONFIG
     meshes/walkman-foot-right.obj
     protocols/compact.yaml
     protocols/mini-cheetah.yaml
+    protocols/motorcontrol.yaml
     protocols/odrive.yaml
     protocols/robstride.yaml
     protocols/servo-valve.yaml

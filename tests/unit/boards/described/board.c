@@ -156,7 +156,7 @@ static void a_cheetah_drive_has_the_impedance_of_its_command(void **state)
     bench_tick(base);
     bench_send(base, 0, 1, command);
     bench_tick(base);
-    bench_expect(base, 0, 0, "01 85 1e 80 08 00");
+    bench_expect(base, 0, 0, "01 85 1e 80 09 55"); /* the torque of the current */
     assert_near(base->motor[0].voltage_v, 0.0, 1e-6);
 
     /* With less current the loop drives on, with more it drives back */
@@ -168,6 +168,25 @@ static void a_cheetah_drive_has_the_impedance_of_its_command(void **state)
     assert_true(base->motor[0].voltage_v < -1e-3);
 
     /* Damping brakes a motor that moves: 12.01 Nm s/rad at 1 rad/s in a running mean */
+    close_bench(&bench);
+}
+
+/* Counts of the firmware's ranges: 2 A of 4.1 Nm/A in 36 Nm, 24 V in 40. */
+static void the_present_firmware_tells_its_bus_voltage(void **state)
+{
+    static const char motorcontrol[] = HIL_SOURCE_DIR "/config/protocols/motorcontrol.yaml";
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, motorcontrol, 0);
+    base->sense[0].current_a = 2.0;
+    base->sense[0].torque_nm = 3.0; /* what the spring has is not told */
+    base->sensors.supply_v = 24.0;
+    bench_tick(base);
+    bench_send(base, 0, 1, "ff ff ff ff ff ff ff fd");
+    bench_tick(base);
+    bench_expect(base, 0, 0, "01 85 1e 80 0b a4 99");
     close_bench(&bench);
 }
 
@@ -783,6 +802,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_cheetah_drive_answers_the_frames_that_switch_it),
         cmocka_unit_test(a_cheetah_drive_has_the_impedance_of_its_command),
+        cmocka_unit_test(the_present_firmware_tells_its_bus_voltage),
         cmocka_unit_test(a_cheetah_drive_brakes_by_its_damping),
         cmocka_unit_test(a_frame_of_another_length_is_malformed),
         cmocka_unit_test(an_odrive_tells_its_state_when_it_changes),
