@@ -66,6 +66,16 @@ enum { BOARD_AXES_MAX = 4, BOARD_CHANNELS = 6, BOARD_REPLIES_MAX = 64 };
 #define BOARD_UNDER_PRESSURE_RATIO 0.5
 #define BOARD_OVER_PRESSURE_RATIO 1.25
 
+/* Switches that stand on a joint's link, and the index pulse of its motor; a board whose protocol
+ * knows them (struct protocol) tells them, and homes by them. */
+struct board_switches {
+    bool negative, positive, home;     /* which there are */
+    double negative_rad, positive_rad; /* limit switches are on from there outwards */
+    double home_rad[2];                /* the home switch is on from .. to */
+    double index_rad;                  /* a pulse at each multiple of this link-side angle of the
+                                        * motor; 0: none */
+};
+
 /* One axis of a motor board. */
 struct board_axis_config {
     int joint;                   /* index in the plant's arrays; -1 = spare axis, on compact,
@@ -87,6 +97,7 @@ struct board_axis_config {
      * per link-side rad/s; winding_ohm 0 = not tuned, the gains are 0 until the host sets them */
     double winding_ohm, winding_h, bemf_v_s_rad;
     double torque_nm_a; /* described: link-side torque of an ampere */
+    struct board_switches switches;
 };
 
 struct board_config {

@@ -191,6 +191,54 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     return ERROR_NONE;
 }
 
+/* The switches of an axis's joint, which its board must know. */
+static enum error_code board_place_switches(struct rig_builder *b, const struct protocol *protocol,
+                                            const struct robot_joint *joint,
+                                            struct board_axis_config *axis)
+{
+    const struct raw_motors *motors = &b->raw->motors;
+    char list[RIG_LIST];
+
+    for (size_t i = 0; i < motors->nswitches; i++) {
+        const struct raw_switches *raw = &motors->switches[i];
+
+        if (strcmp(raw->joint, joint->name) != 0) {
+            continue;
+        }
+        if (!protocol->switches) {
+            return yaml_error(
+                b->error, &raw->mark,
+                "found switches of joint \"%s\" on a board of personality %s, "
+                "expected them with personality %s only",
+                raw->joint, protocol->name,
+                protocols_list(offsetof(struct protocol, switches), list, sizeof list));
+        }
+        if (raw->home_given && !(raw->home_rad[0] < raw->home_rad[1])) {
+            return yaml_error(b->error, &raw->home_mark,
+                              "found a home switch that is on from %g to %g rad, expected the "
+                              "smaller angle first",
+                              raw->home_rad[0], raw->home_rad[1]);
+        }
+        if (raw->negative_given && raw->positive_given &&
+            !(raw->negative_rad < raw->positive_rad)) {
+            return yaml_error(b->error, &raw->negative_mark,
+                              "found negative_limit_rad %g, expected it below positive_limit_rad, "
+                              "%g",
+                              raw->negative_rad, raw->positive_rad);
+        }
+        axis->switches = (struct board_switches){
+            .negative = raw->negative_given,
+            .positive = raw->positive_given,
+            .home = raw->home_given,
+            .negative_rad = raw->negative_rad,
+            .positive_rad = raw->positive_rad,
+            .home_rad = {raw->home_rad[0], raw->home_rad[1]},
+            .index_rad = raw->index_pulse ? 2.0 * M_PI / axis->gear : 0.0,
+        };
+    }
+    return ERROR_NONE;
+}
+
 /* Our host must be able to switch a valve on. */
 static enum error_code board_check_valve(struct rig_builder *b, const struct described_protocol *of,
                                          const struct yaml_name *name)
@@ -225,6 +273,10 @@ static enum error_code board_build_motor(struct rig_builder *b, const struct raw
         code = board_build_axis(b, raw, i < raw->naxis ? &raw->axis[i] : &spare, &board->axis[i]);
         if (!code && board->axis[i].valve && b->bus[board->bus].described) {
             code = board_check_valve(b, b->bus[board->bus].described, &raw->axis[i]);
+        }
+        if (!code && board->axis[i].joint >= 0) {
+            code = board_place_switches(b, protocol, &b->robot->joint[board->axis[i].joint],
+                                        &board->axis[i]);
         }
         if (!code && board->axis[i].joint >= 0) {
             code = rig_check_external_axis(b, raw, &raw->axis[i],
@@ -581,6 +633,24 @@ enum error_code rig_build_boards(struct rig_builder *b)
 enum error_code rig_check_drives(struct rig_builder *b)
 {
     const struct raw_rig *raw = b->raw;
+
+    /* What has switches has a board that knows them */
+    for (size_t i = 0; i < raw->motors.nswitches; i++) {
+        const struct raw_switches *switches = &raw->motors.switches[i];
+        int joint;
+        enum error_code code = rig_find(b, &switches->mark, "joint", switches->joint,
+                                        RIG_NAMES(b->robot->joint, b->robot->njoint), &joint);
+
+        if (code) {
+            return code;
+        }
+        if (!b->driver[joint]) {
+            return yaml_error(b->error, &switches->mark,
+                              "found switches of joint \"%s\", which no board drives, expected one "
+                              "that a board drives",
+                              switches->joint);
+        }
+    }
 
     /* What is listed as undriven has no board */
     for (size_t i = 0; i < raw->nundriven; i++) {

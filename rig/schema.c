@@ -318,6 +318,25 @@ static const struct yaml_schema bus_schema = {
     .defaults = &bus_defaults,
 };
 
+#define STRUCT raw_switches
+static const struct yaml_field switches_fields[] = {
+    {"negative_limit_rad", YAML_REAL, false, AT(negative_rad), .min = -1e3, .max = 1e3,
+     .mark_offset = AT(negative_mark), .given_offset = AT(negative_given)},
+    {"positive_limit_rad", YAML_REAL, false, AT(positive_rad), .min = -1e3, .max = 1e3,
+     .given_offset = AT(positive_given)},
+    {"home_rad", YAML_REALS, false, AT(home_rad), .count = 2, .min = -1e3, .max = 1e3,
+     .mark_offset = AT(home_mark), .given_offset = AT(home_given)},
+    {"index_pulse", YAML_BOOL, false, .offset = AT(index_pulse)},
+};
+#undef STRUCT
+static const struct yaml_schema switches_schema = {
+    .what = "the switches of a joint",
+    .size = sizeof(struct raw_switches),
+    .fields = switches_fields,
+    .field_count = ARRAY_COUNT(switches_fields),
+    .name_offset = offsetof(struct raw_switches, joint),
+};
+
 #define STRUCT raw_motors
 static const struct yaml_field motors_fields[] = {
     {"joint_ticks_per_rev", YAML_REAL, true, AT(joint_ticks_per_rev), .min = 1.0, .max = 1e9},
@@ -336,6 +355,7 @@ static const struct yaml_field motors_fields[] = {
      .mark_offset = AT(require_calibration_mark)},
     {"keep_firmware", YAML_BOOL, false, .offset = AT(keep_firmware)},
     {"discovery_stops_motors", YAML_BOOL, false, .offset = AT(discovery_stops_motors)},
+    {"switches", YAML_DICT, false, AT(switches), AT(nswitches), .schema = &switches_schema},
 };
 #undef STRUCT
 static const struct raw_motors motors_defaults = {

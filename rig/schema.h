@@ -169,6 +169,14 @@ struct raw_bus {
     size_t nboard;
 };
 
+/* What stands on a joint. */
+struct raw_switches {
+    struct yaml_mark mark, home_mark, negative_mark;
+    const char *joint;
+    double negative_rad, positive_rad, home_rad[2];
+    bool negative_given, positive_given, home_given, index_pulse;
+};
+
 /* What all motor boards share. */
 struct raw_motors {
     struct yaml_mark mark;
@@ -180,6 +188,8 @@ struct raw_motors {
     double status_period_s, boot_s;
     bool strict, require_calibration, keep_firmware, discovery_stops_motors;
     struct yaml_mark require_calibration_mark;
+    struct raw_switches *switches;
+    size_t nswitches;
 };
 
 struct raw_wire {

@@ -164,6 +164,7 @@ static void host_cia402_read_sdo(struct host *host, size_t bus, struct host_node
 {
     unsigned id = frame->id & NODE_ID_MASK, command;
     uint32_t type = node->kind == HOST_MOTOR_BOARD ? CIA402_DEVICE_DRIVE : CIA402_DEVICE_SENSOR;
+    uint32_t profile = type & 0xffff; /* what is above depends on the number of axes */
     struct host_request request;
 
     if (frame->len != CIA402_SDO_LENGTH) {
@@ -171,7 +172,7 @@ static void host_cia402_read_sdo(struct host *host, size_t bus, struct host_node
     }
     command = frame->data[0] & CIA402_COMMAND_MASK;
     if (!node->found) {
-        if (command != CIA402_UPLOAD_REPLY || get_u32_le(frame->data + 4) != type) {
+        if (command != CIA402_UPLOAD_REPLY || get_u16_le(frame->data + 4) != profile) {
             host_fail_node(host, bus, id, "is of another kind");
             return;
         }

@@ -15,7 +15,7 @@ enum {
     HOST_ADDRESSES = 32, /* 0 to 31; each protocol has its own maximum */
     HOST_AXES = 4,       /* of a motor board, at most */
     HOST_SLOTS = 32,     /* of a bus where set-points go by slot */
-    HOST_ROWS = 32,      /* frames of a described protocol */
+    HOST_ROWS = 64,      /* frames of a described protocol */
     HOST_CHANNELS = 6,   /* of a force-torque or torque board */
     HOST_QUEUE = 96,     /* frames that one bus may be sent in one period */
 };

@@ -134,12 +134,34 @@ static bool cia402_bus_receive_process(struct boards *boards, struct board_bus *
     return listener;
 }
 
+/* A remote frame for a TPDO, whatever node has it. */
+static bool cia402_bus_request(struct boards *boards, struct board_bus *bus,
+                               const struct bus_frame *frame)
+{
+    struct board *listener = NULL;
+
+    for (unsigned id = 1; id < NODES; id++) {
+        struct cia402_node *node = cia402_bus_node(bus, id);
+
+        if (node && cia402_pdo_request(node, frame->id)) {
+            listener = &node->board;
+        }
+    }
+    if (listener) {
+        boards_count_frame(boards, listener, BOARD_OBEYED, frame);
+    }
+    return listener;
+}
+
 static bool cia402_bus_receive_remote(struct boards *boards, struct board_bus *bus,
                                       const struct bus_frame *frame)
 {
     struct cia402_node *node = cia402_bus_node(bus, frame->id & NODE_ID_MASK);
 
-    if (!node || (frame->id & ~(unsigned)NODE_ID_MASK) != CIA402_HEARTBEAT) {
+    if ((frame->id & ~(unsigned)NODE_ID_MASK) != CIA402_HEARTBEAT) {
+        return cia402_bus_request(boards, bus, frame);
+    }
+    if (!node) {
         return false;
     }
     cia402_nmt_guard(node);

@@ -10,7 +10,7 @@
 enum {
     FIRST_INDEX = 0x1000,
     LAST_INDEX = 0x9fff,
-    SUBS_MAX = 32, /* more than any object has */
+    SUBS_MAX = 40, /* more than any object has */
     OBJECT_VARIABLE = 7,
     OBJECT_ARRAY = 8,
     OBJECT_RECORD = 9,

@@ -33,14 +33,44 @@ static void cia402_emcy_queue(struct cia402_node *node, unsigned code, unsigned 
 void cia402_emcy_raise(struct cia402_node *node, unsigned code, unsigned error_register,
                        unsigned axis, uint32_t faults)
 {
-    node->error_register |= error_register | 1;
+    node->error_register |= error_register | CIA402_REGISTER_GENERIC;
     cia402_emcy_remember(node, code, axis);
     cia402_emcy_queue(node, code, axis, faults);
 }
 
+/* Whether somebody that was heard is silent, or the last of some RPDO did not fit. */
+static bool cia402_emcy_is_disturbed(const struct cia402_node *node)
+{
+    bool disturbed = node->guard_lost || node->consumer_lost;
+
+    for (unsigned i = 0; i < cia402_pdos(node); i++) {
+        disturbed = disturbed || node->rx[i].unfit;
+    }
+    return disturbed;
+}
+
 void cia402_emcy_clear(struct cia402_node *node)
 {
-    node->error_register = 0;
+    node->error_register = cia402_emcy_is_disturbed(node)
+                               ? CIA402_REGISTER_GENERIC | CIA402_REGISTER_COMMUNICATION
+                               : 0;
+    cia402_emcy_queue(node, 0, 0, 0);
+}
+
+void cia402_emcy_resolve_communication(struct cia402_node *node)
+{
+    bool latched = false;
+
+    if (!(node->error_register & CIA402_REGISTER_COMMUNICATION) || cia402_emcy_is_disturbed(node)) {
+        return;
+    }
+    node->error_register &= ~(int64_t)CIA402_REGISTER_COMMUNICATION;
+    for (unsigned k = 0; k < node->axes; k++) {
+        latched = latched || node->axis[k].latched;
+    }
+    if (node->error_register == CIA402_REGISTER_GENERIC && !latched) {
+        node->error_register = 0;
+    }
     cia402_emcy_queue(node, 0, 0, 0);
 }
 

@@ -16,7 +16,7 @@
 
 #define STEP_S 1e-3 /* of the loops */
 
-enum { HOME_AT_POSITION_OLD = 35, HOME_AT_POSITION = 37, STOP_MAX_MS = 2000, TORQUE_NEAR = 50 };
+enum { STOP_MAX_MS = 2000, TORQUE_NEAR = 50 };
 
 /* ---- references ---- */
 
@@ -25,6 +25,7 @@ void cia402_axis_stand(struct cia402_axis *axis)
     axis->profile = (struct cia402_profile){(double)axis->position, 0.0};
     axis->goal = (double)axis->position;
     axis->moving = axis->has_next = axis->stopping = false;
+    axis->homing = CIA402_HOMING_RESTS;
     axis->interpolation_left_ms = 0;
     axis->torque_reference = 0.0;
     axis->integral_v = axis->velocity_integral_v = axis->voltage_v = 0.0;
@@ -32,7 +33,7 @@ void cia402_axis_stand(struct cia402_axis *axis)
 }
 
 /* From what it does now to standstill, by velocity, whatever the mode. */
-void cia402_axis_stop(struct cia402_axis *axis, bool quick, enum cia402_state then)
+void cia402_axis_stop(struct cia402_axis *axis, enum cia402_ramp ramp, enum cia402_state then)
 {
     const struct cia402_axis_settings *p = &axis->settings;
 
@@ -40,10 +41,13 @@ void cia402_axis_stop(struct cia402_axis *axis, bool quick, enum cia402_state th
     axis->stop_state = then;
     axis->stop_ms = 0;
     axis->moving = axis->has_next = false;
+    axis->homing = CIA402_HOMING_RESTS;
+    axis->stop_by_current = ramp == CIA402_RAMP_CURRENT;
     axis->stop_deceleration =
-        (double)(quick ? p->quick_stop_deceleration : p->profile_deceleration);
-    axis->profile =
-        (struct cia402_profile){(double)axis->position, axis->velocity_rad_s / CIA402_POSITION_RAD};
+        (double)(ramp == CIA402_RAMP_QUICK ? p->quick_stop_deceleration : p->profile_deceleration);
+    axis->profile = (struct cia402_profile){
+        (double)axis->position,
+        axis->stop_by_current ? 0.0 : axis->velocity_rad_s / CIA402_POSITION_RAD};
 }
 
 bool cia402_axis_has_stopped(const struct cia402_axis *axis)
@@ -80,7 +84,8 @@ static double cia402_axis_bound(struct cia402_axis *axis, double position)
 
 static double cia402_axis_bound_velocity(struct cia402_axis *axis, double velocity)
 {
-    double most = (double)axis->settings.max_profile_velocity;
+    double of_motor = (double)axis->settings.max_motor_rpm / axis->rpm_rad / CIA402_POSITION_RAD;
+    double most = fmin((double)axis->settings.max_profile_velocity, of_motor);
 
     axis->limited = axis->limited || fabs(velocity) > most;
     return fmax(fmin(velocity, most), -most);
@@ -117,31 +122,18 @@ static void cia402_axis_accept_goal(struct cia402_axis *axis)
     axis->reached_ms = 0;
 }
 
-/* Methods 35 and 37: home is where it stands. */
-static void cia402_axis_find_home(struct cia402_axis *axis)
-{
-    int64_t method = axis->settings.homing_method;
-
-    axis->homing_failed = method != HOME_AT_POSITION && method != HOME_AT_POSITION_OLD;
-    axis->homed = !axis->homing_failed;
-    if (axis->homed) {
-        axis->home = axis->motor_encoder - axis->settings.home_offset;
-        axis->position = axis->settings.home_offset;
-        cia402_axis_stand(axis);
-    }
-}
-
 void cia402_axis_take_set_point(struct cia402_axis *axis, int64_t before)
 {
     bool rises = axis->controlword & ~before & CIA402_CW_NEW_SET_POINT;
 
     if (!(axis->controlword & CIA402_CW_NEW_SET_POINT)) {
         axis->set_point_taken = false;
+        cia402_homing_interrupt(axis);
     }
     if (rises && axis->mode == CIA402_PROFILE_POSITION && !axis->has_next) {
         cia402_axis_accept_goal(axis);
     } else if (rises && axis->mode == CIA402_HOMING) {
-        cia402_axis_find_home(axis);
+        cia402_homing_start(axis);
     }
 }
 
@@ -291,6 +283,7 @@ static double cia402_axis_step_mode(struct cia402_axis *axis,
         cia402_axis_step_cyclic_position(axis);
         return cia402_axis_position_law(axis, config, supply_v);
     case CIA402_HOMING:
+        cia402_homing_step(axis);
         return cia402_axis_position_law(axis, config, supply_v);
 
     /* By velocity */
@@ -330,6 +323,20 @@ static void cia402_axis_choose_mode(struct cia402_axis *axis)
     }
 }
 
+/* To standstill. Without a ramp the voltage is at what the current limit leaves until the rotor
+ * stands, and holds the position there. */
+static double cia402_axis_step_stop(struct cia402_axis *axis,
+                                    const struct board_axis_config *config, double supply_v)
+{
+    axis->stop_ms++;
+    if (axis->stop_by_current && llabs(axis->velocity) > axis->settings.velocity_threshold) {
+        axis->profile.position = (double)axis->position;
+    }
+    cia402_profile_accelerate(&axis->profile, 0.0, axis->stop_deceleration, axis->stop_deceleration,
+                              STEP_S);
+    return cia402_axis_position_law(axis, config, supply_v);
+}
+
 void cia402_axis_step(struct cia402_axis *axis, const struct board_axis_config *config,
                       double supply_v)
 {
@@ -344,10 +351,7 @@ void cia402_axis_step(struct cia402_axis *axis, const struct board_axis_config *
     axis->torque_demand = axis->velocity_demand = 0;
     axis->position_demand = axis->position;
     if (axis->stopping) {
-        axis->stop_ms++;
-        cia402_profile_accelerate(&axis->profile, 0.0, axis->stop_deceleration,
-                                  axis->stop_deceleration, STEP_S);
-        v = cia402_axis_position_law(axis, config, supply_v);
+        v = cia402_axis_step_stop(axis, config, supply_v);
     } else {
         v = cia402_axis_step_mode(axis, config, supply_v);
     }
@@ -394,7 +398,7 @@ static bool cia402_axis_has_reached(const struct cia402_axis *axis)
     case CIA402_TORQUE:
         return llabs(axis->torque - axis->target_torque) <= TORQUE_NEAR;
     case CIA402_HOMING:
-        return true; /* it homes at once */
+        return axis->homing == CIA402_HOMING_RESTS && still;
     default:
         return false;
     }
@@ -413,7 +417,7 @@ static bool cia402_axis_bit_12(const struct cia402_axis *axis)
     case CIA402_CYCLIC_VELOCITY:
     case CIA402_CYCLIC_TORQUE:
     case CIA402_VOLTAGE_MODE:
-        return !axis->stopping && !axis->limited;
+        return !axis->stopping && !axis->limited && !(axis->present & CIA402_FAULT_STALE);
     default:
         return false;
     }
@@ -478,22 +482,30 @@ enum cia402_abort cia402_axis_write_target(struct cia402_node *node,
 enum cia402_abort cia402_axis_write_option(struct cia402_node *node,
                                            const struct cia402_entry *entry, int64_t value)
 {
-    /* 3 and 4, 7 and 8 stop by current and voltage limits */
-    if (value == 3 || value == 4) {
+    /* 4 and 8 stop by the voltage limit */
+    if (value == 4) {
         return CIA402_ABORT_VALUE;
     }
     *cia402_field(node, entry) = value;
     return CIA402_DONE;
 }
 
-enum cia402_abort cia402_axis_write_homing(struct cia402_node *node,
-                                           const struct cia402_entry *entry, int64_t value)
+/* Profiles of position, velocity and torque are linear ramps. */
+enum cia402_abort cia402_axis_write_profile_type(struct cia402_node *node,
+                                                 const struct cia402_entry *entry, int64_t value)
 {
-    if (value != 0 && value != HOME_AT_POSITION_OLD && value != HOME_AT_POSITION) {
+    if (value != 0) {
         return CIA402_ABORT_VALUE;
     }
     *cia402_field(node, entry) = value;
     return CIA402_DONE;
+}
+
+/* Joints do not go around: positions do not wrap, and the range is all that there are. */
+enum cia402_abort cia402_axis_write_range(struct cia402_node *node,
+                                          const struct cia402_entry *entry, int64_t value)
+{
+    return value == *cia402_field(node, entry) ? CIA402_DONE : CIA402_ABORT_VALUE;
 }
 
 enum cia402_abort cia402_axis_write_when_off(struct cia402_node *node,

@@ -59,6 +59,8 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
     p->timeout_ms = control_clamp(board->command_timeout_ns / MS, 0, UINT16_MAX);
     p->position_gain = config->valve ? VALVE_POSITION_GAIN : POSITION_GAIN;
     axis->valve = config->valve;
+    cia402_homing_list(axis, &config->switches);
+    axis->rpm_rad = (config->gear > 0.0 ? config->gear : 1.0) * 60.0 / (2.0 * M_PI);
     axis->rated_current_ma = p->current_limit_ma;
     if (config->valve) {
         p->current_gain[2] = cia402_counts(config->bemf_v_s_rad, 1e-3);
@@ -134,6 +136,8 @@ static void cia402_axis_sample(struct cia402_axis *axis, const struct board_axis
 
         axis->pressure[side] = control_clamp(counts, 0, UINT16_MAX);
     }
+
+    cia402_homing_sample(axis, &config->switches);
 
     /* The rotor's speed is a running mean */
     if (ms > 0) {

@@ -10,7 +10,6 @@
 
 enum {
     CODE_LIFE_GUARD = 0x8130,
-    REGISTER_COMMUNICATION = 0x10,
     TO_PRE_OPERATIONAL = 0, /* 0x1029 */
     TO_STOPPED = 2,
 };
@@ -69,6 +68,7 @@ void cia402_nmt_guard(struct cia402_node *node)
     node->guarded = true;
     node->guard_lost = false;
     node->guard_ns = node->board.boards->now_ns;
+    cia402_emcy_resolve_communication(node);
 }
 
 void cia402_nmt_transmit(struct cia402_node *node, struct frame_sink *sink)
@@ -115,6 +115,7 @@ enum cia402_abort cia402_nmt_write_consumer(struct cia402_node *node,
     }
     node->settings.consumer = value;
     node->consumes = node->consumer_lost = false;
+    cia402_emcy_resolve_communication(node);
     return CIA402_DONE;
 }
 
@@ -124,6 +125,7 @@ void cia402_nmt_hear(struct cia402_node *node, unsigned producer)
         node->consumes = true;
         node->consumer_lost = false;
         node->consumer_ns = node->board.boards->now_ns;
+        cia402_emcy_resolve_communication(node);
     }
 }
 
@@ -131,7 +133,8 @@ static void cia402_nmt_lose(struct cia402_node *node)
 {
     int64_t behavior = node->settings.error_behavior;
 
-    cia402_emcy_raise(node, CODE_LIFE_GUARD, REGISTER_COMMUNICATION, 0, CIA402_FAULT_CONNECTION);
+    cia402_emcy_raise(node, CODE_LIFE_GUARD, CIA402_REGISTER_COMMUNICATION, 0,
+                      CIA402_FAULT_CONNECTION);
     for (unsigned k = 0; k < node->axes; k++) {
         cia402_axis_lose_connection(node, &node->axis[k]);
     }

@@ -46,6 +46,7 @@ static void cia402_node_start_communication(struct cia402_node *node)
     node->consumes = node->consumer_lost = false;
     memset(&node->transfer, 0, sizeof node->transfer);
     cia402_pdo_start(node);
+    cia402_emcy_resolve_communication(node);
 }
 
 bool cia402_node_power_up(struct cia402_node *node)

@@ -187,6 +187,18 @@ enum cia402_abort cia402_write_cob(struct cia402_node *node, const struct cia402
     return CIA402_DONE;
 }
 
+/* The identifier of a valid EMCY object cannot change (CiA 301, 7.5.2.17). */
+enum cia402_abort cia402_write_emcy_cob(struct cia402_node *node, const struct cia402_entry *entry,
+                                        int64_t value)
+{
+    int64_t now = *cia402_field(node, entry);
+
+    if (!((now | value) & CIA402_COB_INVALID) && (now ^ value) & CIA402_COB_MASK) {
+        return CIA402_ABORT_VALUE;
+    }
+    return cia402_write_cob(node, entry, value);
+}
+
 /* ---- bytes ---- */
 
 int64_t cia402_get(enum cia402_type type, const uint8_t *data)
@@ -243,7 +255,9 @@ static void cia402_set_identity(struct cia402_node *node)
     static const char *const kinds[] = {"drive", "force-torque sensor", "inertial sensor"};
     const struct board_identity *identity = &node->board.ops->identity;
 
-    node->device_type = node->axes ? CIA402_DEVICE_DRIVE : CIA402_DEVICE_SENSOR;
+    node->device_type = node->axes > 1    ? CIA402_DEVICE_DRIVES
+                        : node->axes == 1 ? CIA402_DEVICE_DRIVE
+                                          : CIA402_DEVICE_SENSOR;
     node->identity[1] = 0x48494c00 + node->kind; /* vendor 0: none */
     node->identity[2] = identity->major << 16 | identity->minor;
     node->identity[3] = (int64_t)(node->board.config.bus & 0xff) << 8 | node->board.config.address;

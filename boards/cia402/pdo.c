@@ -4,8 +4,9 @@
  *
  * A node answers the SYNC of a tick at the tick's end, with what its sensors show then. The types:
  * 0 with a SYNC when the data have changed, 1 to 240 with every so many SYNCs, 254 and 255 when the
- * data have changed or the event timer has run out, not before the inhibit time is over. RPDOs of
- * types 0 to 240 wait for the next SYNC, others are applied at once.
+ * data have changed or the event timer has run out, not before the inhibit time is over; and each
+ * at the end of a tick in which a remote frame asked for it, unless bit 30 of its COB-ID is set.
+ * RPDOs of types 0 to 240 wait for the next SYNC, others are applied at once.
  *
  * The mapping of a PDO can be changed while bit 31 of its COB-ID is set and, its objects, while
  * their count is 0.
@@ -22,7 +23,6 @@ enum {
     PDO_BYTES = 8,
     CODE_TOO_SHORT = 0x8210, /* EMCY */
     CODE_TOO_LONG = 0x8220,
-    REGISTER_COMMUNICATION = 0x10,
     DUMMY_FIRST = CIA402_I8, /* data types that RPDOs map to skip bytes */
     DUMMY_LAST = CIA402_U32,
 };
@@ -111,7 +111,7 @@ void cia402_pdo_start(struct cia402_node *node)
 enum cia402_abort cia402_pdo_write_cob(struct cia402_node *node, const struct cia402_entry *entry,
                                        int64_t value)
 {
-    const int64_t no_remote = 0x40000000, known = CIA402_COB_INVALID | no_remote | CIA402_COB_MASK;
+    const int64_t known = CIA402_COB_INVALID | CIA402_COB_NO_REMOTE | CIA402_COB_MASK;
     struct cia402_pdo *pdo = cia402_entry_pdo(node, entry);
     bool valid = !(value & CIA402_COB_INVALID);
 
@@ -283,15 +283,35 @@ bool cia402_pdo_receive(struct cia402_node *node, const struct bus_frame *frame,
 
             *verdict = BOARD_MALFORMED;
             cia402_emcy_raise(node, short_of ? CODE_TOO_SHORT : CODE_TOO_LONG,
-                              REGISTER_COMMUNICATION, 0, 0);
+                              CIA402_REGISTER_COMMUNICATION, 0, 0);
+            channel->unfit = true;
             if (short_of) {
                 continue;
             }
+        } else if (channel->unfit) {
+            channel->unfit = false;
+            cia402_emcy_resolve_communication(node);
         }
         memcpy(channel->data, frame->data, channel->length);
         channel->waits = pdo->type <= SYNCHRONOUS_MAX;
         if (!channel->waits) {
             cia402_pdo_apply(node, channel);
+        }
+    }
+    return found;
+}
+
+bool cia402_pdo_request(struct cia402_node *node, unsigned id)
+{
+    bool found = false;
+
+    for (unsigned i = 0; i < cia402_pdos(node) && node->state == CIA402_OPERATIONAL; i++) {
+        const struct cia402_pdo *pdo = &node->settings.tpdo[i];
+
+        if (cia402_pdo_is_valid(pdo) && !(pdo->cob_id & CIA402_COB_NO_REMOTE) &&
+            (pdo->cob_id & CIA402_COB_MASK) == id) {
+            node->tx[i].requested = true;
+            found = true;
         }
     }
     return found;
@@ -345,9 +365,10 @@ void cia402_pdo_transmit(struct cia402_node *node, struct frame_sink *sink)
             cia402_put(entry->type, *cia402_field(node, entry), to);
             to += channel->bytes[k];
         }
-        if (cia402_pdo_is_due(node, pdo, channel, memcmp(data, channel->data, PDO_BYTES) != 0)) {
+        if (cia402_pdo_is_due(node, pdo, channel, memcmp(data, channel->data, PDO_BYTES) != 0) ||
+            channel->requested) {
             memcpy(channel->data, data, PDO_BYTES);
-            channel->waits = false;
+            channel->waits = channel->requested = false;
             channel->syncs = 0;
             channel->time_ns = node->board.boards->now_ns;
             board_send(&node->board, sink, (uint32_t)pdo->cob_id & CIA402_COB_MASK, channel->length,

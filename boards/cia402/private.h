@@ -31,6 +31,8 @@ struct cia402_channel {
     uint8_t length;
     uint8_t data[8]; /* TPDO: sent last; RPDO: waits for SYNC */
     bool waits;      /* RPDO: data is fresh; TPDO: never sent since it was set up */
+    bool requested;  /* TPDO: by a remote frame */
+    bool unfit;      /* RPDO: the last one had another length */
     int64_t syncs;   /* since the last one sent */
     int64_t time_ns; /* of the last one sent or received */
 };
@@ -52,6 +54,9 @@ struct cia402_domain {
     uint32_t size;
     uint8_t data[CIA402_DOMAIN_MAX];
 };
+
+/* Bits of the error register */
+enum { CIA402_REGISTER_GENERIC = 0x01, CIA402_REGISTER_COMMUNICATION = 0x10 };
 
 #define CIA402_SIZE_UNKNOWN UINT32_MAX
 
@@ -216,6 +221,7 @@ void cia402_pdo_link(struct cia402_node *node); /* all of them, as the settings 
 void cia402_pdo_start(struct cia402_node *node);
 bool cia402_pdo_receive(struct cia402_node *node, const struct bus_frame *frame,
                         enum board_verdict *verdict);
+bool cia402_pdo_request(struct cia402_node *node, unsigned id); /* by a remote frame */
 void cia402_pdo_sync(struct cia402_node *node);
 void cia402_pdo_transmit(struct cia402_node *node, struct frame_sink *sink);
 
@@ -234,11 +240,16 @@ enum cia402_abort cia402_nmt_write_consumer(struct cia402_node *node,
 void cia402_emcy_raise(struct cia402_node *node, unsigned code, unsigned error_register,
                        unsigned axis, uint32_t faults);
 void cia402_emcy_clear(struct cia402_node *node); /* error reset, when nothing is left */
+
+/* Tells that communication is as it should be again, when no cause is left that it was not. */
+void cia402_emcy_resolve_communication(struct cia402_node *node);
 void cia402_emcy_transmit(struct cia402_node *node, struct frame_sink *sink);
 enum cia402_abort cia402_emcy_write_history(struct cia402_node *node,
                                             const struct cia402_entry *entry, int64_t value);
 enum cia402_abort cia402_write_cob(struct cia402_node *node, const struct cia402_entry *entry,
                                    int64_t value);
+enum cia402_abort cia402_write_emcy_cob(struct cia402_node *node, const struct cia402_entry *entry,
+                                        int64_t value);
 
 /* node.c */
 bool cia402_node_power_up(struct cia402_node *node); /* true: the first time */
@@ -259,6 +270,7 @@ struct cia402_axis_settings {
     int64_t following_window, following_timeout_ms, position_window, position_window_ms;
     int64_t velocity_window, velocity_window_ms, velocity_threshold, velocity_threshold_ms;
     int64_t max_torque, max_current, position_limit[2], home_offset;
+    int64_t position_range[2], max_motor_rpm, motion_profile_type, torque_profile_type;
     int64_t max_profile_velocity, profile_velocity, profile_acceleration, profile_deceleration,
         quick_stop_deceleration, torque_slope;
     int64_t homing_method, homing_speed[2], homing_acceleration;
@@ -268,6 +280,16 @@ struct cia402_axis_settings {
     int64_t velocity_gain[2]; /* mV s/rad, mV/rad */
     int64_t position_gain;    /* 1/s, in 0.1 */
     int64_t mode;
+};
+
+/* What a homing procedure does now (homing.c). */
+enum cia402_homing_part {
+    CIA402_HOMING_RESTS,
+    CIA402_HOMING_SEARCH,
+    CIA402_HOMING_LEAVE,
+    CIA402_HOMING_EDGE,
+    CIA402_HOMING_INDEX,
+    CIA402_HOMING_STOPS,
 };
 
 /* Where a reference of a profile is, in the units of the objects. */
@@ -284,10 +306,11 @@ struct cia402_axis {
     int64_t velocity_offset, torque_offset;
     int64_t position, velocity, torque, current; /* actual values */
     int64_t position_demand, velocity_demand, torque_demand, following_error;
-    int64_t rated_current_ma, rated_torque_mnm;
+    int64_t rated_current_ma, rated_torque_mnm, device_type;
     int64_t link_encoder, motor_encoder, deflection, spring_torque, voltage, current_ma,
         temperature_c, supply_mv, faults;
     int64_t pressure[2], valve_opening; /* of a hydraulic axis, else 0 */
+    int64_t homing_methods[CIA402_HOMING_METHODS], digital_inputs;
 
     enum cia402_state state;
     enum cia402_mode mode; /* that works */
@@ -298,8 +321,12 @@ struct cia402_axis {
     struct cia402_profile profile;
     double goal, next_goal; /* profile position */
     bool moving, has_next, set_point_taken;
-    bool homed, homing_failed;
-    bool stopping; /* a ramp to standstill is in force, whatever the mode */
+    bool homed, homing_failed, homing_found;
+    enum cia402_homing_part homing;
+    int homing_direction;
+    double homing_pulses, index_rad;
+    bool stopping;        /* a ramp to standstill is in force, whatever the mode */
+    bool stop_by_current; /* no ramp: as fast as the current limit lets */
     double stop_deceleration;
     enum cia402_state stop_state;  /* where it leads */
     int64_t interpolation_left_ms; /* of the cyclic set-point in hand */
@@ -311,8 +338,9 @@ struct cia402_axis {
     /* Loops and sensors */
     double integral_v, velocity_integral_v, voltage_v, overload_ms;
     double motor_rad, before_rad, velocity_rad_s, current_a, torque_nm;
-    bool valve;   /* its torque is measured on the cylinder: board_axis_config */
-    int64_t home; /* of the motor encoder where the position is 0 */
+    double rpm_rad; /* a link-side rad/s in rotor revolutions a minute */
+    bool valve;     /* its torque is measured on the cylinder: board_axis_config */
+    int64_t home;   /* of the motor encoder where the position is 0 */
     int32_t temperature;
     bool bad_motor, bad_link, bad_torque;
 };
@@ -361,7 +389,9 @@ void cia402_axis_step(struct cia402_axis *axis, const struct board_axis_config *
                       double supply_v);
 void cia402_axis_count_times(struct cia402_axis *axis);
 void cia402_axis_stand(struct cia402_axis *axis); /* references to where it is, loops empty */
-void cia402_axis_stop(struct cia402_axis *axis, bool quick, enum cia402_state then);
+/* Braking ramps: of a slow-down, of a quick stop, and none, at the current limit. */
+enum cia402_ramp { CIA402_RAMP_SLOW, CIA402_RAMP_QUICK, CIA402_RAMP_CURRENT };
+void cia402_axis_stop(struct cia402_axis *axis, enum cia402_ramp ramp, enum cia402_state then);
 void cia402_axis_take_set_point(struct cia402_axis *axis, int64_t before);
 bool cia402_axis_has_stopped(const struct cia402_axis *axis);
 bool cia402_axis_controls_position(const struct cia402_axis *axis);
@@ -376,8 +406,20 @@ enum cia402_abort cia402_axis_write_homing(struct cia402_node *node,
                                            const struct cia402_entry *entry, int64_t value);
 enum cia402_abort cia402_axis_write_when_off(struct cia402_node *node,
                                              const struct cia402_entry *entry, int64_t value);
+enum cia402_abort cia402_axis_write_profile_type(struct cia402_node *node,
+                                                 const struct cia402_entry *entry, int64_t value);
+enum cia402_abort cia402_axis_write_range(struct cia402_node *node,
+                                          const struct cia402_entry *entry, int64_t value);
 enum cia402_abort cia402_axis_write_limit(struct cia402_node *node,
                                           const struct cia402_entry *entry, int64_t value);
+
+/* Homing (homing.c): the methods that switches allow, what the switches say; begin and end of a
+ * procedure, and a millisecond of it. */
+void cia402_homing_list(struct cia402_axis *axis, const struct board_switches *switches);
+void cia402_homing_sample(struct cia402_axis *axis, const struct board_switches *switches);
+void cia402_homing_start(struct cia402_axis *axis);
+void cia402_homing_interrupt(struct cia402_axis *axis);
+void cia402_homing_step(struct cia402_axis *axis);
 
 /* One step of a trapezoidal profile of dt s towards a goal (profile.c). */
 void cia402_profile_move(struct cia402_profile *profile, double goal, double speed,

@@ -83,6 +83,7 @@ const struct protocol protocol_cia402 = {
     .motor_address_max = CIA402_NODE_MAX,
     .address_max = CIA402_NODE_MAX,
     .axes_max = CIA402_BOARD_AXES,
+    .switches = true,
     .make_bus = cia402_bus_create,
     .make_board = cia402_make_board,
     .visit_broadcasts = cia402_visit_broadcasts,

@@ -37,11 +37,12 @@
 
 enum {
     CIA402_NODE_MAX = 31,
-    CIA402_BOARD_AXES = 4,    /* axes of a node at most */
-    CIA402_AXIS_STEP = 0x800, /* between the objects of two axes */
-    CIA402_AXIS_PDOS = 4,     /* of each direction and axis */
-    CIA402_PDO_STEP = 64,     /* between the PDO numbers of two axes */
-    CIA402_MAPPED_MAX = 8,    /* objects in a PDO */
+    CIA402_BOARD_AXES = 4,      /* axes of a node at most */
+    CIA402_AXIS_STEP = 0x800,   /* between the objects of two axes */
+    CIA402_AXIS_PDOS = 4,       /* of each direction and axis */
+    CIA402_PDO_STEP = 64,       /* between the PDO numbers of two axes */
+    CIA402_MAPPED_MAX = 8,      /* objects in a PDO */
+    CIA402_HOMING_METHODS = 32, /* sub-indices of 0x60e3 */
 };
 
 enum cia402_cob {
@@ -58,6 +59,8 @@ enum cia402_cob {
 };
 
 #define CIA402_COB_INVALID UINT32_C(0x80000000) /* bit 31 of a COB-ID object */
+
+#define CIA402_COB_NO_REMOTE UINT32_C(0x40000000) /* bit 30: of a TPDO, no remote frames */
 
 enum { CIA402_COB_MASK = 0x7ff };
 
@@ -255,8 +258,10 @@ enum cia402_index {
     CIA402_O_CHANNEL = 0x7130, /* of sensor nodes, as CiA 404 has its process values */
 };
 
-/* 0x1000: profile in the low word; CiA 402 counts axes elsewhere, bit 17 is a servo drive */
+/* 0x1000: profile in the low word, bit 17 is a servo drive. A node of several axes has 0xffff above
+ * the profile, and the device type of each axis in 0x67ff + 0x800 k. */
 #define CIA402_DEVICE_DRIVE UINT32_C(0x00020192)
+#define CIA402_DEVICE_DRIVES UINT32_C(0xffff0192)
 #define CIA402_DEVICE_SENSOR UINT32_C(0x00020194) /* CiA 404, analog inputs */
 
 /* ---- the PDOs as our host sets them up ---- */

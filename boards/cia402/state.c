@@ -82,15 +82,17 @@ void cia402_axis_enter(struct cia402_node *node, struct cia402_axis *axis, enum 
 static void cia402_axis_stop_quickly(struct cia402_node *node, struct cia402_axis *axis)
 {
     int64_t option = axis->settings.quick_stop_option;
-    bool stays = option == 5 || option == 6;
+    enum cia402_ramp ramp = option == 1 || option == 5   ? CIA402_RAMP_SLOW
+                            : option == 2 || option == 6 ? CIA402_RAMP_QUICK
+                                                         : CIA402_RAMP_CURRENT;
 
     if (option == 0) {
         cia402_axis_enter(node, axis, CIA402_SWITCH_ON_DISABLED);
         return;
     }
     cia402_axis_enter(node, axis, CIA402_QUICK_STOP_ACTIVE);
-    cia402_axis_stop(axis, option == 2 || option == 6,
-                     stays ? CIA402_QUICK_STOP_ACTIVE : CIA402_SWITCH_ON_DISABLED);
+    cia402_axis_stop(axis, ramp,
+                     option >= 5 ? CIA402_QUICK_STOP_ACTIVE : CIA402_SWITCH_ON_DISABLED);
 }
 
 /* To a state where the drive function is off, on a ramp if the option code wants one; a controlword
@@ -101,7 +103,7 @@ static void cia402_axis_leave_operation(struct cia402_node *node, struct cia402_
     if (!ramp) {
         cia402_axis_enter(node, axis, state);
     } else if (!axis->stopping || axis->stop_state != state) {
-        cia402_axis_stop(axis, false, state);
+        cia402_axis_stop(axis, CIA402_RAMP_SLOW, state);
     }
 }
 
@@ -219,7 +221,7 @@ void cia402_axis_react(struct cia402_node *node, struct cia402_axis *axis, bool 
     }
     cia402_axis_enter(node, axis, CIA402_FAULT_REACTION_ACTIVE); /* 13 */
     if (ramp) {
-        cia402_axis_stop(axis, option == 2, CIA402_FAULT);
+        cia402_axis_stop(axis, option == 2 ? CIA402_RAMP_QUICK : CIA402_RAMP_SLOW, CIA402_FAULT);
     } else {
         cia402_axis_enter(node, axis, CIA402_FAULT); /* 14 */
     }

@@ -22,6 +22,16 @@ static const struct described_protocol *bus_protocol(const struct described_bus 
     return bus->bus.config.described;
 }
 
+/* Whether a parameter can be read, or by a frame with a value written. */
+static bool described_parameter_exists(const struct described_protocol *protocol,
+                                       const struct described_frame *row, int64_t number)
+{
+    const struct described_parameter *parameter = described_find_parameter(protocol, number);
+    bool writes = described_find_field(row, DESCRIBED_PARAMETER_VALUE) >= 0;
+
+    return parameter && (!writes || described_is_setting(parameter->field.meaning));
+}
+
 /* Whether what the frame asks for exists: states, laws, a period. */
 static bool described_values_exist(const struct described_protocol *protocol,
                                    const struct described_arrival *a)
@@ -38,6 +48,11 @@ static bool described_values_exist(const struct described_protocol *protocol,
             break;
         case DESCRIBED_LAW:
             if (described_find_state(protocol->law, protocol->nlaw, a->values[i], true) < 0) {
+                return false;
+            }
+            break;
+        case DESCRIBED_PARAMETER:
+            if (!described_parameter_exists(protocol, a->row, a->values[i])) {
                 return false;
             }
             break;
@@ -59,6 +74,7 @@ static bool described_identify(const struct described_protocol *protocol,
                                struct described_arrival *a)
 {
     bool remote = a->frame->flags & FRAME_REMOTE, extended = a->frame->flags & FRAME_EXTENDED;
+    bool empty = !remote && a->frame->len == 0;
 
     a->row = NULL;
     for (size_t i = 0; i < protocol->nframe; i++) {
@@ -66,7 +82,7 @@ static bool described_identify(const struct described_protocol *protocol,
         enum described_match match;
         unsigned number;
 
-        if (!row->from_host || row->remote != remote ||
+        if (!row->from_host || (row->remote != remote && !(row->or_empty && empty)) ||
             !described_number(row, a->frame->id, extended, &number)) {
             continue;
         }
@@ -181,6 +197,9 @@ static void described_board_receive(struct board *board, unsigned first, unsigne
             described_node_reply(node, axis, a->row, a->values);
             replied = true;
         }
+    }
+    if (obeyed && a->row->restart) {
+        board_enter_bootloader(board, board->config.boot_ns);
     }
 }
 

@@ -11,7 +11,7 @@
 const char *const described_fault_names[32] = {
     "under-voltage",  "over-voltage", "over-current",   "motor encoder",   "link encoder",
     "torque sensor",  "temperature",  "under-pressure", "over-pressure",   "stale set-point",
-    "position limit", "frames lost",  "saturated",      "inertial sensor",
+    "position limit", "frames lost",  "saturated",      "inertial sensor", "emergency stop",
 };
 
 const char *described_unit(enum described_meaning meaning)
@@ -32,11 +32,20 @@ const char *described_unit(enum described_meaning meaning)
         return "V";
     case DESCRIBED_TO_CURRENT:
     case DESCRIBED_AXIS_CURRENT:
+    case DESCRIBED_CURRENT_LIMIT:
+    case DESCRIBED_CURRENT_TARGET:
+    case DESCRIBED_SUPPLY_CURRENT:
         return "A";
     case DESCRIBED_TO_TORQUE:
     case DESCRIBED_AXIS_TORQUE:
     case DESCRIBED_DRIVE_TORQUE:
+    case DESCRIBED_TORQUE_TARGET:
         return "Nm";
+    case DESCRIBED_ELECTRICAL_POWER:
+    case DESCRIBED_MECHANICAL_POWER:
+        return "W";
+    case DESCRIBED_POSITION_GAIN:
+        return "1/s";
     case DESCRIBED_PISTON_PRESSURE:
     case DESCRIBED_ROD_PRESSURE:
         return "bar";
@@ -44,13 +53,17 @@ const char *described_unit(enum described_meaning meaning)
     case DESCRIBED_MOTOR_POSITION:
     case DESCRIBED_LINK_POSITION:
     case DESCRIBED_DEFLECTION:
+    case DESCRIBED_PRESENT_POSITION:
         return "rad";
     case DESCRIBED_TO_VELOCITY:
     case DESCRIBED_MOTOR_VELOCITY:
+    case DESCRIBED_VELOCITY_LIMIT:
         return "rad/s";
     case DESCRIBED_TO_KP:
+    case DESCRIBED_INTEGRAL_GAIN:
         return "Nm/rad";
     case DESCRIBED_TO_KD:
+    case DESCRIBED_VELOCITY_GAIN:
         return "Nm s/rad";
     case DESCRIBED_TEMPERATURE:
         return "degC";
@@ -217,7 +230,7 @@ uint32_t described_encode(const struct described_frame *frame, unsigned number,
 static bool described_has_length(const struct described_frame *frame, uint8_t len)
 {
     if (frame->repeats == 1) {
-        return len == frame->length;
+        return len >= frame->shortest && len <= frame->longest;
     }
     for (unsigned count = 1; count <= frame->repeats; count++) {
         unsigned bytes = count * frame->length;
@@ -278,18 +291,28 @@ static void described_find_constants(const struct described_frame *frame, uint8_
     fields_encode(frame->layout, counts, value);
 }
 
+/* Whether a frame without data is both a request and another frame from the host. */
+static bool described_may_be_empty(const struct described_frame *a, const struct described_frame *b)
+{
+    const struct described_frame *request = a->remote ? a : b, *other = a->remote ? b : a;
+
+    return request->or_empty && other->shortest == 0;
+}
+
 bool described_told_apart(const struct described_frame *a, const struct described_frame *b)
 {
     uint8_t mask[2][DESCRIBED_LENGTH_MAX] = {{0}}, value[2][DESCRIBED_LENGTH_MAX] = {{0}};
 
     if (a->from_host != b->from_host || a->remote != b->remote) {
-        return a->remote != b->remote;
+        return a->from_host != b->from_host ? a->remote != b->remote
+                                            : !described_may_be_empty(a, b);
     }
     if (a->remote) {
         return false; /* whatever its length */
     }
     if ((a->flags ^ b->flags) & FRAME_FD ||
-        (a->repeats == 1 && b->repeats == 1 && a->length != b->length)) {
+        (a->repeats == 1 && b->repeats == 1 &&
+         (a->shortest > b->longest || b->shortest > a->longest))) {
         return true;
     }
     described_find_constants(a, mask[0], value[0]);
@@ -311,6 +334,17 @@ int described_find_state(const struct described_state *state, size_t count, int6
         }
     }
     return -1;
+}
+
+const struct described_parameter *
+described_find_parameter(const struct described_protocol *protocol, int64_t number)
+{
+    for (size_t i = 0; i < protocol->nparameter; i++) {
+        if (protocol->parameter[i].number == number) {
+            return &protocol->parameter[i];
+        }
+    }
+    return NULL;
 }
 
 int described_find_field(const struct described_frame *frame, enum described_meaning meaning)

@@ -24,9 +24,11 @@ static double axis_current_law(const struct board *board, struct described_axis 
                                double wanted_a)
 {
     const struct board_axis_config *config = &board->config.axis[described_axis_index(board, axis)];
-    double limit = config->current_limit_a;
+    double limit =
+        fmin(config->current_limit_a, described_axis_setting(axis, DESCRIBED_CURRENT_LIMIT));
 
     wanted_a = fmax(fmin(wanted_a, limit), -limit);
+    axis->wanted_a = wanted_a;
     return current_loop_step(&axis->integral_v, axis->kp_v_a, axis->ki_v_as,
                              wanted_a - axis->current_a, described_node_of(board)->supply_v) +
            config->bemf_v_s_rad * axis->velocity_rad_s;
@@ -51,18 +53,21 @@ static double axis_torque_most(const struct board *board, const struct described
 static double axis_velocity_law(const struct board *board, struct described_axis *axis,
                                 double wanted_rad_s)
 {
-    const struct described_protocol *protocol = described_node_of(board)->protocol;
     const struct board_axis_config *config = &board->config.axis[described_axis_index(board, axis)];
-    double error = wanted_rad_s - axis->velocity_rad_s, most = axis_torque_most(board, axis);
+    double limit = described_axis_setting(axis, DESCRIBED_VELOCITY_LIMIT);
+    double most = axis_torque_most(board, axis), error;
+
+    wanted_rad_s = fmax(fmin(wanted_rad_s, limit), -limit);
+    error = wanted_rad_s - axis->velocity_rad_s;
 
     if (config->valve) {
         return config->bemf_v_s_rad * wanted_rad_s;
     }
-    axis->integral_nm += protocol->velocity_nm_rad * error * 1e-3;
+    axis->integral_nm += described_axis_setting(axis, DESCRIBED_INTEGRAL_GAIN) * error * 1e-3;
     axis->integral_nm = fmax(fmin(axis->integral_nm, most), -most);
     return axis_torque_law(board, axis,
-                           protocol->velocity_nm_s_rad * error + axis->integral_nm +
-                               axis_target(axis, DESCRIBED_TO_TORQUE));
+                           described_axis_setting(axis, DESCRIBED_VELOCITY_GAIN) * error +
+                               axis->integral_nm + axis_target(axis, DESCRIBED_TO_TORQUE));
 }
 
 /* How far the motor is from the wanted position, which is kept within the joint's limits. */
@@ -77,8 +82,6 @@ static double axis_position_error(const struct board *board, const struct descri
 static double axis_law_voltage(const struct board *board, struct described_axis *axis,
                                enum described_law law)
 {
-    const struct described_protocol *protocol = described_node_of(board)->protocol;
-
     switch (law) {
     case DESCRIBED_VOLTAGE:
         return axis_target(axis, DESCRIBED_TO_VOLTAGE) +
@@ -91,7 +94,8 @@ static double axis_law_voltage(const struct board *board, struct described_axis 
         return axis_velocity_law(board, axis, axis_target(axis, DESCRIBED_TO_VELOCITY));
     case DESCRIBED_POSITION:
         return axis_velocity_law(board, axis,
-                                 protocol->position_per_s * axis_position_error(board, axis) +
+                                 described_axis_setting(axis, DESCRIBED_POSITION_GAIN) *
+                                         axis_position_error(board, axis) +
                                      axis_target(axis, DESCRIBED_TO_VELOCITY));
     case DESCRIBED_IMPEDANCE:
         return axis_torque_law(
@@ -108,7 +112,10 @@ static double axis_law_voltage(const struct board *board, struct described_axis 
 void described_axis_step(const struct board *board, struct described_axis *axis)
 {
     const struct described_node *node = described_node_of(board);
-    double v = axis_law_voltage(board, axis, described_axis_law(node->protocol, axis));
+    double v;
+
+    axis->wanted_a = 0.0;
+    v = axis_law_voltage(board, axis, described_axis_law(node->protocol, axis));
 
     axis->voltage_v = fmax(fmin(v, node->supply_v), -node->supply_v);
 }

@@ -74,6 +74,7 @@ static enum error_code described_build_state(struct described_loader *l,
     }
     made[(*count)++] = (struct described_state){.name = raw->name,
                                                 .value = raw->value,
+                                                .result = raw->result,
                                                 .law = (enum described_law)raw->law,
                                                 .set_point_scale = raw->set_point_scale,
                                                 .commanded = raw->law != DESCRIBED_FAULT};
@@ -129,7 +130,8 @@ static enum error_code described_check_values(struct described_loader *l,
     }
     for (size_t i = 0; i < count && carried; i++) {
         for (size_t k = 0; k < i; k++) {
-            if (raw[k].value == raw[i].value) {
+            if (raw[k].value == raw[i].value &&
+                (raw[k].law != DESCRIBED_OFF || raw[i].law != DESCRIBED_FAULT)) {
                 return yaml_error(
                     l->error, raw[i].value_mark.line ? &raw[i].value_mark : &raw[i].mark,
                     "found value %lld of \"%s\", which \"%s\" (line %d) has, "
@@ -146,7 +148,7 @@ static enum error_code described_build_faults(struct described_loader *l)
     static const char *const words[DESCRIBED_FAULT_KINDS] = {
         "under_voltage",  "over_voltage", "over_current",   "motor_encoder",   "link_encoder",
         "torque_sensor",  "temperature",  "under_pressure", "over_pressure",   "stale",
-        "position_limit", "frames_lost",  "saturated",      "inertial_sensor",
+        "position_limit", "frames_lost",  "saturated",      "inertial_sensor", "emergency_stop",
     };
 
     for (int k = 0; k < DESCRIBED_FAULT_KINDS; k++) {
@@ -212,17 +214,22 @@ static enum error_code described_check_frame(struct described_loader *l,
         return yaml_error(l->error, &raw->brs_mark,
                           "found bit_rate_switch without fd: true, expected both or none");
     }
+    if (raw->or_empty && !raw->remote) {
+        return yaml_error(l->error, &raw->mark,
+                          "found or_empty without remote: true, expected both or none");
+    }
     if (raw->fd && raw->remote) {
         return yaml_error(l->error, &raw->mark,
                           "found fd beside remote, expected one of them: CAN FD has no remote "
                           "frames");
     }
     if (made->from_host ? raw->telemetry || raw->period_given || raw->on_change || raw->on_restart
-                        : raw->reply || raw->enter || raw->zero || raw->remote) {
+                        : raw->reply || raw->enter || raw->zero || raw->remote || raw->stop ||
+                              raw->clear || raw->restart || raw->lengths_given) {
         return yaml_error(l->error, &raw->mark,
                           "found a key of frames from the %s in one from the %s: period_s, "
-                          "telemetry, on_change and on_restart are of boards, reply, enter, zero "
-                          "and remote of the host",
+                          "telemetry, on_change and on_restart are of boards, reply, enter, zero, "
+                          "stop, clear_faults, restart, lengths and remote of the host",
                           made->from_host ? "board" : "host", made->from_host ? "host" : "board");
     }
     if (raw->telemetry && raw->period_given) {
@@ -246,6 +253,7 @@ static enum error_code described_build_frame(struct described_loader *l,
         .name = raw->name,
         .from_host = raw->from == 1,
         .remote = raw->remote,
+        .or_empty = raw->or_empty,
         .flags = (uint8_t)((raw->extended ? FRAME_EXTENDED : 0) | (raw->remote ? FRAME_REMOTE : 0) |
                            (raw->fd ? FRAME_FD | (raw->brs ? FRAME_BRS : 0) : 0)),
         .of = raw->of_given    ? (unsigned)raw->of
@@ -262,6 +270,9 @@ static enum error_code described_build_frame(struct described_loader *l,
         .reply = {-1, -1, -1},
         .enter = -1,
         .zero = raw->zero,
+        .stop = raw->stop,
+        .clear = raw->clear,
+        .restart = raw->restart,
         .counter = -1,
         .repeats = (uint8_t)raw->repeat,
     };
@@ -281,6 +292,7 @@ static enum error_code described_build_frame(struct described_loader *l,
         made->of_one = made->of_one || meaning == DESCRIBED_AXIS ||
                        meaning == DESCRIBED_SLOTS_MASK || made->by >= DESCRIBED_BY_SLOT;
         if (made->from_host) {
+            l->made->clears = l->made->clears || made->clear;
             l->made->period_settable =
                 l->made->period_settable || meaning == DESCRIBED_TELEMETRY_PERIOD;
         } else {
@@ -392,6 +404,32 @@ static enum error_code described_build_frames(struct described_loader *l)
     return code;
 }
 
+/* ---- parameters ---- */
+
+static enum error_code described_build_parameters(struct described_loader *l)
+{
+    const struct raw_described *raw = l->raw;
+    enum error_code code = ERROR_NONE;
+
+    if (raw->nparameter > DESCRIBED_PARAMETERS_MAX) {
+        return yaml_error(l->error, &raw->mark, "found %zu parameters, expected at most %d",
+                          raw->nparameter, DESCRIBED_PARAMETERS_MAX);
+    }
+    for (size_t i = 0; i < raw->nparameter && !code; i++) {
+        struct described_parameter *made = &l->made->parameter[i];
+
+        if (described_find_parameter(l->made, raw->parameter[i].number)) {
+            return yaml_error(l->error, &raw->parameter[i].number_mark,
+                              "found number %lld again, expected another",
+                              (long long)raw->parameter[i].number);
+        }
+        made->number = (uint32_t)raw->parameter[i].number;
+        code = described_lay_out_parameter(l, &raw->parameter[i].field, made);
+        l->made->nparameter = i + 1;
+    }
+    return code;
+}
+
 /* ---- the host ---- */
 
 static enum error_code described_build_list(struct described_loader *l,
@@ -453,7 +491,9 @@ static enum error_code described_build(struct described_loader *l)
         .description = raw->description,
         .axes = (unsigned)raw->axes,
         .address_max = (unsigned)raw->address_max,
-        .command_timeout_ns = llround(raw->command_timeout_s * 1e9),
+        .command_timeout_ns = raw->command_timeout_given && raw->command_timeout_s == 0.0
+                                  ? -1
+                                  : llround(raw->command_timeout_s * 1e9),
         .position_per_s = raw->gains.position_per_s,
         .velocity_nm_s_rad = raw->gains.velocity_nm_s_rad,
         .velocity_nm_rad = raw->gains.velocity_nm_rad,
@@ -466,6 +506,7 @@ static enum error_code described_build(struct described_loader *l)
     code = described_build_states(l);
     code = code ? code : described_build_faults(l);
     code = code ? code : described_build_frames(l);
+    code = code ? code : described_build_parameters(l);
     code = code ? code : described_check_ids(l);
     code = code ? code : described_check_values(l, DESCRIBED_STATE, raw->state, raw->nstate);
     code = code ? code : described_check_values(l, DESCRIBED_LAW, raw->law, raw->nlaw);

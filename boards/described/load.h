@@ -25,6 +25,11 @@ enum error_code described_check_word(struct described_loader *l, const struct ya
 enum error_code described_lay_out(struct described_loader *l, const struct raw_described_frame *raw,
                                   struct described_frame *made);
 
+/* The field of a parameter, which a board tells, or a host sets where it is a setting. */
+enum error_code described_lay_out_parameter(struct described_loader *l,
+                                            const struct raw_described_field *raw,
+                                            struct described_parameter *made);
+
 /* Refuses identifiers that two frames of one board, or of the host and a board, have and nobody
  * tells apart, and frames that never come, as another takes theirs (load_ids.c). Reads the whole
  * list of frames. */

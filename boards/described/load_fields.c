@@ -20,6 +20,11 @@ static bool described_is_integer(enum described_meaning meaning)
     case DESCRIBED_LAW:
     case DESCRIBED_COUNTER:
     case DESCRIBED_CHECKSUM:
+    case DESCRIBED_PARAMETER:
+    case DESCRIBED_PARAMETER_VALUE:
+    case DESCRIBED_RESULT:
+    case DESCRIBED_LATCHED_FAULTS:
+    case DESCRIBED_SERIAL:
     case DESCRIBED_COMMANDS:
     case DESCRIBED_SLOT:
     case DESCRIBED_FAULTS:
@@ -359,6 +364,30 @@ static enum error_code described_measure_length(struct described_loader *l,
     return ERROR_NONE;
 }
 
+/* The lengths that a board takes: those of the fields alone, or a range about it. */
+static enum error_code described_measure_lengths(struct described_loader *l,
+                                                 const struct raw_described_frame *raw,
+                                                 struct described_frame *made)
+{
+    double least = raw->lengths[0], most = raw->lengths[1];
+
+    made->shortest = made->longest = made->length;
+    if (!raw->lengths_given) {
+        return ERROR_NONE;
+    }
+    if (least != rint(least) || most != rint(most) || least > made->length || most < made->length ||
+        most > DESCRIBED_CLASSIC_MAX || raw->fd || raw->remote || raw->repeat > 1) {
+        return yaml_error(
+            l->error, &raw->lengths_mark,
+            "found lengths [%g, %g], expected whole numbers about the %u bytes of the "
+            "frame, at most 8, of a classic frame that is not remote and not repeated",
+            least, most, made->length);
+    }
+    made->shortest = (uint8_t)least;
+    made->longest = (uint8_t)most;
+    return ERROR_NONE;
+}
+
 /* Finds the counter and the checksum among the fields. */
 static enum error_code described_find_checks(struct described_loader *l,
                                              const struct raw_described_frame *raw,
@@ -390,9 +419,10 @@ static enum error_code described_find_checks(struct described_loader *l,
                               "found two counters in frame \"%s\", expected one", raw->name);
         }
     }
-    if ((made->counter >= 0 || made->checksum) && raw->repeat > 1) {
-        return yaml_error(l->error, &raw->repeat_mark,
-                          "found repeat beside a counter or a checksum, expected one of them");
+    if ((made->counter >= 0 || made->checksum) && (raw->repeat > 1 || raw->lengths_given)) {
+        return yaml_error(l->error, raw->repeat > 1 ? &raw->repeat_mark : &raw->lengths_mark,
+                          "found repeat or lengths beside a counter or a checksum, expected one of "
+                          "them");
     }
     return ERROR_NONE;
 }
@@ -497,6 +527,7 @@ enum error_code described_lay_out(struct described_loader *l, const struct raw_d
         code = described_add_field(l, raw, &raw->field[i], &plan);
     }
     code = code ? code : described_measure_length(l, raw, made, plan.bit);
+    code = code ? code : described_measure_lengths(l, raw, made);
     if (code) {
         return code;
     }
@@ -510,4 +541,32 @@ enum error_code described_lay_out(struct described_loader *l, const struct raw_d
     }
     code = code ? code : described_find_checks(l, raw, made);
     return code ? code : described_check_deflection(l, raw, made);
+}
+
+enum error_code described_lay_out_parameter(struct described_loader *l,
+                                            const struct raw_described_field *raw,
+                                            struct described_parameter *made)
+{
+    enum error_code code = described_check_word(l, &raw->mark, raw->name);
+    enum described_meaning meaning;
+
+    if (!code && (raw->target_given || raw->counter || raw->checksum || raw->at_given ||
+                  raw->order == 1 || (raw->type == RAW_DESCRIBED_FLOAT && raw->bits != 32))) {
+        return yaml_error(l->error, &raw->mark,
+                          "found a target, a counter, a checksum, at_bit, order: big or a float of "
+                          "other than 32 bits in a parameter, expected a source or a value");
+    }
+    made->layout = (struct field){.type = (unsigned)raw->bits |
+                                          (raw->type == RAW_DESCRIBED_SIGNED  ? FIELD_SIGNED
+                                           : raw->type == RAW_DESCRIBED_FLOAT ? FIELD_FLOAT
+                                                                              : 0u),
+                                  .name = raw->name};
+    code = code ? code : described_mean_field(l, false, raw, &made->layout, &made->field);
+    meaning = made->field.meaning;
+    if (!code && (meaning == DESCRIBED_ECHO || meaning == DESCRIBED_PARAMETER_VALUE)) {
+        return yaml_error(l->error, &raw->source_mark,
+                          "found source: %s in a parameter, expected another: it is no answer",
+                          meaning == DESCRIBED_ECHO ? "echo" : "parameter_value");
+    }
+    return code;
 }

@@ -91,7 +91,9 @@ static void visit_frame(struct message_walk *walk, size_t index, int board, unsi
         .receiver = frame->from_host ? board : MESSAGE_NO_BOARD,
         .from_host = frame->from_host,
         .length = frame->flags & FRAME_FD ? frame_fd_length(frame->length * repeats)
-                                          : (uint8_t)(frame->length * repeats),
+                  : repeats > 1           ? (uint8_t)(frame->length * repeats)
+                                          : frame->longest,
+        .shortest = frame->shortest < frame->longest ? frame->shortest : 0,
         .code = MESSAGE_NO_CODE,
         .answer = frame_answer(protocol, frame, config),
         .section = frame->from_host ? MESSAGE_FROM_HOST : MESSAGE_FROM_BOARDS,

@@ -53,14 +53,14 @@ static void described_axis_set_state(struct board *board, struct described_axis 
     }
 }
 
-/* By a host: off clears a fault, nothing else leads out of it. */
+/* By a host: off clears a fault where no frame is there for that; nothing else leads out of it. */
 static void described_axis_command_state(struct board *board, struct described_axis *axis,
                                          int state)
 {
     const struct described_protocol *protocol = described_node_of(board)->protocol;
 
     if (protocol->state[state].law == DESCRIBED_OFF) {
-        axis->latched = 0;
+        axis->latched = protocol->clears ? axis->latched : 0;
         described_axis_set_state(board, axis, state);
     } else if (axis->latched == 0) {
         described_axis_set_state(board, axis, state);
@@ -135,6 +135,67 @@ static bool described_axis_has_law(const struct board *board, unsigned index,
     return suits;
 }
 
+/* An emergency stop latches its fault, whether the axis runs or not. */
+static void described_axis_stop(struct board *board, struct described_axis *axis)
+{
+    const uint32_t stopped = UINT32_C(1) << DESCRIBED_STOPPED;
+
+    if (!(axis->latched & stopped)) {
+        board_event(board, BOARD_EVENT_FAULT, described_axis_index(board, axis), stopped, 0);
+    }
+    axis->latched |= stopped;
+    axis->faults |= stopped;
+    described_axis_set_state(board, axis, described_node_of(board)->protocol->fault_state);
+}
+
+/* Forgets the faults that are over, and leaves their state. */
+static void described_axis_clear_faults(struct board *board, struct described_axis *axis)
+{
+    axis->faults &= ~axis->latched;
+    axis->latched = 0;
+    if (axis_law(board, axis) == DESCRIBED_FAULT) {
+        described_axis_set_state(board, axis, described_node_of(board)->protocol->off_state);
+    }
+}
+
+/* Sets a setting, which is not negative; what is no number leaves it. */
+static void described_axis_set(struct described_axis *axis, const struct field *layout,
+                               const struct described_field *field, int64_t count)
+{
+    const int64_t infinity = INT64_C(0x7f800000); /* the exponent of a float that is no number */
+
+    if (!(layout->type & FIELD_FLOAT) || (count & infinity) != infinity) {
+        axis->setting[field->meaning - DESCRIBED_SETTING] =
+            fmax(described_value(layout, field, count), 0.0);
+    }
+}
+
+/* Settings, parameters and the reading of the position; the axis keeps its state. */
+static void described_axis_configure(struct board *board, struct described_axis *axis,
+                                     const struct described_frame *frame, const int64_t *values)
+{
+    int parameter = described_find_field(frame, DESCRIBED_PARAMETER);
+    int written = described_find_field(frame, DESCRIBED_PARAMETER_VALUE);
+
+    for (size_t i = 0; i < frame->nfield; i++) {
+        const struct described_field *field = &frame->field[i];
+
+        if (described_is_setting(field->meaning)) {
+            described_axis_set(axis, described_layout(frame, i), field, values[i]);
+        } else if (field->meaning == DESCRIBED_PRESENT_POSITION) {
+            axis->zero_rad =
+                axis->motor_rad - described_value(described_layout(frame, i), field, values[i]);
+            described_axis_forget(board, axis);
+        }
+    }
+    if (parameter >= 0 && written >= 0) {
+        const struct described_parameter *of =
+            described_find_parameter(described_node_of(board)->protocol, values[parameter]);
+
+        described_axis_set(axis, &of->layout, &of->field, values[written]);
+    }
+}
+
 bool described_axis_obey(struct board *board, unsigned index, const struct described_frame *frame,
                          const int64_t *values)
 {
@@ -145,7 +206,10 @@ bool described_axis_obey(struct board *board, unsigned index, const struct descr
         return false;
     }
 
-    /* The law and the state first: they forget the targets of before */
+    /* Faults, the law and the state first: they forget the targets of before */
+    if (frame->clear) {
+        described_axis_clear_faults(board, axis);
+    }
     for (size_t i = 0; i < frame->nfield; i++) {
         if (frame->field[i].meaning == DESCRIBED_LAW) {
             described_axis_select_law(
@@ -162,6 +226,10 @@ bool described_axis_obey(struct board *board, unsigned index, const struct descr
     if (frame->enter >= 0) {
         described_axis_command_state(board, axis, frame->enter);
     }
+    if (frame->stop) {
+        described_axis_stop(board, axis);
+    }
+    described_axis_configure(board, axis, frame, values);
     if (frame->zero) {
         axis->zero_rad = axis->motor_rad;
         described_axis_forget(board, axis);
@@ -183,6 +251,22 @@ bool described_axis_obey(struct board *board, unsigned index, const struct descr
 
 /* ---- power-up ---- */
 
+/* Settings as the file has them; limits that only the rig sets. */
+static void described_axis_reset_settings(const struct described_protocol *protocol,
+                                          struct described_axis *axis)
+{
+    const double setting[] = {
+        [DESCRIBED_VELOCITY_LIMIT - DESCRIBED_SETTING] = HUGE_VAL,
+        [DESCRIBED_CURRENT_LIMIT - DESCRIBED_SETTING] = HUGE_VAL,
+        [DESCRIBED_POSITION_GAIN - DESCRIBED_SETTING] = protocol->position_per_s,
+        [DESCRIBED_VELOCITY_GAIN - DESCRIBED_SETTING] = protocol->velocity_nm_s_rad,
+        [DESCRIBED_INTEGRAL_GAIN - DESCRIBED_SETTING] = protocol->velocity_nm_rad,
+    };
+
+    memcpy(axis->setting, setting, sizeof axis->setting);
+    axis->wanted_a = 0.0;
+}
+
 static void described_motor_power_up(struct board *board)
 {
     struct described_motor *motor = described_motor_of(board);
@@ -201,6 +285,7 @@ static void described_motor_power_up(struct board *board)
         axis->latched = axis->faults = 0;
         axis->commands = 0;
         axis->velocity_rad_s = axis->zero_rad = 0.0;
+        described_axis_reset_settings(motor->node.protocol, axis);
         described_axis_forget(board, axis);
     }
     motor->started = false;
@@ -283,7 +368,7 @@ static bool described_axis_is_over_current(const struct board *board, struct des
 static bool described_axis_is_stale(const struct board *board, const struct described_axis *axis)
 {
     int64_t own_ns = described_node_of(board)->protocol->command_timeout_ns;
-    int64_t timeout_ns = own_ns > 0 ? own_ns : board->config.command_timeout_ns;
+    int64_t timeout_ns = own_ns != 0 ? own_ns : board->config.command_timeout_ns;
 
     return described_axis_runs(board, axis) && timeout_ns > 0 &&
            board->boards->now_ns - axis->command_ns > timeout_ns;
@@ -448,6 +533,43 @@ static uint8_t described_motor_mode(const struct board *board, unsigned axis)
 
 /* ---- what its frames tell ---- */
 
+/* What an axis takes, gives and aims at; false: the meaning is another. */
+static bool described_axis_power(const struct board *board, const struct described_axis *axis,
+                                 enum described_meaning meaning, double *value)
+{
+    const struct board_axis_config *config = &board->config.axis[described_axis_index(board, axis)];
+    double supply_v = described_node_of(board)->supply_v;
+    double bridge_v = described_axis_runs(board, axis) ? axis->voltage_v : 0.0;
+
+    switch (meaning) {
+    case DESCRIBED_AXIS_VOLTAGE:
+        *value = axis->voltage_v;
+        return true;
+    case DESCRIBED_CURRENT_TARGET:
+        *value = axis->wanted_a;
+        return true;
+    case DESCRIBED_TORQUE_TARGET:
+        *value = axis->wanted_a * config->torque_nm_a;
+        return true;
+    case DESCRIBED_ELECTRICAL_POWER:
+        *value = bridge_v * axis->current_a;
+        return true;
+    case DESCRIBED_MECHANICAL_POWER:
+        *value = axis->current_a * config->torque_nm_a * axis->velocity_rad_s;
+        return true;
+    case DESCRIBED_SUPPLY_CURRENT:
+        *value = supply_v > 0.0 ? bridge_v * axis->current_a / supply_v : 0.0;
+        return true;
+    case DESCRIBED_CURRENT_LIMIT:
+        *value =
+            fmin(config->current_limit_a, described_axis_setting(axis, DESCRIBED_CURRENT_LIMIT));
+        return true;
+    default:
+        *value = described_is_setting(meaning) ? described_axis_setting(axis, meaning) : 0.0;
+        return described_is_setting(meaning);
+    }
+}
+
 static bool described_motor_source(const struct described_node *node, unsigned index,
                                    const struct described_field *field, double *value,
                                    int64_t *count)
@@ -456,6 +578,9 @@ static bool described_motor_source(const struct described_node *node, unsigned i
     const struct described_axis *axis = &described_motor_of(board)->axis[index];
     int32_t motor = 0, link = 0;
 
+    if (described_axis_power(board, axis, field->meaning, value)) {
+        return false;
+    }
     switch (field->meaning) {
     case DESCRIBED_MOTOR_POSITION:
         *value = axis->motor_rad - axis->zero_rad;
@@ -481,9 +606,6 @@ static bool described_motor_source(const struct described_node *node, unsigned i
     case DESCRIBED_DRIVE_TORQUE:
         *value = axis->current_a * board->config.axis[index].torque_nm_a;
         return false;
-    case DESCRIBED_AXIS_VOLTAGE:
-        *value = axis->voltage_v;
-        return false;
     case DESCRIBED_AXIS_DUTY:
         *value = node->supply_v > 0.0 ? axis->voltage_v / node->supply_v : 0.0;
         return false;
@@ -502,6 +624,9 @@ static bool described_motor_source(const struct described_node *node, unsigned i
         return true;
     case DESCRIBED_COMMANDS:
         *count = axis->commands;
+        return true;
+    case DESCRIBED_LATCHED_FAULTS:
+        *count = described_fault_bits(node->protocol, axis->latched);
         return true;
     default:
         *count = 0;

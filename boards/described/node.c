@@ -2,6 +2,8 @@
 /* What every board of a described protocol has: its telemetry period, its frames, its answers. */
 #include "boards/described/private.h"
 
+#include "base/hash.h"
+
 #include <string.h>
 
 /* ---- power-up ---- */
@@ -72,6 +74,25 @@ static int64_t described_echo(const struct described_frame *request, const int64
     return request && field >= 0 && (size_t)field < request->nfield ? values[field] : 0;
 }
 
+static int64_t described_node_count(const struct described_node *node, unsigned axis,
+                                    const struct field *layout, const struct described_field *field,
+                                    const struct described_frame *request, const int64_t *values);
+
+/* The bits of the parameter that a request asks for. */
+static int64_t described_node_parameter(const struct described_node *node, unsigned axis,
+                                        const struct described_frame *request,
+                                        const int64_t *values)
+{
+    int number = request ? described_find_field(request, DESCRIBED_PARAMETER) : -1;
+    const struct described_parameter *parameter =
+        number < 0 ? NULL : described_find_parameter(node->protocol, values[number]);
+
+    return parameter ? described_node_count(node, axis, &parameter->layout, &parameter->field, NULL,
+                                            NULL) &
+                           UINT32_MAX
+                     : 0;
+}
+
 /* The count of a field of a frame about an axis, as an answer when request is one. */
 static int64_t described_node_count(const struct described_node *node, unsigned axis,
                                     const struct field *layout, const struct described_field *field,
@@ -100,6 +121,13 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
         return node->axes;
     case DESCRIBED_STATE:
         return protocol->state[node->ops->state(node, axis)].value;
+    case DESCRIBED_RESULT:
+        return protocol->state[node->ops->state(node, axis)].result;
+    case DESCRIBED_PARAMETER_VALUE:
+        return described_node_parameter(node, axis, request, values);
+    case DESCRIBED_SERIAL:
+        return (uint32_t)hash_bytes(HASH_START, node->board.config.name,
+                                    strlen(node->board.config.name));
     case DESCRIBED_FAULTS:
         return described_fault_bits(protocol, described_node_faults(node, axis));
     case DESCRIBED_FAULTY:

@@ -101,7 +101,9 @@ struct described_axis {
     uint32_t faults;                  /* these and the present ones */
     double target[DESCRIBED_TARGETS]; /* by meaning from DESCRIBED_SET_POINT on; SI */
     int64_t command_ns;
-    uint32_t commands;      /* taken */
+    uint32_t commands; /* taken */
+    double setting[DESCRIBED_SETTINGS_END - DESCRIBED_SETTING];
+    double wanted_a;        /* of the current loop; 0 while it does not run */
     double kp_v_a, ki_v_as; /* of the current loop; 0: the rig says nothing of the winding */
     double integral_v, integral_nm, overload_ms, voltage_v;
     double motor_rad, link_rad, before_rad, velocity_rad_s, zero_rad;
@@ -127,6 +129,12 @@ static inline unsigned described_axis_index(const struct board *board,
                                             const struct described_axis *axis)
 {
     return (unsigned)(axis - described_motor_of(board)->axis);
+}
+
+static inline double described_axis_setting(const struct described_axis *axis,
+                                            enum described_meaning setting)
+{
+    return axis->setting[setting - DESCRIBED_SETTING];
 }
 
 /* The law in force. */

@@ -22,7 +22,8 @@
 #include <stdint.h>
 
 enum {
-    DESCRIBED_FRAMES_MAX = 32,
+    DESCRIBED_FRAMES_MAX = 64,
+    DESCRIBED_PARAMETERS_MAX = 48,
     DESCRIBED_STATES_MAX = 16,
     DESCRIBED_LAWS_MAX = 8,
     DESCRIBED_LIST_MAX = 8, /* frames of one step of the host */
@@ -86,6 +87,18 @@ enum described_meaning {
     DESCRIBED_TELEMETRY_PERIOD, /* s */
     DESCRIBED_COUNTER,          /* one more with each frame of its kind, number and axis */
     DESCRIBED_CHECKSUM,         /* of the other bytes: struct described_frame */
+    DESCRIBED_PARAMETER,        /* the number of a parameter */
+    DESCRIBED_PARAMETER_VALUE,  /* its bits: struct described_parameter */
+    /* both ways: settings of an axis, kept until its board restarts */
+    DESCRIBED_SETTING,
+    DESCRIBED_VELOCITY_LIMIT = DESCRIBED_SETTING,
+    DESCRIBED_CURRENT_LIMIT,
+    DESCRIBED_POSITION_GAIN,
+    DESCRIBED_VELOCITY_GAIN,
+    DESCRIBED_INTEGRAL_GAIN,
+    DESCRIBED_SETTINGS_END,
+    /* an order: what the position is to read here */
+    DESCRIBED_PRESENT_POSITION = DESCRIBED_SETTINGS_END,
     /* targets */
     DESCRIBED_SET_POINT, /* in the unit of the state's law, by the state's set_point_scale */
     DESCRIBED_TO_VOLTAGE,
@@ -102,8 +115,13 @@ enum described_meaning {
     DESCRIBED_DEFLECTION, /* counts of motor position less counts of link position */
     DESCRIBED_MOTOR_VELOCITY,
     DESCRIBED_AXIS_CURRENT,
-    DESCRIBED_AXIS_TORQUE,  /* of the spring, measured */
-    DESCRIBED_DRIVE_TORQUE, /* of the motor: current times torque constant */
+    DESCRIBED_AXIS_TORQUE,    /* of the spring, measured */
+    DESCRIBED_DRIVE_TORQUE,   /* of the motor: current times torque constant */
+    DESCRIBED_CURRENT_TARGET, /* of the current loop */
+    DESCRIBED_TORQUE_TARGET,  /* that current times torque constant */
+    DESCRIBED_ELECTRICAL_POWER,
+    DESCRIBED_MECHANICAL_POWER,
+    DESCRIBED_SUPPLY_CURRENT,
     DESCRIBED_AXIS_VOLTAGE,
     DESCRIBED_AXIS_DUTY,
     DESCRIBED_PISTON_PRESSURE, /* of a hydraulic axis, as the two below */
@@ -111,6 +129,8 @@ enum described_meaning {
     DESCRIBED_VALVE_OPENING, /* -1 to 1 */
     DESCRIBED_COMMANDS,      /* set-points taken */
     DESCRIBED_SLOT,
+    DESCRIBED_RESULT,         /* of the state: struct described_state */
+    DESCRIBED_LATCHED_FAULTS, /* those that have opened the bridge */
     /* of a board */
     DESCRIBED_FAULTS,
     DESCRIBED_FAULTY, /* 1: a fault has opened the bridge or would */
@@ -120,7 +140,8 @@ enum described_meaning {
     DESCRIBED_UPTIME,
     DESCRIBED_FIRST_SLOT,
     DESCRIBED_AXES_COUNT,
-    DESCRIBED_ECHO, /* of the answered frame's field of that name */
+    DESCRIBED_SERIAL, /* 32 bits, of the board's name */
+    DESCRIBED_ECHO,   /* of the answered frame's field of that name */
     /* of a sensor: channels from here on */
     DESCRIBED_SATURATED,
     DESCRIBED_CHANNEL,
@@ -150,8 +171,10 @@ enum described_fault {
     DESCRIBED_OVERFLOW, /* frames were lost */
     DESCRIBED_CHANNEL_SATURATED,
     DESCRIBED_INERTIAL_SENSOR,
+    DESCRIBED_STOPPED, /* an emergency stop of the host, until faults are cleared */
     DESCRIBED_FAULT_KINDS,
-    DESCRIBED_FATAL = (1 << DESCRIBED_STALE) - 1, /* these open the bridge */
+    /* These open the bridge */
+    DESCRIBED_FATAL = ((1 << DESCRIBED_STALE) - 1) | 1 << DESCRIBED_STOPPED,
 };
 
 /* "under-voltage", ... by enum described_fault; NULL from there on */
@@ -175,6 +198,7 @@ struct described_field {
 struct described_frame {
     const char *name;
     bool from_host, remote;
+    bool or_empty; /* of a remote frame: one without data does too */
     uint8_t flags; /* FRAME_EXTENDED, FRAME_FD, FRAME_BRS, FRAME_REMOTE (canbus/frame.h) */
     unsigned of;   /* enum described_kind */
     enum described_by by;
@@ -182,6 +206,7 @@ struct described_frame {
     uint32_t mask;  /* bits of the identifier that its fields fill, constant ones aside */
     uint8_t most;   /* number */
     uint8_t length; /* without repetition */
+    uint8_t shortest, longest; /* that a board takes; missing fields are 0, further bytes ignored */
     uint8_t repeats;
     size_t nfield, ndata;          /* in all, of the data */
     const struct field *layout;    /* of the data; with gaps as padding, ends with FIELD_END */
@@ -202,16 +227,26 @@ struct described_frame {
     int reply[3];  /* by kind of board: the frame that answers; -1: none */
     int enter;     /* state; -1: none */
     bool zero;     /* the present position becomes 0 */
+    bool stop;     /* an emergency stop */
+    bool clear;    /* clears faults */
+    bool restart;  /* the board restarts */
     bool commands; /* carries a set-point, which the time-out waits for */
     bool of_one;   /* by slot, or by a field that selects: all fields are about one axis */
 };
 
 struct described_state {
     const char *name;
-    int64_t value;
+    int64_t value, result; /* result: a second number of it, which a field may tell */
     enum described_law law;
     double set_point_scale;
     bool commanded; /* a host may command it by its value */
+};
+
+/* What a host reads, or writes where it is a setting, by a number. */
+struct described_parameter {
+    uint32_t number;
+    struct field layout;
+    struct described_field field;
 };
 
 struct described_list {
@@ -229,11 +264,14 @@ struct described_protocol {
     struct described_state law[DESCRIBED_LAWS_MAX]; /* that a host may select; the first at first */
     int off_state, fault_state;                     /* after power-up; after a fault */
     int fault_bit[DESCRIBED_FAULT_KINDS];           /* -1: not reported */
-    int64_t command_timeout_ns;                     /* 0: as the rig says */
+    int64_t command_timeout_ns;                     /* 0: as the rig says; -1: none */
     int timeout_state;                              /* -1: set-points become 0, the state stays */
+    bool clears;                    /* only frames clear faults, not the state off */
     bool period_settable;           /* telemetry waits for a host that sets its period */
     bool tells[DESCRIBED_MEANINGS]; /* some frame of the boards has it */
     double position_per_s, velocity_nm_s_rad, velocity_nm_rad; /* gains of the inner laws */
+    size_t nparameter;
+    struct described_parameter parameter[DESCRIBED_PARAMETERS_MAX];
 
     struct {
         struct described_list discover, configure, on, off, command;
@@ -321,6 +359,15 @@ enum described_match described_match_frame(const struct described_frame *frame,
 /* The state with a value, that a host may command when commanded; -1 = none. */
 int described_find_state(const struct described_state *state, size_t count, int64_t value,
                          bool commanded);
+
+/* The parameter with a number; NULL = none. */
+const struct described_parameter *
+described_find_parameter(const struct described_protocol *protocol, int64_t number);
+
+static inline bool described_is_setting(enum described_meaning meaning)
+{
+    return meaning >= DESCRIBED_SETTING && meaning < DESCRIBED_SETTINGS_END;
+}
 
 /* The index of a field with a meaning; -1 = none. */
 int described_find_field(const struct described_frame *frame, enum described_meaning meaning);

@@ -81,6 +81,12 @@ static void icub_board_start_update(struct icub_board *icub)
     icub_loader_start(&icub->loader);
 }
 
+bool icub_board_is_downloading(const struct icub_board *icub)
+{
+    return icub->board.in_bootloader && icub->loader.downloading &&
+           icub->loader.boot == icub->board.boots;
+}
+
 /* ADDRESS, DATA and RUN of a download; false: refused, and not acknowledged. */
 static bool icub_board_download(struct icub_board *icub, const struct bus_frame *frame,
                                 const int64_t *request)
@@ -91,7 +97,7 @@ static bool icub_board_download(struct icub_board *icub, const struct bus_frame 
     if (!icub->board.in_bootloader) {
         return true; /* the application ignores them */
     }
-    if (!loader->downloading || loader->boot != icub->board.boots) {
+    if (!icub_board_is_downloading(icub)) {
         return false;
     }
     icub->board.application_ns = INT64_MAX;
@@ -115,7 +121,7 @@ static void icub_board_end_update(struct icub_board *icub)
     struct icub_loader *loader = &icub->loader;
 
     if (icub->board.in_bootloader) {
-        if (loader->downloading && loader->boot == icub->board.boots && loader->lines > 0) {
+        if (icub_board_is_downloading(icub) && loader->lines > 0) {
             board_event(&icub->board, BOARD_EVENT_FIRMWARE, 0, loader->bytes, loader->crc);
         }
         loader->downloading = false;

@@ -75,6 +75,9 @@ struct board *inertial_board_create(struct arena *arena);
 void icub_bus_hear_strain(struct board_bus *bus, uint8_t address, enum icub_analog_type type,
                           const uint8_t *data, int64_t time_ns);
 
+/* Whether the bootloader runs and has had the START of a download since it was entered. */
+bool icub_board_is_downloading(const struct icub_board *board);
+
 /* A command of class 0, 2 or 7 that is addressed to the board. */
 enum board_verdict icub_board_receive(struct icub_board *board, const struct bus_frame *frame);
 

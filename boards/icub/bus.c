@@ -7,14 +7,35 @@
 
 #include <string.h>
 
+/* Whether a management command to everyone is one for this board: discovery always, and what
+ * follows the START of a download while the bootloader runs that has had one. A loader program
+ * addresses START to each board and the lines of the file to all of them at once. */
+static bool icub_board_takes_broadcast(const struct icub_board *board,
+                                       const struct bus_frame *frame)
+{
+    if (frame->len == 0) {
+        return false;
+    }
+    switch (frame->data[0]) {
+    case ICUB_DISCOVER:
+        return true;
+    case ICUB_UPDATE_ADDRESS:
+    case ICUB_UPDATE_RUN:
+    case ICUB_UPDATE_DATA:
+        return icub_board_is_downloading(board);
+    case ICUB_UPDATE_END:
+        return board->board.in_bootloader;
+    default:
+        return false;
+    }
+}
+
 static bool icub_board_is_addressed(const struct icub_board *board, const struct bus_frame *frame)
 {
     enum icub_class cls = (enum icub_class)(frame->id >> 8);
-    bool everyone = (frame->id & 0xf) == ICUB_EVERYONE;
 
     if (cls == ICUB_MANAGEMENT) {
-        /* Of the management commands only discovery may go to everyone */
-        return !everyone || (frame->len > 0 && frame->data[0] == ICUB_DISCOVER);
+        return (frame->id & 0xf) != ICUB_EVERYONE || icub_board_takes_broadcast(board, frame);
     }
     return cls == board->ops->command_class;
 }
