@@ -35,7 +35,7 @@ const char *completion_kind(const struct option_spec *option)
 
 void completion_put_words(const struct option_spec *option, FILE *out)
 {
-    for (const struct option_word *w = option->words; w && w->word; w++) {
+    for (const struct word *w = option->words; w && w->word; w++) {
         fprintf(out, " %s", w->word);
     }
 }

@@ -65,7 +65,7 @@ static void option_describe_value(const struct option_spec *option, char *out, s
         snprintf(out, size, "%s", option->argument);
         return;
     }
-    for (const struct option_word *w = option->words; w->word && used < size; w++) {
+    for (const struct word *w = option->words; w->word && used < size; w++) {
         const char *separator = w == option->words ? "" : w[1].word ? ", " : " or ";
 
         used += (size_t)snprintf(out + used, size - used, "%s%s", separator, w->word);
@@ -74,7 +74,7 @@ static void option_describe_value(const struct option_spec *option, char *out, s
 
 static bool option_parse_enum(const struct option_spec *option, const char *text)
 {
-    for (const struct option_word *w = option->words; w->word; w++) {
+    for (const struct word *w = option->words; w->word; w++) {
         if (!strcmp(w->word, text)) {
             *(int *)option->value = w->value;
             return true;

@@ -23,6 +23,7 @@
 #define BASE_OPTIONS_H
 
 #include "base/error.h"
+#include "base/word.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -46,11 +47,6 @@ enum option_type {
     OPTION_LIST,   /* value: struct option_list; the option may stand more than once */
 };
 
-struct option_word {
-    const char *word;
-    int value;
-};
-
 enum { OPTION_LIST_MAX = 32 };
 
 struct option_list {
@@ -65,11 +61,11 @@ struct option_spec {
     const char *argument; /* what --help calls the argument: "S"; NULL for a flag */
     const char *help;     /* what it does and its default; wrapped when printed */
     void *value;
-    double min, max;                 /* of OPTION_REAL and OPTION_INT, inclusive; both needed */
-    const char *unit;                /* for messages: "seconds"; NULL = none */
-    const struct option_word *words; /* of OPTION_ENUM, ends with word NULL */
-    const char *noun;                /* as of an operand */
-    const char *letter;              /* a second name, "-o"; NULL = none */
+    double min, max;          /* of OPTION_REAL and OPTION_INT, inclusive; both needed */
+    const char *unit;         /* for messages: "seconds"; NULL = none */
+    const struct word *words; /* of OPTION_ENUM, ends with word NULL */
+    const char *noun;         /* as of an operand */
+    const char *letter;       /* a second name, "-o"; NULL = none */
 };
 
 /* An argument without dashes. Those that must be given come first. */

@@ -161,7 +161,7 @@ static enum error_code yaml_read_enum(struct yaml_reader *r, const struct yaml_f
     char what[YAML_FOUND], list[256];
     size_t count = 0;
 
-    for (const struct yaml_enum *e = field->names; e->word && count < MAX_WORDS; e++) {
+    for (const struct word *e = field->names; e->word && count < MAX_WORDS; e++) {
         if (node->kind == YAML_KIND_SCALAR && !strcmp(node->text, e->word)) {
             *(int *)out = e->value;
             return ERROR_NONE;

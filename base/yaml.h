@@ -10,6 +10,7 @@
 
 #include "base/arena.h"
 #include "base/error.h"
+#include "base/word.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -33,11 +34,6 @@ enum yaml_type {
     YAML_LIST,      /* list of mappings: struct * in the arena, size_t at count_offset */
     YAML_DICT, /* mapping name -> mapping: as YAML_LIST; the name goes to schema->name_offset */
     YAML_REAL_DICT, /* mapping name -> real: struct yaml_real_entry * and size_t at count_offset */
-};
-
-struct yaml_enum {
-    const char *word;
-    int value;
 };
 
 struct yaml_name {
@@ -66,7 +62,7 @@ struct yaml_field {
     size_t mark_offset;  /* 0 = none, else of a struct yaml_mark set to where the value stands */
     size_t given_offset; /* 0 = none, else of a bool set to true when the key is present */
     const struct yaml_schema *schema; /* for YAML_MAP, YAML_LIST, YAML_DICT */
-    const struct yaml_enum *names;    /* for YAML_ENUM, ends with word NULL */
+    const struct word *names;         /* for YAML_ENUM, ends with word NULL */
 };
 
 /* A struct begins with `struct yaml_mark mark` (offset 0), set to where its mapping starts; that is

@@ -27,7 +27,7 @@ const struct protocol *protocol_at(size_t index);
 const struct protocol *protocol_find(const char *name);
 
 /* The words of the list with their index, as a schema takes them. */
-extern const struct yaml_enum protocol_words[];
+extern const struct word protocol_words[];
 
 /* Writes which protocols have a capability: "icub, foc or compact". capability is the offset of a
  * bool in struct protocol. Returns text. */

@@ -319,7 +319,7 @@ static const struct yaml_field spring_fields[] = {
 static const struct yaml_schema spring_schema =
     SCHEMA("a parallel spring", struct spring_yaml, spring_fields);
 
-static const struct yaml_enum joint_types[] = {
+static const struct word joint_types[] = {
     {"revolute", JOINT_REVOLUTE}, {"prismatic", JOINT_PRISMATIC}, {NULL, 0}};
 
 static const struct yaml_field joint_fields[] = {
@@ -429,7 +429,7 @@ static const struct yaml_field capsule_fields[] = {
 static const struct yaml_schema capsule_schema =
     SCHEMA("a capsule", struct capsule_yaml, capsule_fields);
 
-static const struct yaml_enum visual_shapes[] = {
+static const struct word visual_shapes[] = {
     {"mesh", VISUAL_MESH},         {"box", VISUAL_BOX},         {"sphere", VISUAL_SPHERE},
     {"cylinder", VISUAL_CYLINDER}, {"capsule", VISUAL_CAPSULE}, {NULL, 0}};
 
@@ -530,7 +530,7 @@ static const struct yaml_schema pose_schema = {.what = "a pose",
                                                .field_count = ARRAY_COUNT(pose_fields),
                                                .name_offset = offsetof(struct pose_yaml, name)};
 
-static const struct yaml_enum base_types[] = {{"floating", 1}, {"fixed", 0}, {NULL, 0}};
+static const struct word base_types[] = {{"floating", 1}, {"fixed", 0}, {NULL, 0}};
 
 static const struct yaml_field base_fields[] = {
     {.key = "type",

@@ -10,6 +10,7 @@
 
 #include "base/arena.h"
 #include "base/error.h"
+#include "base/word.h"
 #include "base/yaml.h"
 #include "boards/board.h"
 #include "boards/sensing.h"
@@ -40,6 +41,10 @@ enum rig_dynamics {
     RIG_DYNAMICS_FASTEST, /* generated code where there is some, else generic with a notice */
     RIG_DYNAMICS_GENERIC,
 };
+
+/* The words of enums in rig files and options; of the wire: 0 ideal, 1 timed. */
+extern const struct word rig_integrator_words[], rig_dynamics_words[], rig_engine_words[];
+extern const struct word rig_hold_words[], rig_wire_words[];
 
 struct rig_bus {
     const char *name;

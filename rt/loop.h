@@ -219,7 +219,4 @@ void loop_event_format(const struct loop *loop, const struct loop_event *event, 
 /* "wait", "receive", ... */
 const char *loop_phase_name(enum loop_phase phase);
 
-/* "real", "lockstep", "free". */
-const char *loop_clock_name(enum loop_clock clock);
-
 #endif

@@ -17,14 +17,6 @@ bool loop_next_event(struct loop *loop, struct loop_event *event)
     return ring_pop(&loop->events, event);
 }
 
-const char *loop_clock_name(enum loop_clock clock)
-{
-    static const char *const names[] = {
-        [LOOP_CLOCK_REAL] = "real", [LOOP_CLOCK_LOCKSTEP] = "lockstep", [LOOP_CLOCK_FREE] = "free"};
-
-    return names[clock];
-}
-
 const char *loop_phase_name(enum loop_phase phase)
 {
     static const char *const names[PHASE_COUNT] = {

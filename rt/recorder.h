@@ -36,6 +36,7 @@
 
 #include "base/arena.h"
 #include "base/journal.h"
+#include "base/word.h"
 #include "canbus/frame.h"
 
 #include <stdbool.h>
@@ -55,6 +56,9 @@ enum recorder_format {
     RECORDER_CSV = 1, /* signals.csv and poses.csv */
     RECORDER_MCAP = 2 /* recording.mcap, with frames and events (rt/recorder_mcap.h) */
 };
+
+/* The words of a sum of them. */
+extern const struct word recorder_format_words[];
 
 enum {
     RECORDER_POSE = 7,         /* position (m), quaternion wxyz, body to world */

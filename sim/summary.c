@@ -55,7 +55,8 @@ static void summary_print_time(const struct summary *summary, FILE *out)
     const struct simulator_config *config = simulator_configuration(summary->simulator);
     const struct loop_stats *stats = simulator_stats(summary->simulator);
 
-    fprintf(out, "%s (%s clock, %s buses): %s\n", config->rig->name, loop_clock_name(config->clock),
+    fprintf(out, "%s (%s clock, %s buses): %s\n", config->rig->name,
+            word_of(loop_clock_words, config->clock),
             simulator_is_local(summary->simulator) ? "local" : "SocketCAN",
             summary_end_text(summary->end));
     fprintf(out, "  %" PRIu64 " ticks, %.3f s virtual in %.3f s, real-time factor %.3f\n",
@@ -451,7 +452,7 @@ static void json_write(const struct summary *summary, FILE *out)
             ",\n  \"clock\": \"%s\", \"end\": \"%s\",\n  \"ticks\": %" PRIu64
             ", \"virtual_s\": %.9f, \"wall_s\": %.9f, \"real_time_factor\": %.6f,\n"
             "  \"state_hash\": \"%016" PRIx64 "\",\n",
-            loop_clock_name(config->clock), summary_end_text(summary->end), stats->ticks,
+            word_of(loop_clock_words, config->clock), summary_end_text(summary->end), stats->ticks,
             summary_seconds(stats->time_ns), summary_seconds(stats->end_ns - stats->start_ns),
             summary_real_time_factor(stats), state_hash(summary));
     fprintf(out, "  \"dynamics\": ");

@@ -171,7 +171,7 @@ static json_t *hello_run(const struct viewer *viewer)
         json_pack("{s:s, s:s, s:o, s:o, s:o, s:s, s:f, s:o, s:o, s:b}", "id", viewer->run,
                   "version", HIL_VERSION, "rig", control_text(rig->name), "robot",
                   control_text(rig->robot->name), "file", control_text(rig->file), "clock",
-                  config ? loop_clock_name(config->clock) : "recorded", "tick_s",
+                  config ? word_of(loop_clock_words, config->clock) : "recorded", "tick_s",
                   (double)rig->tick_ns * 1e-9, "task", task ? control_text(task) : json_null(),
                   "recording", directory ? control_text(directory) : json_null(), "frames",
                   recording ? recording->log.file.data != NULL : viewer->config.ports != NULL);

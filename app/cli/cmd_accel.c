@@ -33,7 +33,7 @@ struct reader {
     char word[NUMBER_SIZE];
 };
 
-enum word { WORD_NUMBER, WORD_LINE_END, WORD_FILE_END };
+enum lexeme { WORD_NUMBER, WORD_LINE_END, WORD_FILE_END };
 
 static int next_char(struct reader *r)
 {
@@ -50,7 +50,7 @@ static void accel_put_back(struct reader *r, int c)
 }
 
 /* The next word of the line in r->word, cut to what fits: a number never is that long. */
-static enum word next_word(struct reader *r)
+static enum lexeme next_word(struct reader *r)
 {
     size_t n = 0;
     int c;
@@ -191,7 +191,7 @@ static enum error_code read_state(struct reader *r, const struct robot *robot, d
 {
     long quaternion_column = 0;
     size_t count = 0;
-    enum word word;
+    enum lexeme word;
 
     /* Words up to the end of the first line that has a number; comments and blank lines are
      * skipped */
@@ -346,14 +346,14 @@ static enum error_code accel_run(const void *context, const struct robot *robot,
 int cmd_accel(int argc, char **argv)
 {
     static struct accel_options o;
-    static const struct option_word implementations[] = {
+    static const struct word implementations[] = {
         {"generic", GENERIC}, {"generated", GENERATED}, {NULL, 0}};
     static const struct option_spec options[] = {
         {"--variant", OPTION_STRING, "NAME",
          "a variant of the robot file instead of the robot itself", .value = &o.variant},
         {"--implementation", OPTION_ENUM, "NAME",
          "generic, the numeric articulated-body algorithm (default), or generated, the symbolic "
-         "generator's code, which is compiled first where it is not built in",
+         "generator's code, where it is built in or was made for a rig (generate --module)",
          .value = &o.implementation, .words = implementations},
         {"--list", OPTION_FLAG, NULL, "print the names of the numbers, one per line, and stop",
          .value = &o.list},

@@ -37,18 +37,14 @@ static void check_print_robot(const struct robot *robot, const char *variant)
 
 static void check_print_time(const struct rig *rig)
 {
-    static const char *const clocks[] = {"real", "lockstep", "free"};
-    static const char *const integrators[] = {
-        [PLANT_RK4] = "rk4", [PLANT_IMPLICIT] = "implicit", [PLANT_DOPRI5] = "dopri5"};
-    static const char *const dynamics[] = {
-        [RIG_DYNAMICS_FASTEST] = "fastest", [RIG_DYNAMICS_GENERIC] = "generic"};
     static const char *const holds[] = {"free", "held until all motors are on", "held"};
     const struct robot_pose *pose = &rig->robot->pose[robot_find_pose(rig->robot, rig->pose)];
     size_t moved = 0;
 
-    printf("time        clock %s, tick %g ms = %zu x %g ms, %s, dynamics %s\n", clocks[rig->clock],
-           (double)rig->tick_ns * 1e-6, rig->substeps, (double)rig->substep_ns * 1e-6,
-           integrators[rig->integrator], dynamics[rig->dynamics]);
+    printf("time        clock %s, tick %g ms = %zu x %g ms, %s, dynamics %s\n",
+           word_of(loop_clock_words, rig->clock), (double)rig->tick_ns * 1e-6, rig->substeps,
+           (double)rig->substep_ns * 1e-6, word_of(rig_integrator_words, rig->integrator),
+           word_of(rig_dynamics_words, rig->dynamics));
     for (size_t j = 0; j < rig->robot->njoint; j++) {
         moved += rig->joint[j] != pose->joint[j];
     }
@@ -60,7 +56,6 @@ static void check_print_time(const struct rig *rig)
 
 static void check_print_running(const struct rig *rig)
 {
-    static const char *const overruns[] = {"skip", "slip", "stop"};
     const struct rig_realtime *rt = &rig->realtime;
     char cpu[16] = "any CPU";
 
@@ -68,7 +63,7 @@ static void check_print_running(const struct rig *rig)
         snprintf(cpu, sizeof cpu, "CPU %d", rt->cpu);
     }
     printf("real time   priority %d, %s, memory %s, on overrun %s\n", rt->priority, cpu,
-           rt->lock_memory ? "locked" : "not locked", overruns[rt->overrun]);
+           rt->lock_memory ? "locked" : "not locked", word_of(loop_overrun_words, rt->overrun));
     printf("lockstep    STEP 0x%03x on %s, DONE 0x%03x, silence reported after %g s\n",
            (unsigned)rig->lockstep.step_id, rig->bus[rig->lockstep.bus].name,
            (unsigned)rig->lockstep.done_id, (double)rig->lockstep.partner_timeout_ns * 1e-9);
@@ -118,8 +113,7 @@ static void check_print_scene(const struct rig *rig)
         return;
     }
     printf("scene       engine %s, %zu surfaces, %zu pairs\n",
-           rig->contact_engine == RIG_CONTACT_NATIVE ? "native" : "simbody", contact->nsurface,
-           contact->npair);
+           word_of(rig_engine_words, rig->contact_engine), contact->nsurface, contact->npair);
     printf("  friction  %s, transition velocity %g m/s\n",
            contact->friction == CONTACT_FRICTION_STICKING ? "sticking" : "regularized",
            contact->transition_velocity_m_s);

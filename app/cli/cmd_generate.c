@@ -132,7 +132,7 @@ static int generate_module(void *options, const struct rig *rig, struct arena *a
 
 int cmd_generate(int argc, char **argv)
 {
-    static const struct option_word lanes[] = {{"1", 1}, {"2", 2}, {"4", 4}, {NULL, 0}};
+    static const struct word lanes[] = {{"1", 1}, {"2", 2}, {"4", 4}, {NULL, 0}};
     struct generate_options o = {.symbolic = {.lanes = 4}};
     bool module = false;
     const struct option_spec options[] = {

@@ -91,7 +91,7 @@ enum { WORDS_MAX = 16 };
 struct import_words {
     char text[WORDS_MAX][40];
     struct import_boards boards[WORDS_MAX]; /* by value */
-    struct option_word word[WORDS_MAX + 1]; /* word NULL at the end */
+    struct word word[WORDS_MAX + 1];        /* word NULL at the end */
     char help[240];
 };
 
@@ -108,7 +108,7 @@ static void import_list_words(struct import_words *words)
                 snprintf(words->text[count], sizeof words->text[count], "%s%s", protocol->name,
                          fd ? "-fd" : "");
                 words->boards[count] = (struct import_boards){protocol, fd};
-                words->word[count] = (struct option_word){words->text[count], count};
+                words->word[count] = (struct word){words->text[count], count};
                 if (used < sizeof words->help) {
                     used += (size_t)snprintf(words->help + used, sizeof words->help - used, "%s %s",
                                              count ? "," : "", words->text[count]);
@@ -117,7 +117,7 @@ static void import_list_words(struct import_words *words)
             }
         }
     }
-    words->word[count] = (struct option_word){NULL, 0};
+    words->word[count] = (struct word){NULL, 0};
     if (used < sizeof words->help) {
         snprintf(words->help + used, sizeof words->help - used, "; the first by default");
     }
@@ -125,13 +125,13 @@ static void import_list_words(struct import_words *words)
 
 int cmd_import(int argc, char **argv)
 {
-    static const struct option_word bases[] = {
+    static const struct word bases[] = {
         {"fixed", IMPORT_BASE_FIXED}, {"floating", IMPORT_BASE_FLOATING}, {NULL, 0}};
-    static const struct option_word mimics[] = {{"couple", IMPORT_MIMIC_COUPLE},
-                                                {"lock", IMPORT_MIMIC_LOCK},
-                                                {"free", IMPORT_MIMIC_FREE},
-                                                {NULL, 0}};
-    static const struct option_word slides[] = {{"lock", 0}, {"free", 1}, {NULL, 0}};
+    static const struct word mimics[] = {{"couple", IMPORT_MIMIC_COUPLE},
+                                         {"lock", IMPORT_MIMIC_LOCK},
+                                         {"free", IMPORT_MIMIC_FREE},
+                                         {NULL, 0}};
+    static const struct word slides[] = {{"lock", 0}, {"free", 1}, {NULL, 0}};
     static struct import_words personalities;
     static struct import_request r;
     static struct option_list lock, packages, drives;

@@ -23,7 +23,7 @@ struct task_command {
     bool quiet, reconnect;
 };
 
-static const struct option_word clock_words[] = {
+static const struct word clock_words[] = {
     {"real", LOOP_CLOCK_REAL}, {"lockstep", LOOP_CLOCK_LOCKSTEP}, {0}};
 
 static bool task_parse_options(int argc, char **argv, struct task_command *out, int *status)

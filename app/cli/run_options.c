@@ -16,16 +16,7 @@
 
 enum { KINDS_SIZE = 4096 };
 
-static const struct option_word clock_words[] = {
-    {"real", LOOP_CLOCK_REAL}, {"lockstep", LOOP_CLOCK_LOCKSTEP}, {"free", LOOP_CLOCK_FREE}, {0}};
-static const struct option_word hold_words[] = {
-    {"none", RIG_HOLD_NONE}, {"until_enabled", RIG_HOLD_ENABLED}, {"always", RIG_HOLD_ALWAYS}, {0}};
-static const struct option_word overrun_words[] = {
-    {"skip", LOOP_OVERRUN_SKIP}, {"slip", LOOP_OVERRUN_SLIP}, {"stop", LOOP_OVERRUN_STOP}, {0}};
-static const struct option_word wire_words[] = {{"ideal", 0}, {"wire", 1}, {0}};
-static const struct option_word format_words[] = {
-    {"csv", RECORDER_CSV}, {"mcap", RECORDER_MCAP}, {"both", RECORDER_CSV | RECORDER_MCAP}, {0}};
-static const struct option_word transport_words[] = {
+static const struct word transport_words[] = {
     {"auto", TRANSPORT_AUTO}, {"socketcan", TRANSPORT_SOCKETCAN}, {"local", TRANSPORT_LOCAL}, {0}};
 
 /* The options' values while they are read: the table below points into it. */
@@ -33,7 +24,7 @@ static struct run_options read;
 
 static const struct option_spec options[] = {
     {"--clock", OPTION_ENUM, "CLOCK", "real, lockstep or free; the rig's by default",
-     .value = &read.clock, .words = clock_words},
+     .value = &read.clock, .words = loop_clock_words},
     {"--duration", OPTION_REAL, "S",
      "end after S seconds of virtual time, more than 0; without it and --ticks when the task does, "
      "else never",
@@ -84,10 +75,10 @@ static const struct option_spec options[] = {
     {"--wire", OPTION_ENUM, "MODE",
      "ideal: frames take no time; wire: frames take the time of their bits and of arbitration, on "
      "local buses and at the speed of SocketCAN's; the rig's by default",
-     .value = &read.wire, .words = wire_words},
+     .value = &read.wire, .words = rig_wire_words},
     {"--hold", OPTION_ENUM, "WHEN",
      "links clamped: none, until_enabled (all motors on) or always; the rig's by default",
-     .value = &read.hold, .words = hold_words},
+     .value = &read.hold, .words = rig_hold_words},
     {"--settle", OPTION_FLAG, NULL,
      "start in static equilibrium: springs and contacts carry the weight from the first tick",
      .value = &read.settle},
@@ -96,7 +87,7 @@ static const struct option_spec options[] = {
      "balances",
      .value = &read.energy},
     {"--overrun", OPTION_ENUM, "POLICY", "skip, slip or stop; the rig's by default",
-     .value = &read.overrun, .words = overrun_words},
+     .value = &read.overrun, .words = loop_overrun_words},
     {"--fault", OPTION_LIST, "LINE",
      "arm a fault, as 'motor LKneeSag jam 2..2.5'; may be given more than once; see below",
      .value = &read.fault, .noun = "faults"},
@@ -107,7 +98,7 @@ static const struct option_spec options[] = {
     {"--record-format", OPTION_ENUM, "FORMAT",
      "csv: signals.csv and poses.csv; mcap: recording.mcap, for Foxglove, Lichtblick and "
      "PlotJuggler; both; the rig's by default, which is csv",
-     .value = &read.record_format, .words = format_words},
+     .value = &read.record_format, .words = recorder_format_words},
     {"--record-period", OPTION_INT, "MS", "rows of signals every MS ms, 10 by default",
      .value = &read.record_period_ms, .min = 1.0, .max = 60000.0, .unit = "ms"},
     {"--force", OPTION_FLAG, NULL,

@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-const struct option_word task_interpolation_words[] = {
+const struct word task_interpolation_words[] = {
     {"cubic", TRAJECTORY_CUBIC}, {"linear", TRAJECTORY_LINEAR}, {0}};
 
 static enum error_code task_input_refuse(const char *option, const char *task, struct error *error)

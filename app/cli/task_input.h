@@ -15,7 +15,7 @@ struct task_options {
     int interpolation;                       /* enum trajectory_interpolation */
 };
 
-extern const struct option_word task_interpolation_words[];
+extern const struct word task_interpolation_words[];
 
 /* Rows of a table of options that fill in a struct task_options. */
 #define TASK_OPTION_ROWS(o)                                                                        \

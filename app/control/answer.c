@@ -254,7 +254,8 @@ json_t *control_status(const struct control *control, struct control_client *cli
            good;
 
     /* Its time */
-    good = control_put(body, "clock", json_string(loop_clock_name(config->clock))) && good;
+    good =
+        control_put(body, "clock", json_string(word_of(loop_clock_words, config->clock))) && good;
     good = control_put(body, "speed", control_number(steering_speed(control->config.steering))) &&
            good;
     good = control_put(body, "paused", json_boolean(steering_paused(control->config.steering))) &&

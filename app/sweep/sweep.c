@@ -20,7 +20,7 @@
 
 /* ---- the form of a file ---- */
 
-static const struct yaml_enum sampling_words[] = {
+static const struct word sampling_words[] = {
     {"random", SWEEP_RANDOM}, {"latin_hypercube", SWEEP_LATIN_HYPERCUBE}, {NULL, 0}};
 
 #define STRUCT sweep_parameter

@@ -9,25 +9,25 @@
 
 #define AT(member) offsetof(struct STRUCT, member)
 
-static const struct yaml_enum type_names[] = {{"unsigned", RAW_DESCRIBED_UNSIGNED},
-                                              {"signed", RAW_DESCRIBED_SIGNED},
-                                              {"float", RAW_DESCRIBED_FLOAT},
-                                              {NULL, 0}};
-static const struct yaml_enum order_names[] = {{"little", 0}, {"big", 1}, {NULL, 0}};
-static const struct yaml_enum checksum_names[] = {
+static const struct word type_names[] = {{"unsigned", RAW_DESCRIBED_UNSIGNED},
+                                         {"signed", RAW_DESCRIBED_SIGNED},
+                                         {"float", RAW_DESCRIBED_FLOAT},
+                                         {NULL, 0}};
+static const struct word order_names[] = {{"little", 0}, {"big", 1}, {NULL, 0}};
+static const struct word checksum_names[] = {
     {"xor", DESCRIBED_XOR}, {"crc8_sae_j1850", DESCRIBED_CRC8_SAE_J1850}, {NULL, 0}};
-static const struct yaml_enum from_names[] = {{"board", 0}, {"host", 1}, {NULL, 0}};
-static const struct yaml_enum by_names[] = {{"none", DESCRIBED_BY_NONE},
-                                            {"address", DESCRIBED_BY_ADDRESS},
-                                            {"slot", DESCRIBED_BY_SLOT},
-                                            {"group", DESCRIBED_BY_GROUP},
-                                            {NULL, 0}};
-static const struct yaml_enum of_names[] = {{"motor", DESCRIBED_MOTOR},
-                                            {"ft", DESCRIBED_FT},
-                                            {"inertial", DESCRIBED_INERTIAL},
-                                            {"any", DESCRIBED_ANY},
-                                            {NULL, 0}};
-static const struct yaml_enum law_names[] = {
+static const struct word from_names[] = {{"board", 0}, {"host", 1}, {NULL, 0}};
+static const struct word by_names[] = {{"none", DESCRIBED_BY_NONE},
+                                       {"address", DESCRIBED_BY_ADDRESS},
+                                       {"slot", DESCRIBED_BY_SLOT},
+                                       {"group", DESCRIBED_BY_GROUP},
+                                       {NULL, 0}};
+static const struct word of_names[] = {{"motor", DESCRIBED_MOTOR},
+                                       {"ft", DESCRIBED_FT},
+                                       {"inertial", DESCRIBED_INERTIAL},
+                                       {"any", DESCRIBED_ANY},
+                                       {NULL, 0}};
+static const struct word law_names[] = {
     {"off", DESCRIBED_OFF},
     {"voltage", DESCRIBED_VOLTAGE},
     {"current", DESCRIBED_CURRENT},
@@ -39,7 +39,7 @@ static const struct yaml_enum law_names[] = {
     {"selected", DESCRIBED_SELECTED},
     {NULL, 0},
 };
-static const struct yaml_enum target_names[] = {
+static const struct word target_names[] = {
     {"slots", DESCRIBED_SLOTS_MASK},
     {"address", DESCRIBED_ADDRESS},
     {"axis", DESCRIBED_AXIS},
@@ -57,7 +57,7 @@ static const struct yaml_enum target_names[] = {
     {"kd", DESCRIBED_TO_KD},
     {NULL, 0},
 };
-static const struct yaml_enum source_names[] = {
+static const struct word source_names[] = {
     {"address", DESCRIBED_ADDRESS},
     {"axis", DESCRIBED_AXIS},
     {"state", DESCRIBED_STATE},
