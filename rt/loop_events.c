@@ -17,15 +17,6 @@ bool loop_next_event(struct loop *loop, struct loop_event *event)
     return ring_pop(&loop->events, event);
 }
 
-const struct word loop_clock_words[] = {{"real", LOOP_CLOCK_REAL},
-                                        {"lockstep", LOOP_CLOCK_LOCKSTEP},
-                                        {"free", LOOP_CLOCK_FREE},
-                                        {NULL, 0}};
-const struct word loop_overrun_words[] = {{"skip", LOOP_OVERRUN_SKIP},
-                                          {"slip", LOOP_OVERRUN_SLIP},
-                                          {"stop", LOOP_OVERRUN_STOP},
-                                          {NULL, 0}};
-
 const char *loop_phase_name(enum loop_phase phase)
 {
     static const char *const names[PHASE_COUNT] = {
