@@ -10,6 +10,8 @@ hil_script_test(service_scenarios COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/sc
                 ${scenarios} LABELS service TIMEOUT 300)
 hil_script_test(service_gateway COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/gateway.py
                 LABELS service TIMEOUT 200)
+hil_script_test(service_slcan LABELS service TIMEOUT 60
+                COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/slcan.py)
 hil_script_test(service_gateway_lockstep
                 COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/gateway_lockstep.py
                 LABELS service TIMEOUT 200)
