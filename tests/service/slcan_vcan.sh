@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # usage: slcan_vcan.sh COMAN_HIL [guest]
-# slcand of can-utils on a line of run --slcan: the kernel's interface behind it hears the boards, in
+# slcand of can-utils on a line of run --slcan: the interface behind it hears the boards answer, in
 # the guest of tests/bus/uml/run.sh. Prints TAP.
 set -u
 program=$1
