@@ -78,7 +78,6 @@ static void gateway_slcan_open(struct gateway *gateway, struct gateway_client *c
     if (fits) {
         client->mode = CLIENT_RAW;
         client->slcan.listens = listen;
-        client->slcan.status = 0;
     }
     gateway_slcan_answer(gateway, client, fits ? SLCAN_OK : SLCAN_BELL);
 }

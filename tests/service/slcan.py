@@ -139,6 +139,34 @@ def time_stamps_and_steps():
         line.close()
 
 
+def who_does_not_read_is_closed():
+    """A line that nobody reads keeps STEP waiting for a bounded time; then its channel closes."""
+    with Simulator("coman", ("left_leg", "torso")) as simulator:
+        line = Line.terminal(simulator.path)
+        connection = socket.create_connection(("127.0.0.1", simulator.port), PATIENCE_S)
+        steps = Line(connection.fileno())
+        opened = line.ask("O\r", "\r") and steps.ask("O\r", "\r")
+        for board in (1, 2, 3):  # all telemetry
+            os.write(line.descriptor, f"t00{board}5497F020000\r".encode())
+        done = 0
+        for step in range(6):
+            tick = (1000 * step).to_bytes(4, "little").hex()
+            os.write(steps.descriptor, f"t6F06{tick}E803\r".encode())
+            heard = ""
+            while not re.search(r"t6FF6[0-9A-F]{12}\r", heard):
+                more = steps.wait(1)
+                if not more:
+                    break
+                heard += more
+            done += "t6FF6" in heard
+        termios.tcflush(line.descriptor, termios.TCIFLUSH)
+        result(opened and done == 6 and line.ask("F\r", "\a") and line.ask("O\r", "\r")
+               and line.ask("F\r", "F08\r") and line.ask("F\r", "F00\r"),
+               "a line that is not read is closed, and tells so", f"{done} of 6 steps")
+        line.close()
+        connection.close()
+
+
 def python_can(clock_ticks):
     """The frames of a discovery over python-can, on both lines."""
     import can
@@ -162,9 +190,10 @@ def python_can(clock_ticks):
 
 
 def main():
-    print("1..6", flush=True)
+    print("1..7", flush=True)
     adapters_answer()
     time_stamps_and_steps()
+    who_does_not_read_is_closed()
     try:
         import can  # noqa: F401
         import serial  # noqa: F401
