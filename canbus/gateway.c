@@ -77,7 +77,7 @@ static void gateway_forward_buses(struct gateway *gateway)
 
 /* ---- the thread ---- */
 
-enum { POLL_FIXED = 2, POLL_MAX = POLL_FIXED + GATEWAY_CLIENTS + GATEWAY_BUSES };
+enum { POLL_FIXED = 2 + GATEWAY_SLCAN, POLL_MAX = POLL_FIXED + GATEWAY_CLIENTS + GATEWAY_BUSES };
 
 /* What to wait for on a client's connection, and at most for how long. */
 static short gateway_client_events(const struct gateway *gateway,
@@ -115,7 +115,7 @@ static int gateway_look_ms(const struct gateway *gateway)
                                                                                  : LOOK_MS;
 }
 
-/* Fills in the descriptors to wait for and for how long: clients first, then ports. */
+/* Fills in the descriptors to wait for and for how long: listeners, clients, then ports. */
 static size_t gateway_prepare_poll(const struct gateway *gateway, struct pollfd fd[POLL_MAX],
                                    int *timeout_ms)
 {
@@ -125,6 +125,9 @@ static size_t gateway_prepare_poll(const struct gateway *gateway, struct pollfd 
     *timeout_ms = IDLE_MS;
     fd[0] = (struct pollfd){.fd = gateway->stop_event, .events = POLLIN};
     fd[1] = (struct pollfd){.fd = gateway->listener, .events = POLLIN};
+    for (size_t i = 0; i < GATEWAY_SLCAN; i++) {
+        fd[2 + i] = (struct pollfd){.fd = gateway->slcan_listener[i], .events = POLLIN};
+    }
     for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
         const struct gateway_client *client = &gateway->client[i];
 
@@ -209,7 +212,12 @@ static void *gateway_run(void *context)
         /* New clients come last, so that their places in the poll set are theirs */
         gateway_close_silent(gateway);
         if (fd[1].revents) {
-            gateway_accept_clients(gateway);
+            gateway_accept_clients(gateway, gateway->listener, -1);
+        }
+        for (int i = 0; i < GATEWAY_SLCAN; i++) {
+            if (fd[2 + i].revents) {
+                gateway_accept_clients(gateway, gateway->slcan_listener[i], i);
+            }
         }
     }
 }
@@ -238,39 +246,41 @@ static bool gateway_parse_host(const char *host, uint16_t port, struct sockaddr_
     return false;
 }
 
-static enum error_code gateway_listen(struct gateway *gateway, const char *host,
-                                      struct error *error)
+enum error_code gateway_listen_at(const char *host, uint16_t wanted, int *listener, uint16_t *port,
+                                  struct error *error)
 {
     struct sockaddr_storage address;
     socklen_t length;
     int one = 1;
 
-    if (!gateway_parse_host(host, gateway->config.port, &address, &length)) {
+    host = host ? host : "127.0.0.1";
+    if (!gateway_parse_host(host, wanted, &address, &length)) {
         return error_set(error, ERROR_INPUT,
                          "gateway: found host \"%.64s\", expected a numeric address, for example "
                          "127.0.0.1",
                          host);
     }
-    gateway->listener =
-        socket(address.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, IPPROTO_TCP);
-    if (gateway->listener < 0) {
+    *listener = socket(address.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, IPPROTO_TCP);
+    if (*listener < 0) {
         return error_set_errno(error, errno, "gateway: cannot open a socket");
     }
-    setsockopt(gateway->listener, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
-    if (bind(gateway->listener, (const struct sockaddr *)&address, length) ||
-        listen(gateway->listener, BACKLOG)) {
+    setsockopt(*listener, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
+    if (bind(*listener, (const struct sockaddr *)&address, length) || listen(*listener, BACKLOG)) {
         return error_set_errno(error, errno, "gateway: cannot listen at %.64s port %u", host,
-                               gateway->config.port);
+                               wanted);
     }
     length = sizeof address;
-    getsockname(gateway->listener, (struct sockaddr *)&address, &length);
+    getsockname(*listener, (struct sockaddr *)&address, &length);
     /* The port stands at the same place in both families */
-    gateway->port = ntohs(((const struct sockaddr_in *)&address)->sin_port);
+    if (port) {
+        *port = ntohs(((const struct sockaddr_in *)&address)->sin_port);
+    }
     return ERROR_NONE;
 }
 
 static void gateway_close_all(struct gateway *gateway)
 {
+    gateway_slcan_stop(gateway);
     for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
         gateway_close_client(&gateway->client[i]);
     }
@@ -299,6 +309,9 @@ static enum error_code gateway_allocate(const struct gateway_config *config, str
     *gateway =
         (struct gateway){.config = *config, .time_ns = time_ns, .listener = -1, .stop_event = -1};
     gateway->config.bus = bus;
+    for (size_t i = 0; i < GATEWAY_SLCAN; i++) {
+        gateway->slcan_listener[i] = -1;
+    }
     for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
         gateway->client[i] =
             (struct gateway_client){.socket = -1, .outbox = outbox + i * (size_t)GATEWAY_OUTBOX};
@@ -358,7 +371,11 @@ enum error_code gateway_start(const struct gateway_config *config, struct arena 
     if (code) {
         return code;
     }
-    code = gateway_listen(gateway, config->host ? config->host : "127.0.0.1", error);
+    if (!config->slcan_only) {
+        code = gateway_listen_at(config->host, config->port, &gateway->listener, &gateway->port,
+                                 error);
+    }
+    code = code ? code : gateway_slcan_start(gateway, error);
     if (code) {
         goto fail;
     }

@@ -46,9 +46,8 @@ static void gateway_answer_client(struct gateway *gateway, struct gateway_client
     gateway_queue_text(gateway, client, text, strlen(text));
 }
 
-/* Whether the bus has taken it. */
-static bool gateway_send_frame(struct gateway *gateway, struct gateway_client *client, size_t bus,
-                               const struct bus_frame *request)
+bool gateway_send_frame(struct gateway *gateway, struct gateway_client *client, size_t bus,
+                        const struct bus_frame *request)
 {
     struct bus_frame frame = *request;
 
@@ -56,7 +55,9 @@ static bool gateway_send_frame(struct gateway *gateway, struct gateway_client *c
     if (can_send(gateway->config.bus[bus].port, &frame, 1) != 1) {
         /* A full queue is no fault of the client: it does not count as junk */
         gateway->counters.not_taken++;
-        gateway_answer_client(gateway, client, "< error the bus refuses the frame >");
+        if (!client->is_slcan) {
+            gateway_answer_client(gateway, client, "< error the bus refuses the frame >");
+        }
         return false;
     }
     gateway->counters.to_bus++;
@@ -66,7 +67,7 @@ static bool gateway_send_frame(struct gateway *gateway, struct gateway_client *c
 
 /* ---- commands ---- */
 
-static bool gateway_find_bus(const struct gateway *gateway, const char *name, size_t *bus)
+bool gateway_find_bus(const struct gateway *gateway, const char *name, size_t *bus)
 {
     for (size_t i = 0; i < gateway->config.nbus; i++) {
         const struct gateway_bus *entry = &gateway->config.bus[i];
@@ -182,6 +183,10 @@ void gateway_execute_inbox(struct gateway *gateway, struct gateway_client *clien
     size_t at = 0;
     bool complete = true;
 
+    if (client->is_slcan) {
+        gateway_slcan_execute_inbox(gateway, client);
+        return;
+    }
     while (client->socket >= 0 && !client->step_waits && !gateway_step_runs(gateway)) {
         const char *begin = memchr(client->inbox + at, '<', client->received - at), *end;
 

@@ -8,6 +8,7 @@
 #define CANBUS_GATEWAY_PRIVATE_H
 
 #include "canbus/gateway.h"
+#include "canbus/slcan.h"
 #include "canbus/socketcand.h"
 
 #include <pthread.h>
@@ -20,8 +21,18 @@ enum {
     GATEWAY_INBOX = 4096,
 };
 
+/* What a client has set an slcan channel to. */
+struct gateway_slcan_state {
+    bool stamps, listens;
+    bool refused;   /* it wants a bit rate that the bus does not have */
+    uint8_t status; /* flags that F tells */
+};
+
 struct gateway_client {
     int socket; /* -1 = free place */
+    int other;  /* of a terminal: its other end */
+    bool is_slcan, is_terminal;
+    struct gateway_slcan_state slcan;
     enum gateway_client_mode mode;
     size_t bus;
     unsigned junk;
@@ -44,6 +55,8 @@ struct gateway {
     _Atomic uint64_t done_count;
     _Atomic bool holds; /* what a STEP brings, until it is released */
     int listener, stop_event;
+    int slcan_listener[GATEWAY_SLCAN]; /* -1 = a terminal */
+    size_t slcan_bus[GATEWAY_SLCAN];
     uint16_t port;
     pthread_t thread;
     struct gateway_client client[GATEWAY_CLIENTS];
@@ -54,8 +67,9 @@ int64_t gateway_now_ms(void);
 
 /* ---- gateway_client.c ---- */
 
-/* Accepts every client that waits; refuses those that find no place. */
-void gateway_accept_clients(struct gateway *gateway);
+/* Accepts every client that waits at a listener, which is that of an slcan channel unless slcan is
+ * negative; refuses those that find no place. */
+void gateway_accept_clients(struct gateway *gateway, int listener, int slcan);
 
 /* Disconnects those that have not opened a bus in time. */
 void gateway_close_silent(struct gateway *gateway);
@@ -89,6 +103,13 @@ static inline bool gateway_step_runs(const struct gateway *gateway)
 
 bool gateway_is_done(const struct gateway *gateway, const struct bus_frame *frame);
 
+/* Finds a bus by its name or alias. */
+bool gateway_find_bus(const struct gateway *gateway, const char *name, size_t *bus);
+
+/* Sends a client's frame onto a bus and to the other clients; false: the bus has not taken it. */
+bool gateway_send_frame(struct gateway *gateway, struct gateway_client *client, size_t bus,
+                        const struct bus_frame *request);
+
 /* Executes every complete command in the inbox, up to a STEP, which stays until it is released;
  * none while a STEP runs. What stands between commands is skipped. */
 void gateway_execute_inbox(struct gateway *gateway, struct gateway_client *client);
@@ -96,5 +117,30 @@ void gateway_execute_inbox(struct gateway *gateway, struct gateway_client *clien
 /* Sends the STEP that waits, if one does and nothing is in its way: once every client has been read
  * to the end and has taken most of what waits for it. */
 void gateway_release_step(struct gateway *gateway);
+
+/* ---- gateway.c ---- */
+
+/* Listens at an address; port receives the port, unless it is NULL. */
+enum error_code gateway_listen_at(const char *host, uint16_t wanted, int *listener, uint16_t *port,
+                                  struct error *error);
+
+/* ---- gateway_slcan.c ---- */
+
+/* Opens the terminals and listeners of the slcan channels; closes them and removes the links. */
+enum error_code gateway_slcan_start(struct gateway *gateway, struct error *error);
+void gateway_slcan_stop(struct gateway *gateway);
+
+/* As gateway_execute_inbox, of an slcan channel. */
+void gateway_slcan_execute_inbox(struct gateway *gateway, struct gateway_client *client);
+
+/* A frame as the client of an slcan channel wants it; its length, 0: it has none. */
+size_t gateway_slcan_format(const struct gateway_client *client, const struct bus_frame *frame,
+                            char text[SLCAN_TEXT_MAX]);
+
+/* Closes the channel of a terminal, which has not been read or is gone; F tells of an overrun. */
+void gateway_slcan_reset(struct gateway_client *client);
+
+/* Whether a client has to read first: the STEP waits for it. */
+bool gateway_is_behind(const struct gateway_client *client);
 
 #endif

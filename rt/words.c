@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The words of what a configuration says of a loop and of its recordings. */
-#include "rt/recorder.h"
+#include "rt/recording/recorder.h"
 #include "rt/timing.h"
 
 const struct word loop_clock_words[] = {{"real", LOOP_CLOCK_REAL},

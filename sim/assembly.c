@@ -390,9 +390,12 @@ static enum error_code simulator_create_gateway(struct simulator *simulator, str
         return ERROR_NONE;
     }
     for (size_t b = 0; b < config->rig->nbus; b++) {
-        bus[b] = (struct gateway_bus){.name = config->rig->bus[b].name,
-                                      .alias = simulator->buses.interface[b],
-                                      .port = simulator->gateway_ports.port[b]};
+        bus[b] = (struct gateway_bus){
+            .name = config->rig->bus[b].name,
+            .alias = simulator->buses.interface[b],
+            .port = simulator->gateway_ports.port[b],
+            .bitrate = config->rig->bus[b].bitrate,
+            .data_bitrate = config->rig->bus[b].fd ? config->rig->bus[b].data_bitrate : 0};
     }
     gateway = *config->gateway;
     gateway.nbus = config->rig->nbus;

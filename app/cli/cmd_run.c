@@ -240,9 +240,9 @@ static enum error_code write_ready(const struct run_options *options, const char
     const struct gateway *gateway = simulator_gateway(simulator);
     const struct ready ready = {
         .control = control ? control_path(control) : NULL,
-        .gateway_host = !gateway  ? NULL
-                        : host[0] ? host
-                                  : "127.0.0.1",
+        .gateway_host = !gateway || !gateway_port(gateway) ? NULL
+                        : host[0]                          ? host
+                                                           : "127.0.0.1",
         .gateway_port = gateway ? gateway_port(gateway) : 0,
         .page = page->viewer ? viewer_address(page->viewer, true) : NULL,
         .page_view = page->viewer ? viewer_address(page->viewer, false) : NULL,
@@ -383,7 +383,7 @@ static void print_start(const struct simulator *simulator, const char *host, con
     if (notice[0]) {
         fprintf(stderr, "%snotice: %s\n", journal_prefix(JOURNAL_NOTICE), notice);
     }
-    if (simulator_gateway(simulator)) {
+    if (simulator_gateway(simulator) && gateway_port(simulator_gateway(simulator))) {
         fprintf(stderr, "gateway: %s port %u\n", host[0] ? host : "127.0.0.1",
                 gateway_port(simulator_gateway(simulator)));
         if (host[0] && !run_options_is_loopback(host)) {
@@ -404,11 +404,30 @@ static bool run_is_endless(const struct simulator *simulator)
            (!runner || task_is_endless(runner->task));
 }
 
+/* What --gateway and --slcan say; *used: one of them is given. */
+static enum error_code run_read_gateway(const struct run_options *options, char host[RUN_HOST_SIZE],
+                                        struct run_slcan *slcan, struct gateway_config *gateway,
+                                        bool *used, struct error *error)
+{
+    enum error_code code = run_options_read_slcan(options, slcan, error);
+
+    *gateway = (struct gateway_config){.slcan_only = !options->gateway};
+    if (!code && options->gateway) {
+        code = run_options_parse_address("--gateway", options->gateway, "29536", host,
+                                         &gateway->host, &gateway->port, error);
+    }
+    gateway->nslcan = slcan->count;
+    gateway->slcan = slcan->channel;
+    *used = options->gateway || slcan->count > 0;
+    return code;
+}
+
 static int run_start_rig(void *context, const struct rig *loaded, struct arena *arena)
 {
     const struct run_options *options = context;
     static struct rig changed;
     static struct gateway_config gateway;
+    static struct run_slcan slcan;
     static char host[RUN_HOST_SIZE];
     const struct rig *rig = loaded;
     struct simulator_config config;
@@ -419,6 +438,7 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     enum error_code code;
     struct error error;
     char notice[256];
+    bool joined;
     int status;
 
     /* The rig as the command line changes it */
@@ -427,15 +447,14 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
         changed.wire.timed = changed.wire.paced = options->wire;
         rig = &changed;
     }
-    if ((options->gateway && run_options_parse_address("--gateway", options->gateway, "29536", host,
-                                                       &gateway.host, &gateway.port, &error)) ||
+    if (run_read_gateway(options, host, &slcan, &gateway, &joined, &error) ||
         run_options_check_trust(options, rig, &error) || rig_command_budget("run", rig, &error) ||
         run_options_configure(options, rig, &config, &error) ||
         task_input_read(&options->input, options->task, rig, arena, &input, &error)) {
         return command_fail("run", &error);
     }
     config.task_input = &input;
-    config.gateway = options->gateway ? &gateway : NULL;
+    config.gateway = joined ? &gateway : NULL;
 
     /* The simulator, the socket that controls it, the page, and the run */
     code = simulator_create(&config, arena, &simulator, notice, &error);

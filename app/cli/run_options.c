@@ -52,6 +52,10 @@ static const struct option_spec options[] = {
      "let other programs join the buses over TCP, with any socketcand client; HOST is a numeric "
      "address, 127.0.0.1 by default; PORT 0 is any that is free",
      .value = &read.gateway},
+    {"--slcan", OPTION_LIST, "BUS=PATH|tcp:[HOST:]PORT",
+     "let programs that know serial adapters (slcan, Lawicel) join a bus: PATH becomes a link to a "
+     "pseudo-terminal, tcp: a port; BUS is a name or an interface; may be given more than once",
+     .value = &read.slcan},
     {"--control", OPTION_STRING, "PATH",
      "path of the socket for \"coman-hil ctl\"; none: no socket; a default path otherwise, see "
      "below",
@@ -180,6 +184,48 @@ enum error_code run_options_parse_address(const char *option, const char *text, 
     *given = colon ? host : NULL;
     *port = (uint16_t)number;
     return ERROR_NONE;
+}
+
+static enum error_code run_options_read_channel(const char *text, struct run_slcan *slcan,
+                                                struct error *error)
+{
+    const char *equals = strchr(text, '='), *where = equals ? equals + 1 : "";
+    size_t at = slcan->count, length = equals ? (size_t)(equals - text) : 0;
+    struct gateway_slcan *channel = &slcan->channel[at];
+    enum error_code code = ERROR_NONE;
+
+    if (at == GATEWAY_SLCAN || length == 0 || length >= sizeof slcan->bus[at] || !*where) {
+        return error_set(
+            error, ERROR_INPUT,
+            "--slcan: found \"%.100s\", expected BUS=PATH or BUS=tcp:[HOST:]PORT, as in "
+            "can1=/tmp/slcan1, at most %d times",
+            text, GATEWAY_SLCAN);
+    }
+    snprintf(slcan->bus[at], sizeof slcan->bus[at], "%.*s", (int)length, text);
+    *channel = (struct gateway_slcan){.bus = slcan->bus[at]};
+    if (strncmp(where, "tcp:", 4) == 0) {
+        code = run_options_parse_address("--slcan", where + 4, "tcp:3333", slcan->host[at],
+                                         &channel->host, &channel->port, error);
+        if (!code && channel->port == 0) {
+            code = error_set(error, ERROR_INPUT, "--slcan: found port 0, expected 1 to 65535");
+        }
+    } else {
+        channel->path = where;
+    }
+    slcan->count += !code;
+    return code;
+}
+
+enum error_code run_options_read_slcan(const struct run_options *given, struct run_slcan *slcan,
+                                       struct error *error)
+{
+    enum error_code code = ERROR_NONE;
+
+    slcan->count = 0;
+    for (size_t i = 0; i < given->slcan.count && !code; i++) {
+        code = run_options_read_channel(given->slcan.item[i], slcan, error);
+    }
+    return code;
 }
 
 const char *run_options_http(const struct run_options *given, const struct rig *rig)

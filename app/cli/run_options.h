@@ -10,11 +10,18 @@
 
 enum { RUN_HOST_SIZE = 64 }; /* room for any numeric address */
 
+/* The channels of --slcan, with what their strings are in. */
+struct run_slcan {
+    size_t count;
+    struct gateway_slcan channel[GATEWAY_SLCAN];
+    char bus[GATEWAY_SLCAN][RUN_HOST_SIZE], host[GATEWAY_SLCAN][RUN_HOST_SIZE];
+};
+
 /* As given; strings are the command line's. */
 struct run_options {
     const char *rig, *task, *stimulus, *record, *gateway, *control, *http, *ready, *token_file;
     struct task_options input; /* of the task */
-    struct option_list bus, fault, set;
+    struct option_list bus, fault, set, slcan;
     double duration_s;               /* INFINITY = not given */
     double http_linger_s;            /* -1 = not given */
     int64_t ticks, record_period_ms; /* ticks: 0 = not given */
@@ -34,6 +41,10 @@ bool run_options_read(int argc, char **argv, struct run_options *options, int *s
  * to other machines. The error names file:line:column. */
 enum error_code run_options_check_trust(const struct run_options *options, const struct rig *rig,
                                         struct error *error);
+
+/* Reads the channels of --slcan. */
+enum error_code run_options_read_slcan(const struct run_options *options, struct run_slcan *slcan,
+                                       struct error *error);
 
 /* The simulator's configuration: the rig's settings where the command line has none. It points into
  * both, and has no gateway. */

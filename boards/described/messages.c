@@ -64,6 +64,17 @@ static const char *frame_answer(const struct described_protocol *protocol,
     return NULL;
 }
 
+/* Bytes of a message: as many as a board takes, where fields say anything. */
+static uint8_t frame_message_length(const struct described_frame *frame, unsigned repeats)
+{
+    if (frame->flags & FRAME_FD) {
+        return frame_fd_length(frame->length * repeats);
+    }
+    return repeats > 1         ? (uint8_t)(frame->length * repeats)
+           : frame->length > 0 ? frame->longest
+                               : 0;
+}
+
 /* Visits a frame with its number; of a group with the slots that there are. */
 static void visit_frame(struct message_walk *walk, size_t index, int board, unsigned number,
                         unsigned repeats, int slot)
@@ -90,10 +101,8 @@ static void visit_frame(struct message_walk *walk, size_t index, int board, unsi
         .sender = frame->from_host ? MESSAGE_NO_BOARD : board,
         .receiver = frame->from_host ? board : MESSAGE_NO_BOARD,
         .from_host = frame->from_host,
-        .length = frame->flags & FRAME_FD ? frame_fd_length(frame->length * repeats)
-                  : repeats > 1           ? (uint8_t)(frame->length * repeats)
-                                          : frame->longest,
-        .shortest = frame->shortest < frame->longest ? frame->shortest : 0,
+        .length = frame_message_length(frame, repeats),
+        .shortest = frame->length > 0 && frame->shortest < frame->longest ? frame->shortest : 0,
         .code = MESSAGE_NO_CODE,
         .answer = frame_answer(protocol, frame, config),
         .section = frame->from_host ? MESSAGE_FROM_HOST : MESSAGE_FROM_BOARDS,

@@ -14,11 +14,6 @@
 #include <time.h>
 #include <unistd.h>
 
-const struct word recorder_format_words[] = {{"csv", RECORDER_CSV},
-                                             {"mcap", RECORDER_MCAP},
-                                             {"both", RECORDER_CSV | RECORDER_MCAP},
-                                             {NULL, 0}};
-
 enum {
     FRAME_RING = 65536, /* about a second of a fully loaded rig */
     ROW_RING = 1024,

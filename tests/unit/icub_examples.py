@@ -158,7 +158,7 @@ def included(name):
 
 
 buses = list(rig_buses())
-print("1..9")
+print("1..8")
 for each in buses:
     complaints = list(limb_complaints(each))
     result(not complaints, f"{each['name']}.xml is that limb of the rig", "\n".join(complaints))
@@ -166,9 +166,6 @@ for each in buses:
 result(included("coman.xml") == [f"./{bus['name']}.xml" for bus in buses],
        "coman.xml has all limbs")
 result(included("one-leg.xml") == ["./left_leg.xml"], "one-leg.xml has a leg")
-page = (ROOT / "docs" / "icub-software.md").read_text()
-result(all(f"```xml {name}\n{(FILES / name).read_text()}```" in page
-           for name in ("one-leg.xml", "left_leg.xml", "coman.xml")), "the page has these files")
 calibrator = ElementTree.parse(FILES / "left_leg_calibrator.xml").getroot()
 result(numbers(calibrator, "calibrationType") == [3] * 6
        and 0 not in numbers(calibrator, "calibration2")
