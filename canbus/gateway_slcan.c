@@ -90,20 +90,17 @@ static void gateway_slcan_execute(struct gateway *gateway, struct gateway_client
 
     slcan_parse(text, size, &request);
     switch (request.command) {
+    /* While the channel is open */
     case SLCAN_FRAME:
         gateway_slcan_take_frame(gateway, client, &request.frame);
         return;
     case SLCAN_STATUS:
         gateway_slcan_tell_status(gateway, client);
         return;
+
+    /* While it is closed */
     case SLCAN_OPEN:
         gateway_slcan_open(gateway, client, request.value);
-        return;
-    case SLCAN_VERSION:
-        gateway_slcan_answer(gateway, client, text[0] == 'V' ? "V1010" SLCAN_OK : "v0100" SLCAN_OK);
-        return;
-    case SLCAN_SERIAL:
-        gateway_slcan_answer(gateway, client, "NHIL0" SLCAN_OK);
         return;
     case SLCAN_BIT_RATE:
     case SLCAN_DATA_RATE:
@@ -116,6 +113,14 @@ static void gateway_slcan_execute(struct gateway *gateway, struct gateway_client
         fits = client->mode != CLIENT_RAW;
         client->slcan.stamps = fits ? request.value : client->slcan.stamps;
         gateway_slcan_answer(gateway, client, fits ? SLCAN_OK : SLCAN_BELL);
+        return;
+
+    /* At any time */
+    case SLCAN_VERSION:
+        gateway_slcan_answer(gateway, client, text[0] == 'V' ? "V1010" SLCAN_OK : "v0100" SLCAN_OK);
+        return;
+    case SLCAN_SERIAL:
+        gateway_slcan_answer(gateway, client, "NHIL0" SLCAN_OK);
         return;
     case SLCAN_CLOSE:
         client->mode = CLIENT_BCM;
@@ -186,6 +191,7 @@ static enum error_code gateway_slcan_open_terminal(struct gateway *gateway, size
     struct stat status;
     char name[64];
 
+    /* Both ends, without echo and the like */
     if (line < 0 || grantpt(line) || unlockpt(line) || ptsname_r(line, name, sizeof name)) {
         error_set_errno(error, errno, "slcan: cannot make a pseudo-terminal");
         goto fail;
@@ -200,6 +206,7 @@ static enum error_code gateway_slcan_open_terminal(struct gateway *gateway, size
         error_set_errno(error, errno, "slcan: cannot set %s", name);
         goto fail;
     }
+    /* Its name, and its place among the clients */
     if (lstat(slcan->path, &status) == 0 && S_ISLNK(status.st_mode)) {
         unlink(slcan->path); /* of a run that was killed */
     }

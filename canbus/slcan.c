@@ -102,6 +102,7 @@ static enum slcan_command slcan_read_command(const char *text, size_t size, int6
     const bool alone = size == 1;
 
     switch (text[0]) {
+    /* Bit rates */
     case 'S':
         if (!slcan_read_setting(text, size, (int)ARRAY_COUNT(bit_rates) - 1, value)) {
             return SLCAN_WRONG;
@@ -114,6 +115,8 @@ static enum slcan_command slcan_read_command(const char *text, size_t size, int6
         }
         *value *= 1000000;
         return SLCAN_DATA_RATE;
+
+    /* The channel and what it tells */
     case 'O':
     case 'L':
         *value = text[0] == 'L';
@@ -129,6 +132,8 @@ static enum slcan_command slcan_read_command(const char *text, size_t size, int6
         return alone ? SLCAN_VERSION : SLCAN_WRONG;
     case 'N':
         return alone ? SLCAN_SERIAL : SLCAN_WRONG;
+
+    /* What has no effect here */
     case 'X':
     case 'W':
         return slcan_read_setting(text, size, 1, value) ? SLCAN_ACCEPTED : SLCAN_WRONG;

@@ -205,6 +205,8 @@ static enum error_code board_place_switches(struct rig_builder *b, const struct 
         if (strcmp(raw->joint, joint->name) != 0) {
             continue;
         }
+
+        /* A board that knows them, and angles in their order */
         if (!protocol->switches) {
             return yaml_error(
                 b->error, &raw->mark,
@@ -226,6 +228,8 @@ static enum error_code board_place_switches(struct rig_builder *b, const struct 
                               "%g",
                               raw->negative_rad, raw->positive_rad);
         }
+
+        /* The index pulse comes once a revolution of the rotor */
         axis->switches = (struct board_switches){
             .negative = raw->negative_given,
             .positive = raw->positive_given,

@@ -189,6 +189,7 @@ static void cia402_homing_watch(struct cia402_axis *axis, const struct cia402_ho
 {
     bool on = axis->digital_inputs & method->input;
 
+    /* What ends a part, and begins the next */
     switch (axis->homing) {
     case CIA402_HOMING_SEARCH:
         if (on && method->from_on) {
@@ -216,6 +217,8 @@ static void cia402_homing_watch(struct cia402_axis *axis, const struct cia402_ho
     default:
         break;
     }
+
+    /* A part that has just turned around is not blocked */
     if (cia402_homing_is_blocked(axis, method)) {
         cia402_homing_end(axis, false);
     }

@@ -177,6 +177,7 @@ static void described_axis_configure(struct board *board, struct described_axis 
     int parameter = described_find_field(frame, DESCRIBED_PARAMETER);
     int written = described_find_field(frame, DESCRIBED_PARAMETER_VALUE);
 
+    /* Fields of their own */
     for (size_t i = 0; i < frame->nfield; i++) {
         const struct described_field *field = &frame->field[i];
 
@@ -188,6 +189,8 @@ static void described_axis_configure(struct board *board, struct described_axis 
             described_axis_forget(board, axis);
         }
     }
+
+    /* A parameter that is named by its number */
     if (parameter >= 0 && written >= 0) {
         const struct described_parameter *of =
             described_find_parameter(described_node_of(board)->protocol, values[parameter]);
@@ -542,6 +545,7 @@ static bool described_axis_power(const struct board *board, const struct describ
     double bridge_v = described_axis_runs(board, axis) ? axis->voltage_v : 0.0;
 
     switch (meaning) {
+    /* Aims */
     case DESCRIBED_AXIS_VOLTAGE:
         *value = axis->voltage_v;
         return true;
@@ -551,6 +555,8 @@ static bool described_axis_power(const struct board *board, const struct describ
     case DESCRIBED_TORQUE_TARGET:
         *value = axis->wanted_a * config->torque_nm_a;
         return true;
+
+    /* Powers */
     case DESCRIBED_ELECTRICAL_POWER:
         *value = bridge_v * axis->current_a;
         return true;
@@ -560,6 +566,8 @@ static bool described_axis_power(const struct board *board, const struct describ
     case DESCRIBED_SUPPLY_CURRENT:
         *value = supply_v > 0.0 ? bridge_v * axis->current_a / supply_v : 0.0;
         return true;
+
+    /* Settings */
     case DESCRIBED_CURRENT_LIMIT:
         *value =
             fmin(config->current_limit_a, described_axis_setting(axis, DESCRIBED_CURRENT_LIMIT));
