@@ -22,8 +22,7 @@ enum {
 /* ---- frames ---- */
 
 /* Whether a frame is the STEP or the DONE of lockstep. */
-static bool gateway_is_step(const struct gateway *gateway, size_t bus,
-                            const struct bus_frame *frame)
+bool gateway_is_step(const struct gateway *gateway, size_t bus, const struct bus_frame *frame)
 {
     const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
 
@@ -243,7 +242,7 @@ static void gateway_drain_clients(struct gateway *gateway)
 }
 
 /* Whether a client has to read first: the STEP waits for it. */
-static bool gateway_is_behind(const struct gateway_client *client)
+bool gateway_is_behind(const struct gateway_client *client)
 {
     return client->socket >= 0 && client->mode == CLIENT_RAW &&
            client->waiting > GATEWAY_OUTBOX / 2;

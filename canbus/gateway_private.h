@@ -101,6 +101,8 @@ static inline bool gateway_step_runs(const struct gateway *gateway)
     return gateway->step_until_ms > 0;
 }
 
+/* Whether a frame is the STEP or the DONE of lockstep. */
+bool gateway_is_step(const struct gateway *gateway, size_t bus, const struct bus_frame *frame);
 bool gateway_is_done(const struct gateway *gateway, const struct bus_frame *frame);
 
 /* Finds a bus by its name or alias. */
