@@ -237,6 +237,30 @@ static enum error_code yaml_read_list_entry(struct yaml_reader *r, const struct 
     return yaml_read_struct(r, field->schema, node, out);
 }
 
+/* An entry of a list that stands in a mapping, as if the key were one of its own. */
+static enum error_code yaml_read_keyed_entry(struct yaml_reader *r, const struct yaml_field *field,
+                                             const struct yaml_node *key, void *out)
+{
+    struct yaml_node entry = *key->next, value = *key;
+    struct yaml_node name = {.mark = key->mark, .text = field->entry_key, .next = &value};
+
+    if (entry.kind != YAML_KIND_MAP) {
+        return yaml_unexpected(r, &entry, "a mapping");
+    }
+    for (const struct yaml_node *own = entry.first; own; own = own->next->next) {
+        if (strcmp(own->text, field->entry_key) == 0) {
+            return yaml_error(r->error, &own->mark,
+                              "found %s in an entry of a mapping, expected it as the entry's key "
+                              "alone",
+                              field->entry_key);
+        }
+    }
+    value.next = entry.first;
+    entry.first = &name;
+    entry.count++;
+    return yaml_read_struct(r, field->schema, &entry, out);
+}
+
 typedef enum error_code read_function(struct yaml_reader *r, const struct yaml_field *field,
                                       const struct yaml_node *node, void *out);
 
@@ -286,6 +310,9 @@ static enum error_code yaml_read_array(struct yaml_reader *r, const struct yaml_
     enum yaml_type type = field->type;
     size_t size = form[type].size ? form[type].size : field->schema->size;
 
+    if (field->entry_key && node->kind == YAML_KIND_MAP) {
+        return yaml_read_many(r, field, node, size, yaml_read_keyed_entry, out, count);
+    }
     if (node->kind != form[type].kind) {
         return yaml_unexpected(r, node, form[type].expected);
     }
@@ -362,15 +389,14 @@ static void yaml_set_defaults(const struct yaml_schema *schema, const struct yam
     }
 }
 
-/* The field of that key, or the end of the fields. */
-static const struct yaml_field *yaml_find_field(const struct yaml_schema *schema, const char *key)
+const struct yaml_field *yaml_find_field(const struct yaml_schema *schema, const char *key)
 {
-    const struct yaml_field *field = schema->fields, *end = field + schema->field_count;
-
-    while (field < end && strcmp(field->key, key) != 0) {
-        field++;
+    for (size_t i = 0; schema && i < schema->field_count; i++) {
+        if (strcmp(schema->fields[i].key, key) == 0) {
+            return &schema->fields[i];
+        }
     }
-    return field;
+    return NULL;
 }
 
 static enum error_code yaml_read_struct(struct yaml_reader *r, const struct yaml_schema *schema,
@@ -391,9 +417,8 @@ static enum error_code yaml_read_struct(struct yaml_reader *r, const struct yaml
     yaml_set_defaults(schema, &node->mark, out);
     for (const struct yaml_node *key = node->first; key; key = key->next->next) {
         const struct yaml_field *field = yaml_find_field(schema, key->text);
-        enum error_code code = field < schema->fields + schema->field_count
-                                   ? yaml_read_value(r, field, key->next, out)
-                                   : yaml_reject_unknown_key(r, schema, key);
+        enum error_code code = field ? yaml_read_value(r, field, key->next, out)
+                                     : yaml_reject_unknown_key(r, schema, key);
 
         if (code) {
             return code;

@@ -63,6 +63,8 @@ struct yaml_field {
     size_t given_offset; /* 0 = none, else of a bool set to true when the key is present */
     const struct yaml_schema *schema; /* for YAML_MAP, YAML_LIST, YAML_DICT */
     const struct word *names;         /* for YAML_ENUM, ends with word NULL */
+    const char *entry_key; /* of YAML_LIST: the key by which entries may stand in a mapping, one
+                            * that tells them apart; NULL = none */
 };
 
 /* A struct begins with `struct yaml_mark mark` (offset 0), set to where its mapping starts; that is
@@ -96,8 +98,9 @@ struct yaml_schema {
  *
  * With schema->extendable a file may begin from another: "extends: FILE", or a name that
  * schema->locate knows. What it gives itself replaces what stands there, but mappings are merged
- * key by key (lists are not: they are replaced whole). Each value keeps the place, and the
- * directory for references, of the file it stands in. */
+ * key by key. Lists are replaced whole; but a mapping in the place of a list with an
+ * entry_key changes the entries that it names and adds others behind them. Each value
+ * keeps the place, and the directory for references, of the file it stands in. */
 enum error_code yaml_read_file(const char *path, const struct yaml_schema *schema,
                                struct arena *arena, void *out, struct error *error);
 

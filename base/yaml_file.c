@@ -90,21 +90,109 @@ static struct yaml_node **yaml_find_key(struct yaml_node *map, const char *name)
     return at;
 }
 
-/* Adds to a mapping the keys that only the base has; a mapping that both have is merged in turn. */
-static void yaml_merge_maps(struct yaml_node *map, struct yaml_node *base)
+/* Makes a list of mappings a mapping of each by the value that it has of a key. A list in which one
+ * has none stays as it is. */
+static void yaml_list_to_map(struct yaml_node *list, const char *key)
+{
+    struct yaml_node **link = &list->first, **at, *next;
+
+    for (struct yaml_node *entry = list->first; entry; entry = entry->next) {
+        if (entry->kind != YAML_KIND_MAP || !*(at = yaml_find_key(entry, key)) ||
+            (*at)->next->kind != YAML_KIND_SCALAR) {
+            return;
+        }
+    }
+    for (struct yaml_node *entry = list->first; entry; entry = next) {
+        struct yaml_node *name;
+
+        next = entry->next;
+        at = yaml_find_key(entry, key);
+        name = (*at)->next;
+        *at = name->next;
+        entry->count--;
+        name->next = entry;
+        *link = name;
+        link = &entry->next;
+    }
+    list->kind = YAML_KIND_MAP;
+}
+
+/* Whether two keys of entries are the same text or the same number. */
+static bool yaml_same_key(const struct yaml_node *a, const struct yaml_node *b)
+{
+    int64_t x, y;
+
+    return strcmp(a->text, b->text) == 0 ||
+           (text_to_int(a->text, INT64_MIN, INT64_MAX, &x) &&
+            text_to_int(b->text, INT64_MIN, INT64_MAX, &y) && x == y);
+}
+
+static void yaml_merge_maps(const struct yaml_schema *schema, struct yaml_node *map,
+                            struct yaml_node *base);
+
+/* Puts the entries of a mapping into those of the base: what both have in the base's order, then
+ * what is new. */
+static void yaml_merge_entries(const struct yaml_schema *schema, struct yaml_node *map,
+                               struct yaml_node *base)
+{
+    struct yaml_node *after;
+
+    for (struct yaml_node *key = map->first; key; key = after) {
+        struct yaml_node *value = key->next, *there = base->first;
+
+        after = value->next;
+        while (there && !yaml_same_key(there, key)) {
+            there = there->next->next;
+        }
+        if (!there) {
+            struct yaml_node **end = &base->first;
+
+            while (*end) {
+                end = &(*end)->next;
+            }
+            *end = key;
+            value->next = NULL;
+            base->count++;
+            continue;
+        }
+        if (value->kind == YAML_KIND_MAP && there->next->kind == YAML_KIND_MAP) {
+            yaml_merge_maps(schema, value, there->next);
+        }
+        value->next = there->next->next;
+        there->next = value;
+    }
+    map->first = base->first;
+    map->count = base->count;
+}
+
+/* Adds to a mapping the keys that only the base has; a mapping that both have is merged in turn,
+ * and so is one of entries into a list of them. */
+static void yaml_merge_maps(const struct yaml_schema *schema, struct yaml_node *map,
+                            struct yaml_node *base)
 {
     struct yaml_node *after;
 
     for (struct yaml_node *key = base->first; key; key = after) {
         struct yaml_node *value = key->next, **own = yaml_find_key(map, key->text);
+        const struct yaml_field *field = yaml_find_field(schema, key->text);
 
         after = value->next;
         if (!*own) {
             value->next = NULL;
             *own = key;
             map->count++;
-        } else if ((*own)->next->kind == YAML_KIND_MAP && value->kind == YAML_KIND_MAP) {
-            yaml_merge_maps((*own)->next, value);
+            continue;
+        }
+        if ((*own)->next->kind != YAML_KIND_MAP) {
+            continue;
+        }
+        if (field && field->entry_key && value->kind == YAML_KIND_LIST) {
+            yaml_list_to_map(value, field->entry_key);
+        }
+        if (value->kind == YAML_KIND_MAP && field && field->entry_key) {
+            yaml_merge_entries(field->schema, (*own)->next, value);
+        } else if (value->kind == YAML_KIND_MAP) {
+            yaml_merge_maps(field ? field->schema : NULL, (*own)->next, value);
         }
     }
 }
@@ -208,7 +296,7 @@ static enum error_code yaml_follow_extends(struct yaml_reader *r, const struct y
     /* The base with all that it extends itself gives what this document leaves out */
     code = yaml_read_extended(r, path, text, size, schema, chain, &base);
     if (!code && base->kind == YAML_KIND_MAP) {
-        yaml_merge_maps(root, base);
+        yaml_merge_maps(schema, root, base);
     }
 done:
     free(text);

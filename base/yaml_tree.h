@@ -50,6 +50,9 @@ enum error_code yaml_document_read(struct yaml_reader *reader, const char *name,
                                    size_t size, const struct yaml_schema *schema,
                                    struct yaml_node **root);
 
+/* The field of that key; NULL when there is none or no schema. */
+const struct yaml_field *yaml_find_field(const struct yaml_schema *schema, const char *key);
+
 /* All bytes of a regular file in *text, NULL or the caller's to free; at most one more than
  * YAML_MAX_FILE. */
 enum error_code yaml_load_file(const char *path, char **text, size_t *size, struct error *error);

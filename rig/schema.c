@@ -306,7 +306,8 @@ static const struct yaml_field bus_fields[] = {
      .mark_offset = AT(sample_point_mark), .given_offset = AT(sample_point_given)},
     {"restart_ms", YAML_INT, false, AT(restart_ms), .min = 0, .max = 60000,
      .mark_offset = AT(restart_mark), .given_offset = AT(restart_given)},
-    {"boards", YAML_LIST, true, AT(board), AT(nboard), .schema = &board_schema},
+    {"boards", YAML_LIST, true, AT(board), AT(nboard), .schema = &board_schema,
+     .entry_key = "address"},
 };
 #undef STRUCT
 static const struct raw_bus bus_defaults = {.bitrate = 1000000};
@@ -594,7 +595,7 @@ static const struct yaml_field rig_fields[] = {
     {"initial", YAML_MAP, true, AT(initial), .schema = &initial_schema},
     {"scene", YAML_MAP, false, AT(scene), .schema = &scene_schema},
     {"motors", YAML_MAP, true, AT(motors), .schema = &motors_schema},
-    {"buses", YAML_LIST, true, AT(bus), AT(nbus), .schema = &bus_schema},
+    {"buses", YAML_LIST, true, AT(bus), AT(nbus), .schema = &bus_schema, .entry_key = "name"},
     {"undriven", YAML_NAME_LIST, false, .offset = AT(undriven), .count_offset = AT(nundriven)},
     {"wire", YAML_MAP, false, AT(wire), .schema = &wire_schema},
     {"lockstep", YAML_MAP, false, AT(lockstep), .schema = &lockstep_schema},
