@@ -9,9 +9,9 @@ trap 'rm -rf "$work"' EXIT
 . "$(dirname "$0")/tap.sh"
 tap_show="$work/*.out $work/*.err"
 
-# simulate NAME RIG ARGUMENT...: starts a simulator and waits until its loop runs; its process. It has
-# no priority of real time and runs at a fiftieth of it: two overloaded loops would leave nothing of
-# the guest's only processor to who asks.
+# simulate NAME RIG ARGUMENT...: starts a simulator and waits until its loop runs; its process. It
+# has no priority of real time and runs at a fiftieth of it: two overloaded loops would leave
+# nothing of the guest's only processor to who asks.
 simulate()
 {
     local name=$1 rig=$2
