@@ -29,7 +29,7 @@ enum {
     SIGNAL_RAISED = 2, /* frames were put in since the node last found nothing */
 };
 
-/* From one sender to one receiver. */
+/* The frames on their way from one sender to one receiver. */
 struct local_lane {
     struct ring ring;         /* of frames */
     _Atomic uint64_t dropped; /* the sender's count of what the full ring refused */
@@ -88,13 +88,14 @@ static inline struct local_node *local_node_of_port(const struct can_port *port)
     return container_of(port, struct local_node, port);
 }
 
-/* Of local.c: puts a frame from a place into the inbox of a node; false when the node's filters do
- * not let it pass. Signals the nodes that are marked in reached that frames are there. */
+/* local.c: puts a frame from a place into the inbox of a node, false = the node's filters do not
+ * let it pass; signals the nodes marked in `reached` that frames are there. */
 bool local_put_frame(const struct local_bus *bus, size_t receiver, size_t sender, uint64_t number,
                      const struct bus_frame *frame);
 void local_signal_nodes(const struct local_bus *bus, const uint64_t reached[LOCAL_NODES_MAX / 64]);
 
-/* Of local_wire.c: whether a frame is no traffic of the robot and takes no time. */
+/* local_wire.c: checks whether a frame is no traffic of the robot (STEP, DONE, errors) and takes
+ * no time. */
 bool local_bypasses_wire(const struct local_bus *bus, const struct bus_frame *frame);
 
 /* Puts a frame into the ring that the wire reads; false when that is full, or when frame->node is
@@ -106,8 +107,8 @@ void local_count_wire_dropped(struct local_node *node);
 
 enum error_code local_wire_create(struct local_bus *bus, struct arena *arena, struct error *error);
 
-/* With the bus's mutex held: gives the node the next controllers of the wire, where there is
- * one. */
+/* Gives a node the next controllers of the wire, if the bus has one. The caller holds the bus's
+ * mutex. */
 enum error_code local_wire_join(struct local_bus *bus, struct local_node *node, size_t count,
                                 struct error *error);
 

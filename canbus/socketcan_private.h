@@ -76,24 +76,24 @@ static inline bool socketcan_is_lost(const struct can_port *port)
     return port->state == CAN_PORT_DOWN || port->state == CAN_PORT_GONE;
 }
 
-/* Whether an errno of a socket means that its interface is down or gone. */
+/* Checks whether an errno of a socket means that its interface is down or gone. */
 static inline bool socketcan_error_means_lost(int code)
 {
     return code == ENETDOWN || code == ENODEV || code == ENXIO;
 }
 
-/* Sets the filters, which the kernel drops when an interface is removed, and binds. 0 or an
- * errno. */
+/* Sets the filters, which the kernel drops when an interface is removed, and binds. Returns 0 or
+ * an errno. */
 int socketcan_bind(const struct socketcan *can, int index);
 
-/* Of socketcan.c: the interface is down or gone; looks for it again. RT-safe, unless the port looks
- * for its interface itself (not sought). */
+/* socketcan.c: notes that the interface is down or gone; looks for it again. RT-safe, unless the
+ * port looks for its interface itself (not sought). */
 void socketcan_lose_interface(struct socketcan *can, int code);
 void socketcan_find_interface(struct socketcan *can);
 
-/* Of socketcan_send.c: the interface's queue takes frames, or is a new one; sends what is held,
- * when it is time for an attempt, false when the queue is still full; can_port_ops.send.
- * RT-safe. */
+/* socketcan_send.c: notes that the interface's queue takes frames, or is a new one; sends the
+ * held frames when an attempt is due, false = the queue is still full; implements
+ * can_port_ops.send. RT-safe. */
 void socketcan_note_queue_moving(struct socketcan *can);
 bool socketcan_send_held(struct socketcan *can);
 size_t socketcan_send(struct can_port *port, const struct bus_frame *frames, size_t count);
