@@ -41,16 +41,16 @@ enum error_code line_file_open(struct line_file *file, const char *directory, co
                                const char *title, size_t longest, _Atomic uint64_t *beat,
                                struct arena *arena, struct error *error);
 
-/* Appends one line with its newline, or one record. */
+/* Appends one line with its newline, or one record. A full buffer is written to the file first. */
 void line_file_put(struct line_file *file, const char *line, size_t size);
 
-/* Writes what was put. */
+/* Writes the buffer to the file. */
 void line_file_flush(struct line_file *file);
 
 /* Checks whether the file still exists under its name. */
 void line_file_look(struct line_file *file);
 
-/* For a writing thread that was cancelled: ends the file with what the system has accepted. */
+/* Ends the file of a cancelled writing thread with what the system has accepted. */
 void line_file_abandon(struct line_file *file);
 
 /* Flushes and closes. */
