@@ -11,7 +11,7 @@
 
 /* The numbers are those of syslog(3). */
 enum journal_priority {
-    JOURNAL_ERROR = 3,   /* the run ends, or does not do what it was told */
+    JOURNAL_ERROR = 3,   /* the run ends, or cannot do what was asked */
     JOURNAL_WARNING = 4, /* deadlines, frames or boards are lost */
     JOURNAL_NOTICE = 5,  /* normal, and worth a look */
     JOURNAL_INFO = 6,

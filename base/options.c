@@ -126,7 +126,7 @@ static bool option_parse_value(const struct option_spec *option, const char *tex
     }
 }
 
-/* Refuses the value of an option, and says what was expected. */
+/* Refuses the value of an option, with a message about what was expected. */
 static enum error_code option_reject_value(const struct option_spec *option, const char *text,
                                            struct error *error)
 {

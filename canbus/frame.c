@@ -40,7 +40,7 @@ bool frame_valid(const struct bus_frame *frame)
     if (flags & ~known) {
         return false;
     }
-    /* An error frame has no format of its own; FD knows no remote frames, classic no bit rates */
+    /* An error frame has no format; FD has no remote frames, classic CAN no second bit rate */
     if ((flags & FRAME_ERROR) && flags != FRAME_ERROR) {
         return false;
     }

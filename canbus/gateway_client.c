@@ -12,7 +12,7 @@
 
 enum {
     OPEN_MS = 10000, /* a client that has opened no bus by then is disconnected */
-    YIELD_MS = 1000, /* the same, when another client wants its place */
+    YIELD_MS = 1000, /* the same, when another client needs its place */
 };
 
 int64_t gateway_now_ms(void)

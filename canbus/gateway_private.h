@@ -24,8 +24,8 @@ enum {
 /* Settings of an slcan channel, as its client made them. */
 struct gateway_slcan_state {
     bool stamps, listens;
-    bool refused;   /* it wants a bit rate that the bus does not have */
-    uint8_t status; /* flags that F tells */
+    bool refused;   /* it asked for a bit rate that the bus does not have */
+    uint8_t status; /* flags that the command F reports */
 };
 
 struct gateway_client {
@@ -38,7 +38,7 @@ struct gateway_client {
     unsigned junk;
     int64_t since_ms; /* accepted */
     int64_t quiet_until_ms;
-    int64_t awaited_since_ms; /* a STEP waits for it to read; 0 = none does */
+    int64_t awaited_since_ms; /* since when a STEP waits for the client to read; 0 = none waits */
     bool step_waits;          /* its next command is a STEP */
     struct bus_frame step;
     size_t received; /* of inbox: what has not been executed */
@@ -51,7 +51,7 @@ struct gateway {
     struct gateway_config config;
     struct gateway_counters counters;
     int64_t *time_ns;      /* of the newest frame of each bus, on its clock */
-    int64_t step_until_ms; /* a STEP runs, no longer waited for at this time; 0 = none does */
+    int64_t step_until_ms; /* a STEP runs, and is waited for until this time; 0 = none runs */
     _Atomic uint64_t done_count;
     _Atomic bool holds; /* what a STEP brings, until it is released */
     int listener, stop_event;

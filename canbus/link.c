@@ -62,7 +62,7 @@ static void link_parse_controller(const struct rtattr *data, struct link_control
 
     for (const struct rtattr *a = link_attribute_data(data); RTA_OK(a, rest);
          a = link_next_attribute(a, &rest)) {
-        /* A driver reports only what it knows */
+        /* A driver reports only the values that it has */
         switch (link_attribute_type(a)) {
         case IFLA_CAN_STATE:
             if (link_copy_attribute(a, &state, sizeof state) && state < CAN_STATE_MAX) {

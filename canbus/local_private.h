@@ -33,7 +33,7 @@ enum {
 struct local_lane {
     struct ring ring;         /* of frames */
     _Atomic uint64_t dropped; /* the sender's count of what the full ring refused */
-    uint64_t dropped_seen;    /* the receiver's: what it has counted of that */
+    uint64_t dropped_seen;    /* how many of these the receiver has counted */
 };
 
 struct local_node {
@@ -51,7 +51,7 @@ struct local_node {
     uint64_t controller_mask;
     enum wire_state shown;         /* the state last reported to the port */
     _Atomic uint64_t wire_dropped; /* the wire's count of what it lost of accepted frames */
-    uint64_t wire_dropped_seen;    /* the port's: what it has counted of that */
+    uint64_t wire_dropped_seen;    /* how many of these the port has counted */
     uint64_t wire_dropped_told;    /* of what the wire's statistics say, what was added there */
 };
 
@@ -69,9 +69,9 @@ struct local_bus {
     struct wire *wire;
     size_t controllers;       /* given out */
     _Atomic uint64_t plugged; /* controllers whose port is open */
-    uint64_t plugged_seen;    /* what the wire knows of that */
+    uint64_t plugged_seen;    /* the ones that the wire has seen so far */
     enum wire_state *state;   /* of each controller */
-    uint64_t dropped_seen;    /* of the wire's drops, what was handed on to the ports */
+    uint64_t dropped_seen;    /* the wire's drops that have been passed on to the ports */
     uint64_t reached[LOCAL_NODES_MAX / 64]; /* ports that received something in this advance */
     void (*tap)(void *context, const struct bus_frame *frame);
     void *tap_context;

@@ -49,7 +49,7 @@ enum lockstep_verdict {
 struct lockstep {
     struct lockstep_config config;
     struct lockstep_counters counters;
-    uint32_t tick;     /* run so far, modulo 2^32 */
+    uint32_t tick;     /* ticks run so far, modulo 2^32 */
     uint32_t ticks;    /* still to run of the present STEP */
     uint32_t expected; /* of the last STEP, for messages */
     uint16_t flags;    /* gathered for the next DONE */

@@ -89,7 +89,7 @@ void can_state_post(struct can_state_box *box, enum can_port_state state);
 
 struct socketcan_config {
     const char *interface;
-    bool fd;                           /* ask for FD; refused with a message when the MTU says no */
+    bool fd; /* ask for FD; refused with a message when the MTU is too small */
     const struct frame_filter *filter; /* NULL = everything */
     size_t nfilter;
     bool receive_own;         /* also what this port sent, where the filters let it through */

@@ -28,23 +28,23 @@ struct socketcan {
     int socket;
     int link; /* descriptor for link_query */
     bool want_fd;
-    struct can_filter *filter; /* as the kernel wants them; it forgets them with the interface */
+    struct can_filter *filter; /* in the kernel's format, to set again on a new interface */
     size_t nfilter;
     int64_t last_ns;   /* time of the last frame received */
     uint32_t overflow; /* drop counter of the kernel, as last seen */
     bool full_batch;   /* the last read found as much as it could take */
-    int64_t retry_ns;  /* not before this time, CLOCK_MONOTONIC, look for a lost interface */
+    int64_t retry_ns;  /* no search for a lost interface before this time, CLOCK_MONOTONIC */
     struct canfd_frame raw[SOCKETCAN_BATCH];
     struct iovec vector[SOCKETCAN_BATCH];
     struct mmsghdr message[SOCKETCAN_BATCH];
     union ancillary ancillary[SOCKETCAN_BATCH];
 
     const struct can_state_box *controller;
-    uint32_t post; /* the last one that was read from it */
+    uint32_t post; /* the last post that was read from the box */
 
     /* Between the port and who seeks its interface */
     bool sought;
-    atomic_bool lost;         /* the interface, and nobody has found it again */
+    atomic_bool lost;         /* the interface is gone and has not been found again */
     _Atomic uint32_t finding; /* number << 9 | FD possible << 8 | enum can_port_state */
     uint32_t finding_seen;
 
@@ -53,7 +53,7 @@ struct socketcan {
     size_t nheld;
     int64_t full_since_ns; /* no frame has left since; 0 = the last attempt met no full queue */
     int64_t back_off_ns;   /* between attempts; 0 = none */
-    int64_t attempt_ns;    /* not before this time */
+    int64_t attempt_ns;    /* no new attempt before this time */
 };
 
 extern const struct can_port_ops socketcan_ops;

@@ -447,7 +447,7 @@ static json_t *answer_list_faults(const struct control *control,
     return control_whole_or_null(array, good);
 }
 
-/* Appends a name to a list if the request wants it; false = no memory. */
+/* Appends a name to a list if the request asks for it; false = no memory. */
 static bool answer_append_name(json_t *array, const struct control_request *request,
                                const char *name)
 {

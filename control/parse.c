@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Parses requests of the control socket; a table says what each command takes. */
+/* Parses requests of the control socket; a table lists the fields of each command. */
 #include "control/parse.h"
 
 #include "base/count.h"

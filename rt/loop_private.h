@@ -41,7 +41,7 @@ struct loop_moment {
  * once and at its end. */
 struct loop_push {
     size_t body;
-    int64_t until_ns; /* virtual; that it acts */
+    int64_t until_ns; /* virtual time until which it acts */
     int64_t told_mn;  /* the force of its last event */
     int64_t most_mn;  /* its greatest force */
 };

@@ -162,7 +162,7 @@ static void request_reply(struct loop *loop, uint64_t ticket, enum request_verdi
     requests_reply(loop->config.requests, ticket, verdict, loop->stats.ticks, loop->stats.time_ns);
 }
 
-/* Pauses the loop and says so. */
+/* Pauses the loop and emits an event about it. */
 static void loop_pause(struct loop *loop)
 {
     loop->requests.paused = true;

@@ -68,7 +68,7 @@ enum request_kind {
 };
 
 struct loop_request {
-    uint64_t ticket; /* of the client's choice; the answer carries it */
+    uint64_t ticket; /* chosen by the client; the answer repeats it */
     enum request_kind kind;
     size_t index;
     uint64_t count;
@@ -86,13 +86,13 @@ enum request_verdict {
     REQUEST_CLOCK,       /* this clock cannot do it (speed in lockstep) */
     REQUEST_BUSY,        /* a REQUEST_STEP is under way */
     REQUEST_UNAVAILABLE, /* this run does not support it (no memory was set aside, ...) */
-    REQUEST_CUT,         /* a REQUEST_PAUSE ended the REQUEST_STEP; tick says where */
+    REQUEST_CUT,         /* a REQUEST_PAUSE ended the REQUEST_STEP, at tick */
 };
 
 struct request_answer {
     uint64_t ticket;
     enum request_verdict verdict;
-    uint64_t tick; /* after it was carried out */
+    uint64_t tick; /* at which the loop is after the request */
     int64_t time_ns;
     uint64_t state_hash; /* plant_hash */
 };

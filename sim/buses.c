@@ -153,7 +153,7 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
     if (code) {
         return code;
     }
-    /* A named interface asks for SocketCAN: the error says why there is none */
+    /* The rig names an interface, so it needs SocketCAN: report why there is none */
     if (transport == TRANSPORT_AUTO && noverride == 0 && !socketcan_available()) {
         snprintf(notice, 256,
                  "this kernel has no CAN: the buses are local to this process; only "

@@ -34,7 +34,7 @@ struct buses {
     struct wire *wire[RIG_BUSES_MAX];          /* when timed */
     struct can_state_box state[RIG_BUSES_MAX]; /* of CAN controllers (sim/interfaces.h) */
     struct can_port *sought[RIG_BUSES_MAX];    /* the simulator's on SocketCAN, for buses_seek */
-    int64_t seek_ns;                           /* not before this time */
+    int64_t seek_ns;                           /* no search before this time */
 };
 
 /* Chooses the transport and creates the local buses. overrides has "NAME=INTERFACE" entries, as

@@ -19,9 +19,9 @@ struct external_axis {
     double stall_nm;
     const struct robot_sea *sea;
     double settled;     /* share of a step that spring and damping let through in a tick */
-    bool aimed;         /* there is a target */
+    bool aimed;         /* a target has arrived */
     double target;      /* rad, or N m */
-    int64_t told_ns;    /* when it was told */
+    int64_t told_ns;    /* when the target arrived */
     int64_t between_ns; /* from the target before; at least a tick, at most the time-out */
     int64_t heard_ns;   /* -1 = never */
     int64_t timeout_ns;

@@ -11,7 +11,7 @@
 static const int64_t POLL_NS = 1000000000;
 static const int64_t MINUTE_NS = 60000000000;
 
-/* Returns the settings that a bus wants of its controller. */
+/* Returns the settings that a bus needs its controller to have. */
 static struct interface_settings interface_settings_of(const struct rig_bus *bus)
 {
     return (struct interface_settings){

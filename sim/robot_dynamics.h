@@ -27,8 +27,8 @@ enum error_code robot_dynamics_fastest(const struct robot *robot, struct arena *
                                        struct dynamics *out, struct symbolic_library *library,
                                        struct error *notice, struct error *error);
 
-/* Creates the dynamics of a rig, as it says. Where they are numeric for want of a module the
- * notice has the command that makes it. */
+/* Creates the dynamics that a rig asks for. When they are numeric because there is no module, the
+ * notice contains the command that makes one. */
 enum error_code robot_dynamics_create(const struct rig *rig, struct arena *arena,
                                       struct dynamics *out, struct symbolic_library *library,
                                       struct error *notice, struct error *error);

@@ -164,7 +164,7 @@ size_t simulator_signals(const struct simulator *simulator);
 const char *const *simulator_signal_names(const struct simulator *simulator);
 struct stream *simulator_stream(const struct simulator *simulator);
 
-/* Access to the parts; while the loop runs only where it says so. */
+/* Access to the parts; while the loop runs, only through functions whose comment allows it. */
 const struct simulator_config *simulator_configuration(const struct simulator *simulator);
 /* After the run; its histograms also while it runs, with histogram_copy. */
 const struct loop_stats *simulator_stats(const struct simulator *simulator);

@@ -18,8 +18,8 @@ enum { EVENT_SLOTS = 256 };
 /* share of the deflection at its stop: below it the spring is off the stop */
 #define SPRING_BACK 0.9
 
-/* What the watch knows of a joint: whether it is past a limit, and whether its series spring is
- * at its stop. */
+/* The watch's record of a joint: whether it is past a limit, and whether its series spring is at
+ * its stop. */
 struct watch_joint {
     bool past, told;
     int64_t since_ns, near_ns; /* since when it is past, and when it was last near the limit */

@@ -269,7 +269,7 @@ void client_check(struct viewer *viewer, struct viewer_client *client)
     if (viewer->ended) {
         client_tell_end(viewer, client);
     }
-    /* It takes nothing, asks nothing, or has been told goodbye */
+    /* Disconnect a client that reads nothing, asks nothing, or got its last message */
     if (client_waiting(client) > 0 && viewer->now_ns - client->taken_ns > PATIENCE_NS) {
         viewer->counters.cut_slow++;
         client_close(viewer, client);
@@ -437,7 +437,7 @@ void viewer_accept_client(struct viewer *viewer)
         if (socket < 0) {
             return;
         }
-        /* Without a place the browser is told so */
+        /* When there is no place, send the browser an answer before closing */
         client = viewer_make_place(viewer, &origin);
         if (!client) {
             (void)!send(socket, busy, sizeof busy - 1, MSG_NOSIGNAL | MSG_DONTWAIT);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Ends a run: what its pages are told, the files of its recording, and how long the server stays
- * for pages that are still open. */
+/* The end of a run: the message to its pages, the files of its recording, and how long the server
+ * waits for pages that are still open. */
 #include "viewer/private.h"
 
 #include "control/parse.h"

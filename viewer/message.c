@@ -275,7 +275,7 @@ void viewer_obey(struct viewer *viewer, struct viewer_client *client, const char
     struct error error;
 
     if (viewer_message_parse(text, size, &message, &error)) {
-        /* Nobody without a token is told what was wrong */
+        /* Without a token a client gets no explanation of the error */
         if (client->right == RIGHT_NONE) {
             viewer->counters.cut_junk++;
             client_bye(viewer, client, WEBSOCKET_POLICY, "expected a token first");

@@ -19,7 +19,7 @@ enum viewer_command {
     VIEWER_WATCH,   /* says what to send, and how often */
     VIEWER_SEND,    /* puts a frame on a bus */
     VIEWER_SEEK,    /* of a recording: shows a time */
-    VIEWER_SERIES,  /* tells signals between two times */
+    VIEWER_SERIES,  /* asks for signals between two times */
     VIEWER_CONTROL, /* a request for the control socket */
 };
 

@@ -51,7 +51,7 @@ struct viewer_playback {
     bool paused;
     double speed;              /* recorded seconds a second */
     int64_t from_ns, since_ns; /* the recorded time at a time of the clock */
-    int64_t traced_ns;         /* frames up to then have been told */
+    int64_t traced_ns;         /* frames up to this time have been sent */
 };
 
 /* Where a connection comes from: an IPv6 address, or an IPv4 one mapped to such. */
@@ -65,8 +65,8 @@ struct viewer_client {
     enum viewer_mode mode;
     enum viewer_right right;
     bool stays;       /* goes on when the run has ended */
-    bool end_told;    /* knows how it ended */
-    int64_t since_ns; /* when it came */
+    bool end_told;    /* the end of the run has been sent to it */
+    int64_t since_ns; /* when it connected */
     int64_t taken_ns; /* when the last byte was taken, or the outbox began to fill */
 
     size_t received;
@@ -153,15 +153,15 @@ struct viewer {
     struct viewer_file *visual; /* by visual of the robot, likewise */
     size_t visual_bytes;        /* of all of them */
 
-    bool ended; /* the run is over, and viewer_end has told how: */
+    bool ended; /* the run is over, and viewer_end has set the following: */
     char *end;  /* JSON; on the heap */
     size_t end_size;
     struct recorded_file file[VIEWER_FILES]; /* of its recording */
     _Atomic unsigned staying;                /* clients */
-    char run[VIEWER_TOKEN];                  /* tells it from other runs at the same address */
+    char run[VIEWER_TOKEN]; /* distinguishes the run from others at the same address */
 
     struct viewer_counters told; /* counters, for other threads */
-    pthread_mutex_t events_lock; /* of told and of the following */
+    pthread_mutex_t events_lock; /* protects told and what follows */
     uint64_t nevent;             /* in all */
     struct viewer_event events[VIEWER_EVENTS];
 

@@ -133,13 +133,13 @@ struct viewer_end {
     const char *text;      /* "ran its length" */
     double time_s;         /* virtual */
     const char *task;      /* NULL = none, */
-    const char *task_text; /* and what it says at its end; NULL = nothing */
+    const char *task_text; /* and its message at the end; NULL = none */
     const char *recording; /* its folder, whose files are complete when stays; NULL = none */
 };
 
-/* Tells the clients, when the loop has ended, how it did. Those that have said that they stay
- * are served on, with the last state, the history and the files of the recording; the others are
- * disconnected. ERROR_MEMORY. */
+/* Sends the clients the outcome of the run, after the loop has ended. Clients that asked to stay
+ * are still served, with the last state, the history and the files of the recording; the others
+ * are disconnected. ERROR_MEMORY. */
 enum error_code viewer_end(struct viewer *viewer, const struct viewer_end *end,
                            struct error *error);
 

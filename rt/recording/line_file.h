@@ -21,7 +21,7 @@ struct line_file {
     char path[LINE_FILE_PATH];
     int descriptor; /* -1 = ended */
     bool regular;
-    bool records; /* what is put are records, not lines: no part of one stays in the file */
+    bool records; /* it holds records, not lines: no part of one stays in the file */
     char *buffer; /* whole lines */
     size_t capacity, used;
     size_t taken;           /* bytes of the buffer that the system has accepted */
@@ -29,8 +29,8 @@ struct line_file {
     uint64_t lines;         /* in the file */
     uint64_t unwritten;     /* lines that were put and are not in the file */
     _Atomic uint64_t *beat; /* counts what the system accepts */
-    atomic_bool moved;      /* any thread: it has another name now */
-    atomic_bool ended;      /* any thread: nothing is written to it any more; error says why */
+    atomic_bool moved;      /* any thread: the file was renamed */
+    atomic_bool ended;      /* any thread: nothing is written any more; error has the reason */
     struct error error;
 };
 

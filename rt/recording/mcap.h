@@ -21,7 +21,7 @@ enum {
 };
 
 struct mcap_config {
-    const char *library; /* what has written it */
+    const char *library; /* name of the program that writes the file */
     size_t longest;      /* bytes of a message's content, at most */
     /* Takes the next piece of the file: the head, a chunk with its indexes, or the end. */
     void (*put)(void *context, const void *bytes, size_t size);
