@@ -29,7 +29,7 @@
 #include <stddef.h>
 #include <stdio.h>
 
-/* What the program ends with. */
+/* The exit statuses of the program. */
 enum exit_status {
     STATUS_OK = 0,
     STATUS_FAILED = 1,      /* the run itself failed: a task failed, stopped on an overrun */
@@ -109,7 +109,7 @@ void options_page(const struct command_spec *spec, FILE *out);
  * or =fish alone) or the error was reported on stderr. */
 bool options_read(const struct command_spec *spec, int argc, char **argv, int *status);
 
-/* The exit status of a command that ended with an error. */
+/* Returns the exit status of a command that ended with an error. */
 enum exit_status exit_status_of(enum error_code code);
 
 /* Prints "coman-hil COMMAND: text" on stderr and returns the exit status of the error. */
@@ -118,7 +118,7 @@ int command_fail(const char *command, const struct error *error);
 /* The same with the names of program and command from the table. */
 int options_fail(const struct command_spec *spec, const struct error *error);
 
-/* The end of a command that came to code: STATUS_OK, or that of options_fail. */
+/* Ends a command: returns STATUS_OK, or what options_fail returns. */
 int options_end(const struct command_spec *spec, enum error_code code, const struct error *error);
 
 /* Flushes standard output at a program's end and returns its exit status: a full disk or a closed

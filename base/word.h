@@ -14,7 +14,7 @@ struct word {
     int value;
 };
 
-/* The first word of a value; NULL when it has none. */
+/* Returns the first word of a value; NULL = it has none. */
 static inline const char *word_of(const struct word *table, int value)
 {
     while (table->word && table->value != value) {

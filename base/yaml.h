@@ -104,13 +104,13 @@ struct yaml_schema {
 enum error_code yaml_read_file(const char *path, const struct yaml_schema *schema,
                                struct arena *arena, void *out, struct error *error);
 
-/* The same from memory; name stands for the file in messages. */
+/* Does the same from memory; name stands for the file in messages. */
 enum error_code yaml_read_text(const char *name, const char *text, size_t size,
                                const struct yaml_schema *schema, struct arena *arena, void *out,
                                struct error *error);
 
-/* The text of one key at the top of a file, whatever else is in it; NULL when it is not there or no
- * text. What the file extends is not looked at. In the arena. */
+/* Reads the text of one key at the top of a file, whatever else is in it; NULL = it is missing
+ * or no text. What the file extends is not looked at. The text is in the arena. */
 enum error_code yaml_read_key(const char *path, const char *key, struct arena *arena,
                               const char **text, struct error *error);
 
@@ -118,8 +118,9 @@ enum error_code yaml_read_key(const char *path, const char *key, struct arena *a
 enum error_code yaml_error(struct error *error, const struct yaml_mark *mark, const char *format,
                            ...) __attribute__((format(printf, 3, 4)));
 
-/* The path that a file reference means: relative to the directory of mark->file, no absolute path,
- * and not outside the configuration tree, which is the parent of that directory. In the arena. */
+/* Resolves a file reference: relative to the directory of mark->file, no absolute path, and not
+ * outside the configuration tree, which is the parent of that directory. The path is in the
+ * arena. */
 enum error_code yaml_resolve_path(const struct yaml_mark *mark, const char *reference,
                                   struct arena *arena, const char **path, struct error *error);
 

@@ -49,7 +49,7 @@ enum { GATEWAY_PORT = 29536 }; /* socketcand's */
 
 #define GATEWAY_ALL "all" /* the name by which a client opens every bus */
 
-/* How to tell STEP and DONE (canbus/lockstep.h). */
+/* How STEP and DONE are recognized (canbus/lockstep.h). */
 struct gateway_lockstep {
     bool on;
     size_t bus; /* that carries STEP; its DONE is sent last */
@@ -107,20 +107,21 @@ struct gateway;
 enum error_code gateway_start(const struct gateway_config *config, struct arena *arena,
                               struct gateway **gateway, struct error *error);
 
-/* The port it listens on; 0 with slcan_only. */
+/* Returns the TCP port that it listens on; 0 with slcan_only. */
 uint16_t gateway_port(const struct gateway *gateway);
 
 /* With hold_done: passes on what a STEP has brought, and its DONE. From any thread; RT-safe. */
 void gateway_release_done(struct gateway *gateway);
 
-/* How many DONE frames of the lockstep bus have been taken for the clients, with all that belongs
- * before them: what comes on a bus from now on stands behind them. From any thread; RT-safe. */
+/* Returns how many DONE frames of the lockstep bus have been queued for the clients, each behind
+ * all that belongs before it: what comes on a bus from now on stands behind them. From any
+ * thread; RT-safe. */
 uint64_t gateway_done_count(const struct gateway *gateway);
 
 /* Ends the thread and all connections. NULL is allowed. */
 void gateway_stop(struct gateway *gateway);
 
-/* After gateway_stop. */
+/* Copies the counters; only after gateway_stop. */
 void gateway_counters(const struct gateway *gateway, struct gateway_counters *counters);
 
 #endif

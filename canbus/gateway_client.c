@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The clients of the gateway: their connections, and what is sent and received on them. */
+/* Accepts and closes the clients of the gateway, sends to them and receives from them. */
 #include "canbus/gateway_private.h"
 
 #include <errno.h>
@@ -11,8 +11,8 @@
 #include <unistd.h>
 
 enum {
-    OPEN_MS = 10000, /* a client that has no bus by then is disconnected */
-    YIELD_MS = 1000, /* and after this when another one wants its place */
+    OPEN_MS = 10000, /* a client that has opened no bus by then is disconnected */
+    YIELD_MS = 1000, /* the same, when another client needs its place */
 };
 
 int64_t gateway_now_ms(void)
@@ -73,6 +73,7 @@ void gateway_queue_text(struct gateway *gateway, struct gateway_client *client, 
     if (client->socket < 0) {
         return;
     }
+    /* A full outbox is flushed; a client that still does not read is disconnected */
     if (client->waiting + length > GATEWAY_OUTBOX) {
         gateway_flush_client(client);
     }
@@ -84,7 +85,8 @@ void gateway_queue_text(struct gateway *gateway, struct gateway_client *client, 
     client->waiting += length;
 }
 
-/* Whether a client is to receive a frame: those who have every bus get one DONE, the last one. */
+/* Checks whether a client receives a frame of a bus. Clients of every bus get a single DONE, the
+ * one of the STEP's bus. */
 static bool gateway_client_hears(const struct gateway *gateway, const struct gateway_client *client,
                                  size_t bus, const struct bus_frame *frame)
 {
@@ -96,6 +98,7 @@ static bool gateway_client_hears(const struct gateway *gateway, const struct gat
                : client->bus == bus;
 }
 
+/* Queues a frame as slcan text; frames that slcan cannot express are left out. */
 static void gateway_forward_slcan(struct gateway *gateway, struct gateway_client *client,
                                   const struct bus_frame *frame)
 {
@@ -111,7 +114,8 @@ static void gateway_forward_slcan(struct gateway *gateway, struct gateway_client
 void gateway_forward_frame(struct gateway *gateway, size_t bus, const struct bus_frame *frame,
                            const struct gateway_client *from)
 {
-    /* Without and with the name of the bus */
+    /* The text without [0] and with [1] the name of the bus, formatted once and only when a
+     * client needs it */
     char text[2][SOCKETCAND_TEXT_MAX];
     size_t length[2] = {0, 0};
 
@@ -119,6 +123,7 @@ void gateway_forward_frame(struct gateway *gateway, size_t bus, const struct bus
         struct gateway_client *client = &gateway->client[i];
         const bool named = client->bus == GATEWAY_EVERY_BUS;
 
+        /* The sender does not hear its own frame */
         if (client == from || !gateway_client_hears(gateway, client, bus, frame)) {
             continue;
         }
@@ -186,7 +191,8 @@ void gateway_close_silent(struct gateway *gateway)
     }
 }
 
-/* A free place, or that of the client that has been silent for longest; NULL = there is none. */
+/* Returns a free place, or disconnects the client that has been without a bus for longest and
+ * returns its place; NULL = none. */
 static struct gateway_client *gateway_find_place(struct gateway *gateway)
 {
     struct gateway_client *oldest = NULL;
@@ -217,6 +223,7 @@ void gateway_accept_clients(struct gateway *gateway, int listener, int slcan)
     while ((socket = accept4(listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC)) >= 0) {
         struct gateway_client *client = gateway_find_place(gateway);
 
+        /* No place: an slcan client cannot be told why */
         if (!client) {
             gateway->counters.refused++;
             if (slcan < 0) {
@@ -225,6 +232,8 @@ void gateway_accept_clients(struct gateway *gateway, int listener, int slcan)
             close(socket);
             continue;
         }
+        /* Small messages go out at once; a socketcand client is greeted, an slcan client has its
+         * bus already */
         setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
         *client = (struct gateway_client){
             .socket = socket, .outbox = client->outbox, .since_ms = gateway_now_ms()};

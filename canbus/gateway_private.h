@@ -21,11 +21,11 @@ enum {
     GATEWAY_INBOX = 4096,
 };
 
-/* What a client has set an slcan channel to. */
+/* Settings of an slcan channel, as its client made them. */
 struct gateway_slcan_state {
     bool stamps, listens;
-    bool refused;   /* it wants a bit rate that the bus does not have */
-    uint8_t status; /* flags that F tells */
+    bool refused;   /* it asked for a bit rate that the bus does not have */
+    uint8_t status; /* flags that the command F reports */
 };
 
 struct gateway_client {
@@ -38,7 +38,7 @@ struct gateway_client {
     unsigned junk;
     int64_t since_ms; /* accepted */
     int64_t quiet_until_ms;
-    int64_t awaited_since_ms; /* a STEP waits for it to read; 0 = none does */
+    int64_t awaited_since_ms; /* since when a STEP waits for the client to read; 0 = none waits */
     bool step_waits;          /* its next command is a STEP */
     struct bus_frame step;
     size_t received; /* of inbox: what has not been executed */
@@ -51,7 +51,7 @@ struct gateway {
     struct gateway_config config;
     struct gateway_counters counters;
     int64_t *time_ns;      /* of the newest frame of each bus, on its clock */
-    int64_t step_until_ms; /* a STEP runs, no longer waited for at this time; 0 = none does */
+    int64_t step_until_ms; /* a STEP runs, and is waited for until this time; 0 = none runs */
     _Atomic uint64_t done_count;
     _Atomic bool holds; /* what a STEP brings, until it is released */
     int listener, stop_event;
@@ -62,7 +62,7 @@ struct gateway {
     struct gateway_client client[GATEWAY_CLIENTS];
 };
 
-/* CLOCK_MONOTONIC. */
+/* Returns the time of CLOCK_MONOTONIC in ms. */
 int64_t gateway_now_ms(void);
 
 /* ---- gateway_client.c ---- */
@@ -71,7 +71,7 @@ int64_t gateway_now_ms(void);
  * negative; refuses those that find no place. */
 void gateway_accept_clients(struct gateway *gateway, int listener, int slcan);
 
-/* Disconnects those that have not opened a bus in time. */
+/* Disconnects clients that have not opened a bus in time. */
 void gateway_close_silent(struct gateway *gateway);
 
 /* Reads what a client has sent, as far as its inbox holds it, and executes its commands. */
@@ -95,17 +95,17 @@ void gateway_forward_frame(struct gateway *gateway, size_t bus, const struct bus
 
 /* ---- gateway_command.c ---- */
 
-/* Whether commands of clients have to wait: a STEP runs. */
+/* Checks whether commands of clients have to wait because a STEP runs. */
 static inline bool gateway_step_runs(const struct gateway *gateway)
 {
     return gateway->step_until_ms > 0;
 }
 
-/* Whether a frame is the STEP or the DONE of lockstep. */
+/* Check whether a frame is the STEP, or the DONE, of lockstep. */
 bool gateway_is_step(const struct gateway *gateway, size_t bus, const struct bus_frame *frame);
 bool gateway_is_done(const struct gateway *gateway, const struct bus_frame *frame);
 
-/* Finds a bus by its name or alias. */
+/* Finds a bus by its name or alias; false = there is none. */
 bool gateway_find_bus(const struct gateway *gateway, const char *name, size_t *bus);
 
 /* Sends a client's frame onto a bus and to the other clients; false: the bus has not taken it. */
@@ -128,21 +128,23 @@ enum error_code gateway_listen_at(const char *host, uint16_t wanted, int *listen
 
 /* ---- gateway_slcan.c ---- */
 
-/* Opens the terminals and listeners of the slcan channels; closes them and removes the links. */
+/* Open the terminals and listeners of the slcan channels; close them and remove the links. */
 enum error_code gateway_slcan_start(struct gateway *gateway, struct error *error);
 void gateway_slcan_stop(struct gateway *gateway);
 
-/* As gateway_execute_inbox, of an slcan channel. */
+/* Executes the complete commands in the inbox of an slcan channel, as gateway_execute_inbox
+ * does. */
 void gateway_slcan_execute_inbox(struct gateway *gateway, struct gateway_client *client);
 
-/* A frame as the client of an slcan channel wants it; its length, 0: it has none. */
+/* Formats a frame for the client of an slcan channel; returns its length, 0 = slcan has no such
+ * frame. */
 size_t gateway_slcan_format(const struct gateway_client *client, const struct bus_frame *frame,
                             char text[SLCAN_TEXT_MAX]);
 
 /* Closes the channel of a terminal, which has not been read or is gone; F tells of an overrun. */
 void gateway_slcan_reset(struct gateway_client *client);
 
-/* Whether a client has to read first: the STEP waits for it. */
+/* Checks whether a client must read before a STEP may run. */
 bool gateway_is_behind(const struct gateway_client *client);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The gateway's slcan channels: each a serial line, or a TCP port, in front of one bus. */
+/* The gateway's slcan channels: each is a pseudo-terminal or a TCP port in front of one bus. */
 #include "canbus/gateway_private.h"
 
 #include "canbus/slcan.h"
@@ -17,19 +17,20 @@
 #define SLCAN_OK "\r"
 #define SLCAN_BELL "\a"
 
-/* Bits of the answer to F that the bus of a simulator can have */
+/* Bits of the status (answer to F) that a simulated bus can set */
 enum { STATUS_TX_FULL = 1 << 1, STATUS_OVERRUN = 1 << 3 };
 
 /* ---- commands ---- */
 
+/* Queues an answer for a client. */
 static void gateway_slcan_answer(struct gateway *gateway, struct gateway_client *client,
                                  const char *text)
 {
     gateway_queue_text(gateway, client, text, strlen(text));
 }
 
-/* Whether a client may change what a channel is set to: the bus has its bit rates, and a client
- * that wants others is told so. */
+/* Checks whether a channel may be set to a bit rate: it must be closed, and the rate the one
+ * that its bus has. */
 static bool gateway_slcan_has_rate(const struct gateway *gateway,
                                    const struct gateway_client *client, bool data, int64_t rate)
 {
@@ -39,6 +40,8 @@ static bool gateway_slcan_has_rate(const struct gateway *gateway,
     return client->mode != CLIENT_RAW && own == rate;
 }
 
+/* Sends a client's frame and acknowledges it (z or Z), or answers with the bell; a STEP is kept
+ * until its turn comes. */
 static void gateway_slcan_take_frame(struct gateway *gateway, struct gateway_client *client,
                                      const struct bus_frame *frame)
 {
@@ -57,7 +60,7 @@ static void gateway_slcan_take_frame(struct gateway *gateway, struct gateway_cli
                                                          : "z" SLCAN_OK);
 }
 
-/* Tells the status flags, which are cleared by it. */
+/* Answers F with the status flags, two hexadecimal digits, and clears them. */
 static void gateway_slcan_tell_status(struct gateway *gateway, struct gateway_client *client)
 {
     char text[8];
@@ -71,6 +74,8 @@ static void gateway_slcan_tell_status(struct gateway *gateway, struct gateway_cl
     gateway_slcan_answer(gateway, client, text);
 }
 
+/* Opens the channel, to listen only or to send too; refused after a bit rate that the bus does
+ * not have. */
 static void gateway_slcan_open(struct gateway *gateway, struct gateway_client *client, bool listen)
 {
     bool fits = client->mode != CLIENT_RAW && !client->slcan.refused;
@@ -82,6 +87,7 @@ static void gateway_slcan_open(struct gateway *gateway, struct gateway_client *c
     gateway_slcan_answer(gateway, client, fits ? SLCAN_OK : SLCAN_BELL);
 }
 
+/* Executes one command of a client and answers it with \r (done) or the bell (refused). */
 static void gateway_slcan_execute(struct gateway *gateway, struct gateway_client *client,
                                   const char *text, size_t size)
 {
@@ -90,7 +96,7 @@ static void gateway_slcan_execute(struct gateway *gateway, struct gateway_client
 
     slcan_parse(text, size, &request);
     switch (request.command) {
-    /* While the channel is open */
+    /* Commands of an open channel */
     case SLCAN_FRAME:
         gateway_slcan_take_frame(gateway, client, &request.frame);
         return;
@@ -98,7 +104,7 @@ static void gateway_slcan_execute(struct gateway *gateway, struct gateway_client
         gateway_slcan_tell_status(gateway, client);
         return;
 
-    /* While it is closed */
+    /* Commands of a closed channel */
     case SLCAN_OPEN:
         gateway_slcan_open(gateway, client, request.value);
         return;
@@ -115,7 +121,7 @@ static void gateway_slcan_execute(struct gateway *gateway, struct gateway_client
         gateway_slcan_answer(gateway, client, fits ? SLCAN_OK : SLCAN_BELL);
         return;
 
-    /* At any time */
+    /* Commands at any time */
     case SLCAN_VERSION:
         gateway_slcan_answer(gateway, client, text[0] == 'V' ? "V1010" SLCAN_OK : "v0100" SLCAN_OK);
         return;
@@ -139,6 +145,7 @@ void gateway_slcan_execute_inbox(struct gateway *gateway, struct gateway_client 
 {
     size_t at = 0;
 
+    /* Commands end with \r and run one by one, up to a STEP */
     while (client->socket >= 0 && !client->step_waits && !gateway_step_runs(gateway)) {
         const char *begin = client->inbox + at;
         const char *end = memchr(begin, '\r', client->received - at);
@@ -148,12 +155,12 @@ void gateway_slcan_execute_inbox(struct gateway *gateway, struct gateway_client 
         }
         at += (size_t)(end - begin) + 1;
         while (begin < end && *begin == '\n') {
-            begin++; /* of a terminal that sends both */
+            begin++; /* terminals may send \r\n */
         }
         gateway_slcan_execute(gateway, client, begin, (size_t)(end - begin));
     }
 
-    /* A command that is longer than any is forgotten, as the bell tells */
+    /* A command that is longer than any is discarded and answered with the bell */
     client->received -= at;
     memmove(client->inbox, client->inbox + at, client->received);
     if (client->received >= SLCAN_TEXT_MAX && !memchr(client->inbox, '\r', client->received)) {
@@ -179,8 +186,8 @@ void gateway_slcan_reset(struct gateway_client *client)
     client->step_waits = false;
 }
 
-/* A pseudo-terminal whose other end has a name: the link path. The other end stays open here, so
- * that the line is there before a client opens it and after it has closed it. */
+/* Opens a pseudo-terminal and links its slave end to the configured path. The slave stays open
+ * here too, so that the line exists before a client opens it and after it has closed it. */
 static enum error_code gateway_slcan_open_terminal(struct gateway *gateway, size_t index,
                                                    struct error *error)
 {
@@ -191,7 +198,7 @@ static enum error_code gateway_slcan_open_terminal(struct gateway *gateway, size
     struct stat status;
     char name[64];
 
-    /* Both ends, without echo and the like */
+    /* Both ends, in raw mode (no echo, no translation) */
     if (line < 0 || grantpt(line) || unlockpt(line) || ptsname_r(line, name, sizeof name)) {
         error_set_errno(error, errno, "slcan: cannot make a pseudo-terminal");
         goto fail;
@@ -206,9 +213,9 @@ static enum error_code gateway_slcan_open_terminal(struct gateway *gateway, size
         error_set_errno(error, errno, "slcan: cannot set %s", name);
         goto fail;
     }
-    /* Its name, and its place among the clients */
+    /* The link to its name, and its place among the clients */
     if (lstat(slcan->path, &status) == 0 && S_ISLNK(status.st_mode)) {
-        unlink(slcan->path); /* of a run that was killed */
+        unlink(slcan->path); /* left by a run that was killed */
     }
     if (symlink(name, slcan->path)) {
         error_set_errno(error, errno, "slcan: cannot make the link %.200s", slcan->path);

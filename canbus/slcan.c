@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads and writes the text of slcan; see the header. */
+/* Reads and writes the text of the slcan (Lawicel) protocol; see the header. */
 #include "canbus/slcan.h"
 
 #include "base/count.h"
@@ -21,15 +21,16 @@ static const struct slcan_letter {
     {'B', FRAME_FD | FRAME_BRS | FRAME_EXTENDED},
 };
 
-/* Lengths of CAN FD by their code. */
+/* Data lengths in bytes by their code (DLC). */
 static const uint8_t lengths[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64};
 
+/* Nominal bit rates in bit/s by the digit behind S. */
 static const int64_t bit_rates[] = {10000,  20000,  50000,  100000, 125000,
                                     250000, 500000, 800000, 1000000};
 
 /* ---- reading ---- */
 
-/* The value of a hexadecimal digit; -1 = none. */
+/* Returns the value of a hexadecimal digit, or -1 if it is none. */
 static int slcan_digit(char c)
 {
     return c >= '0' && c <= '9'   ? c - '0'
@@ -38,7 +39,7 @@ static int slcan_digit(char c)
                                   : -1;
 }
 
-/* Reads so many digits; false: they are none. */
+/* Reads `count` hexadecimal digits; false = one of them is no digit. */
 static bool slcan_read_digits(const char *text, size_t count, uint32_t *value)
 {
     *value = 0;
@@ -53,6 +54,7 @@ static bool slcan_read_digits(const char *text, size_t count, uint32_t *value)
     return true;
 }
 
+/* Reads a frame: letter, identifier, length code and data; false = it is malformed. */
 static bool slcan_read_frame(const struct slcan_letter *letter, const char *text, size_t size,
                              struct bus_frame *frame)
 {
@@ -81,14 +83,15 @@ static bool slcan_read_frame(const struct slcan_letter *letter, const char *text
     return frame_valid(frame);
 }
 
-/* Commands of a letter and a digit, which is at most most. */
+/* Reads the digit of a command of one letter and one digit; false = it is missing or above
+ * `most`. */
 static bool slcan_read_setting(const char *text, size_t size, int most, int64_t *value)
 {
     *value = size == 2 ? slcan_digit(text[1]) : -1;
     return *value >= 0 && *value <= most;
 }
 
-/* A filter that lets everything pass is the only one. */
+/* Checks whether a filter (M code, m mask) lets everything pass: no other is supported. */
 static bool slcan_is_open_filter(const char *text, size_t size)
 {
     uint32_t value;
@@ -97,6 +100,7 @@ static bool slcan_is_open_filter(const char *text, size_t size)
            value == (text[0] == 'M' ? 0 : UINT32_MAX);
 }
 
+/* Reads a command that is no frame, and its value; SLCAN_WRONG = unknown or malformed. */
 static enum slcan_command slcan_read_command(const char *text, size_t size, int64_t *value)
 {
     const bool alone = size == 1;
@@ -116,7 +120,7 @@ static enum slcan_command slcan_read_command(const char *text, size_t size, int6
         *value *= 1000000;
         return SLCAN_DATA_RATE;
 
-    /* The channel and what it tells */
+    /* Opening, closing and what the channel reports */
     case 'O':
     case 'L':
         *value = text[0] == 'L';
@@ -133,7 +137,7 @@ static enum slcan_command slcan_read_command(const char *text, size_t size, int6
     case 'N':
         return alone ? SLCAN_SERIAL : SLCAN_WRONG;
 
-    /* What has no effect here */
+    /* Commands that are accepted and have no effect */
     case 'X':
     case 'W':
         return slcan_read_setting(text, size, 1, value) ? SLCAN_ACCEPTED : SLCAN_WRONG;
@@ -165,6 +169,7 @@ void slcan_parse(const char *text, size_t size, struct slcan_request *request)
 
 /* ---- writing ---- */
 
+/* Writes `count` hexadecimal digits; returns the place behind them. */
 static char *slcan_put_digits(char *to, uint32_t value, size_t count)
 {
     for (size_t i = count; i > 0; i--) {
@@ -183,6 +188,7 @@ size_t slcan_format(const struct bus_frame *frame, bool stamped, char text[SLCAN
     if (frame->flags & FRAME_ERROR) {
         return 0;
     }
+    /* Letter, identifier, length code, data and time stamp (ms within a minute) */
     for (size_t i = 0; i < ARRAY_COUNT(letters); i++) {
         if (letters[i].flags == (frame->flags & kept)) {
             *to++ = letters[i].letter;

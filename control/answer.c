@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The state of the simulator as JSON. A key that could not be made (no memory) spoils the whole
- * object, which then is NULL. */
+/* Makes the answers that describe the simulator, as JSON. A key that could not be made (no
+ * memory) spoils the whole object, which then is NULL. */
 #include "control/private.h"
 
 #include <inttypes.h>
@@ -39,12 +39,13 @@ static json_t *control_seconds(int64_t ns)
     return control_number((double)ns * 1e-9);
 }
 
+/* Appends a value to an array and takes it over; false = no memory. */
 static bool control_append(json_t *array, json_t *value)
 {
     return json_array_append_new(array, value) == 0;
 }
 
-/* The object, or NULL when a part of it could not be made. */
+/* Returns the object, or frees it and returns NULL when a part of it could not be made. */
 static json_t *control_whole_or_null(json_t *object, bool good)
 {
     if (!good) {
@@ -71,7 +72,8 @@ json_t *control_hello(const struct control *control)
 
 /* ---- status ---- */
 
-/* The protocol's words, which are shorter than those of can_port_state_name. */
+/* Returns the protocol's word for a port's state; they are shorter than those of
+ * can_port_state_name. */
 static const char *protocol_state_name(int64_t state)
 {
     static const char *const names[] = {
@@ -84,7 +86,8 @@ static const char *protocol_state_name(int64_t state)
     return state >= 0 && state <= CAN_PORT_STUCK ? names[state] : "unknown";
 }
 
-/* Share of a bus's time since before, or since the start when time was set back. */
+/* Returns the load of a bus (0 to 1) since the status `before`, or since the start when time was
+ * set back. */
 static double status_bus_load(const struct rig_bus *bus, const struct bus_status *now,
                               int64_t time_ns, const struct bus_status *before, int64_t before_ns)
 {
@@ -95,6 +98,7 @@ static double status_bus_load(const struct rig_bus *bus, const struct bus_status
     return span > 0.0 ? bits / span / (double)bus->bitrate : 0.0;
 }
 
+/* Makes the list of buses with their counters, and loads since the status `before`. */
 static json_t *status_buses(const struct control *control, const struct simulator_status *now,
                             const struct simulator_status *before)
 {
@@ -121,7 +125,7 @@ static json_t *status_buses(const struct control *control, const struct simulato
     return control_whole_or_null(array, good);
 }
 
-/* Joints and contacts are unknown before the first tick. */
+/* Makes the angles of the joints, rad; empty before the first tick. */
 static json_t *status_joints(const struct control *control, const struct simulator_status *now)
 {
     const struct robot *robot = control->rig->robot;
@@ -134,6 +138,7 @@ static json_t *status_joints(const struct control *control, const struct simulat
     return control_whole_or_null(object, good);
 }
 
+/* Makes the upward forces on contact bodies, N; empty before the first tick. */
 static json_t *status_contacts(const struct control *control, const struct simulator_status *now)
 {
     json_t *object = json_object();
@@ -151,6 +156,7 @@ static bool fault_is_active(const struct simulator_status *now, size_t fault)
     return now->fault[fault / 64] >> fault % 64 & 1;
 }
 
+/* Makes the list of active faults. */
 static json_t *status_faults(const struct control *control, const struct simulator_status *now)
 {
     const struct faults *faults = simulator_faults(control->config.simulator);
@@ -164,7 +170,8 @@ static json_t *status_faults(const struct control *control, const struct simulat
     return control_whole_or_null(array, good);
 }
 
-/* The real boards of the rig, none for most; unknown before the first tick. */
+/* Makes the list of the rig's real boards, with when they were last heard; empty before the
+ * first tick. */
 static json_t *status_external(const struct control *control, const struct simulator_status *now)
 {
     const struct boards_config *boards = &control->rig->boards;
@@ -195,6 +202,7 @@ static json_t *status_external(const struct control *control, const struct simul
     return control_whole_or_null(array, good);
 }
 
+/* Makes name, status and message of the task; null without one. */
 static json_t *status_task(const struct control *control)
 {
     static const char *const names[] = {
@@ -216,6 +224,7 @@ static json_t *status_task(const struct control *control)
     return control_whole_or_null(body, good);
 }
 
+/* Makes the counters of this socket. */
 static json_t *status_control(const struct control *control)
 {
     const struct control_counters *c = &control->counters;
@@ -284,11 +293,13 @@ json_t *control_status(const struct control *control, struct control_client *cli
 
 /* ---- statistics ---- */
 
+/* Converts ns to a number of us. */
 static json_t *control_microseconds(int64_t ns)
 {
     return control_number((double)ns * 1e-3);
 }
 
+/* Makes count and percentiles of a histogram, from a copy since the loop goes on writing. */
 static json_t *statistics_histogram(struct control *control, const struct histogram *of)
 {
     struct histogram *copy = &control->histogram;
@@ -310,6 +321,7 @@ static json_t *statistics_histogram(struct control *control, const struct histog
     return control_whole_or_null(body, good);
 }
 
+/* Makes the durations of each phase. */
 static json_t *statistics_phases(struct control *control, const struct loop_stats *stats)
 {
     json_t *object = json_object();
@@ -322,6 +334,7 @@ static json_t *statistics_phases(struct control *control, const struct loop_stat
     return control_whole_or_null(object, good);
 }
 
+/* Makes the overruns by phase. */
 static json_t *statistics_overruns(const struct simulator_status *now)
 {
     json_t *object = json_object();
@@ -334,6 +347,7 @@ static json_t *statistics_overruns(const struct simulator_status *now)
     return control_whole_or_null(object, good);
 }
 
+/* Makes the counters of lockstep. */
 static json_t *statistics_lockstep(const struct simulator_status *now)
 {
     json_t *object = json_object();
@@ -387,11 +401,13 @@ json_t *control_tunable(const struct control *control, size_t index)
     return control_whole_or_null(body, good);
 }
 
+/* Checks whether a request's pattern, if it has one, matches a name. */
 static bool list_wants_name(const struct control_request *request, const char *name)
 {
     return !request->match || control_matches(request->match, name);
 }
 
+/* Makes the list of tunables with value, unit and range. */
 static json_t *answer_list_tunables(const struct control *control,
                                     const struct control_request *request)
 {
@@ -405,6 +421,7 @@ static json_t *answer_list_tunables(const struct control *control,
     return control_whole_or_null(array, good);
 }
 
+/* Makes the list of faults, active or not. */
 static json_t *answer_list_faults(const struct control *control,
                                   const struct control_request *request)
 {
@@ -430,12 +447,14 @@ static json_t *answer_list_faults(const struct control *control,
     return control_whole_or_null(array, good);
 }
 
+/* Appends a name to a list if the request asks for it; false = no memory. */
 static bool answer_append_name(json_t *array, const struct control_request *request,
                                const char *name)
 {
     return !list_wants_name(request, name) || control_append(array, control_text(name));
 }
 
+/* Makes the list of bodies: the robot's, then free ones. */
 static json_t *answer_list_bodies(const struct control *control,
                                   const struct control_request *request)
 {
@@ -452,6 +471,7 @@ static json_t *answer_list_bodies(const struct control *control,
     return control_whole_or_null(array, good);
 }
 
+/* Makes the list of signals that can be subscribed to. */
 static json_t *answer_list_signals(const struct control *control,
                                    const struct control_request *request)
 {
@@ -465,6 +485,7 @@ static json_t *answer_list_signals(const struct control *control,
     return control_whole_or_null(array, good);
 }
 
+/* Makes the list of checkpoint slots that are in use; slot 0 is the start. */
 static json_t *answer_list_checkpoints(const struct control *control)
 {
     json_t *array = json_array();
@@ -486,6 +507,7 @@ static json_t *answer_list_checkpoints(const struct control *control)
     return control_whole_or_null(array, good);
 }
 
+/* Makes the list of commands. */
 static json_t *answer_list_commands(const struct control_request *request)
 {
     json_t *array = json_array();

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Clients of the control socket: lines in, answers out, and when a client is disconnected. */
+/* Serves the clients of the control socket: lines in, answers out, and when a client is
+ * disconnected. */
 #include "control/private.h"
 
 #include <errno.h>
@@ -9,7 +10,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-/* Limits after which the other clients have their turn. */
+/* Lines and connections after which the other clients have their turn. */
 enum { LINES_A_TURN = 32, ACCEPTS_A_TURN = 32 };
 
 /* Keys of the log. */
@@ -23,12 +24,13 @@ void control_log(struct control *control, uint64_t key, const char *format, ...)
     va_start(arguments, format);
     vsnprintf(event.text, sizeof event.text, format, arguments);
     va_end(arguments);
-    /* Dropped when the ring is full: nobody reads it then */
+    /* A full ring drops the event: nobody reads it */
     (void)ring_push(&control->events, &event);
 }
 
 /* ---- out ---- */
 
+/* Returns how many bytes of the outbox have not been sent. */
 static size_t client_unsent(const struct control_client *client)
 {
     return client->filled - client->sent;
@@ -46,6 +48,7 @@ void control_drop(struct control *control, struct control_client *client)
     control_forget(control, client);
 }
 
+/* Counts, logs and disconnects a client, after sending what the system takes at once. */
 static void client_disconnect(struct control *control, struct control_client *client,
                               uint64_t *counter, const char *reason)
 {
@@ -79,7 +82,8 @@ void control_flush(struct control *control, struct control_client *client)
     client->sent = client->filled = 0;
 }
 
-/* Room for so many bytes at the outbox's end; NULL when there is none. */
+/* Makes room for so many bytes at the outbox's end, moving what waits to its front; NULL = there
+ * is none. */
 char *control_room(struct control *control, struct control_client *client, size_t size)
 {
     if (client_unsent(client) == 0) {
@@ -93,6 +97,7 @@ char *control_room(struct control *control, struct control_client *client, size_
     return client->filled + size > CONTROL_OUTBOX ? NULL : client->outbox + client->filled;
 }
 
+/* Appends text to the outbox; without room it is dropped. */
 static void client_put_text(struct control *control, struct control_client *client,
                             const char *text)
 {
@@ -105,7 +110,7 @@ static void client_put_text(struct control *control, struct control_client *clie
     }
 }
 
-/* The object as a line. */
+/* Appends an object as a line; without room a short error stands for it. */
 static void put_object(struct control *control, struct control_client *client, const json_t *object)
 {
     const size_t flags = JSON_COMPACT | JSON_REAL_PRECISION(15);
@@ -122,6 +127,7 @@ static void put_object(struct control *control, struct control_client *client, c
     client->filled += size + 1;
 }
 
+/* Sends an answer: id, "ok" and the body, which it takes over; NULL = no memory for it. */
 static void put_answer(struct control *control, struct control_client *client, const json_t *id,
                        bool ok, json_t *body)
 {
@@ -165,7 +171,7 @@ void control_refuse(struct control *control, struct control_client *client, cons
 
 /* ---- in ---- */
 
-/* What was no request: told, and cut off when it goes on. */
+/* Refuses a line that is no request; a client that goes on sending such lines is disconnected. */
 static void client_refuse_line(struct control *control, struct control_client *client,
                                const json_t *id, const struct error *error)
 {
@@ -176,6 +182,7 @@ static void client_refuse_line(struct control *control, struct control_client *c
     }
 }
 
+/* Checks whether a line holds spaces only. */
 static bool is_blank(const char *line, size_t size)
 {
     while (size > 0 &&
@@ -185,6 +192,7 @@ static bool is_blank(const char *line, size_t size)
     return size == 0;
 }
 
+/* Parses a line and carries its request out; blank lines are skipped. */
 static void client_obey_line(struct control *control, struct control_client *client,
                              const char *line, size_t size)
 {
@@ -213,7 +221,7 @@ bool control_may_read(const struct control_client *client)
            client_unsent(client) <= CONTROL_OUTBOX / 2;
 }
 
-/* The inbox is full and holds no complete line: the rest of the line is skipped. */
+/* Refuses a line that is longer than the inbox; the rest of it will be skipped. */
 static void client_skip_line(struct control *control, struct control_client *client)
 {
     struct error error;
@@ -225,7 +233,7 @@ static void client_skip_line(struct control *control, struct control_client *cli
     client_refuse_line(control, client, NULL, &error);
 }
 
-/* Carries out one line of the inbox. False: there is none. */
+/* Carries out one line of the inbox; false = there is none. */
 static bool client_next_line(struct control *control, struct control_client *client)
 {
     char *end = memchr(client->inbox, '\n', client->received);
@@ -297,6 +305,7 @@ void control_check(struct control *control, struct control_client *client)
     if (client->socket < 0) {
         return;
     }
+    /* It does not read its answers, or does not end its line */
     if (client_unsent(client) > 0 && control->now_ns - client->taken_ns > control->patience_ns) {
         client_disconnect(control, client, &control->counters.cut_slow,
                           "it does not drain its answers");
@@ -307,6 +316,7 @@ void control_check(struct control *control, struct control_client *client)
                        "found half a line and then nothing, expected its end", NULL);
         client_disconnect(control, client, &control->counters.cut_silent,
                           "it stopped in the middle of a line");
+        /* It has closed its side and got all it waited for */
     } else if (client_unsent(client) == 0 && client->ended && client->received == 0 &&
                client->waiting == WAITING_NOT && client->subscription.count == 0) {
         control_drop(control, client);
@@ -315,6 +325,7 @@ void control_check(struct control *control, struct control_client *client)
 
 /* ---- new connections ---- */
 
+/* Returns a free place; NULL = all are taken. */
 static struct control_client *client_free_place(struct control *control)
 {
     for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
@@ -325,6 +336,7 @@ static struct control_client *client_free_place(struct control *control)
     return NULL;
 }
 
+/* Answers a connection with an error and closes it. */
 static void client_refuse_connection(struct control *control, int socket, pid_t pid,
                                      const char *code, const char *reason)
 {
@@ -339,6 +351,7 @@ static void client_refuse_connection(struct control *control, int socket, pid_t 
     control_log(control, KEY_REFUSED, "control: process %ld is refused: %s", (long)pid, reason);
 }
 
+/* Accepts a connection of the owner or root, if there is a place. */
 static void client_accept(struct control *control, int socket)
 {
     struct control_client *client = client_free_place(control);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The server's thread: one poll set with a descriptor for orders, the listening socket, the
+/* The server's thread, which waits in one poll on its orders, the listening socket and the
  * clients. */
 #include "control/private.h"
 
@@ -17,6 +17,7 @@ enum {
     ACCEPT_PAUSE_MS = 100, /* no connection is accepted for so long after the system refused one */
 };
 
+/* How long a client may be slow or silent. */
 #define PATIENCE_NS (30 * CLOCK_SECOND)
 #define MEMORY ((size_t)16 << 20) /* of address space */
 
@@ -24,7 +25,7 @@ enum {
 
 enum { POLL_FIXED = 2, POLL_COUNT = POLL_FIXED + CONTROL_CLIENTS };
 
-/* The descriptors to wait for, and for how long. */
+/* Fills in the descriptors to poll, and for how long at most, ms. */
 static void control_prepare_poll(const struct control *control, bool accepts,
                                  struct pollfd fd[POLL_COUNT], int *timeout_ms)
 {
@@ -47,7 +48,7 @@ static void control_prepare_poll(const struct control *control, bool accepts,
     }
 }
 
-/* Handles the events of a client. True: it has sent more than fits in a turn. */
+/* Handles the events of a client; true = it has sent more than fits in a turn. */
 static bool control_serve_client(struct control *control, struct control_client *client,
                                  short events)
 {
@@ -78,6 +79,7 @@ static void wait_for_order(struct control *control)
     (void)!read(control->event, &orders, sizeof orders);
 }
 
+/* Serves the clients from the first order until the order to stop; the thread's main function. */
 static void *control_thread_main(void *context)
 {
     struct control *control = context;
@@ -95,8 +97,7 @@ static void *control_thread_main(void *context)
             memset(fd, 0, sizeof fd); /* a signal, or no memory: poll again */
         }
 
-        /* What waits for the loop first, so that answers keep their order; then new lines and
-         * rows */
+        /* Answers of the loop first, so that answers keep their order; then new lines and rows */
         control->now_ns = clock_now(clock);
         more = control_pump(control);
         for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
@@ -119,6 +120,7 @@ static void *control_thread_main(void *context)
 
 /* ---- start and stop ---- */
 
+/* Allocates the server and its clients' buffers in an arena of its own. */
 static enum error_code control_allocate(const struct control_config *config, struct arena *arena,
                                         struct control **out, struct error *error)
 {
@@ -150,6 +152,7 @@ static enum error_code control_allocate(const struct control_config *config, str
     return ERROR_NONE;
 }
 
+/* Creates the event by which orders arrive, and starts the thread. */
 static enum error_code control_start_thread(struct control *control, struct error *error)
 {
     int reason;
@@ -200,6 +203,7 @@ fail_allocate:
     return code;
 }
 
+/* Gives the thread an order and wakes it. */
 static void give_order(struct control *control, enum control_order order)
 {
     const uint64_t one = 1;
@@ -228,7 +232,8 @@ bool control_next_event(struct control *control, uint64_t *key, char *text, size
     if (!ring_pop(&control->events, &event)) {
         return false;
     }
-    *key = UINT64_C(6) << 32 | event.key; /* beside those of simulator_next_event */
+    /* the upper half differs from all keys of simulator_next_event */
+    *key = UINT64_C(6) << 32 | event.key;
     snprintf(text, size, "%s", event.text);
     return true;
 }

@@ -110,25 +110,25 @@ struct control;
 enum error_code control_start(const struct control_config *config, struct control **control,
                               struct error *error);
 
-/* Clients are served from now on; after simulator_start, which touches all of the simulator's
- * memory while no other thread may. A client that connected before waits until then. NULL is
- * allowed. */
+/* Begins to serve clients; after simulator_start, which touches all of the simulator's memory
+ * while no other thread may. A client that connected before waits until then. NULL is allowed. */
 void control_serve(struct control *control);
 
 const char *control_path(const struct control *control);
 
-/* One line for the log: which client was disconnected and why, which has ended the run; false when
- * none waits. From one thread. */
+/* Takes one line for the log: which client was disconnected and why, which has ended the run;
+ * false = none waits. From one thread. */
 bool control_next_event(struct control *control, uint64_t *key, char *text, size_t size);
 
-/* Whether a client has ended the run, or would if it had not ended before. NULL is allowed. */
+/* Checks whether a client has ended the run, or would have if it had not ended before. NULL is
+ * allowed. */
 bool control_has_stopped(const struct control *control);
 
-/* When the loop has ended: answers every request that still waits with "ended", closes every
+/* Answers, when the loop has ended, every request that still waits with "ended", closes every
  * connection and removes the socket. NULL is allowed. */
 void control_stop(struct control *control);
 
-/* After control_stop. */
+/* Copies the counters, and frees the memory; after control_stop. */
 void control_counters(const struct control *control, struct control_counters *counters);
 void control_destroy(struct control *control); /* NULL is allowed */
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A connection to the control socket of a running simulator. */
+/* Connects to the control socket of a running simulator, and exchanges lines with it. */
 #include "control/ctl_client.h"
 
 #include "control/socket.h"
@@ -13,6 +13,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+/* Chooses the socket: the given path, else COMAN_HIL_CONTROL, else that of the newest running
+ * simulator. */
 static enum error_code ctl_choose_socket(struct ctl_client *client, const char *path,
                                          struct error *error)
 {
@@ -77,7 +79,7 @@ enum error_code ctl_send(struct ctl_client *client, const json_t *object, struct
     return code;
 }
 
-/* A complete line of the inbox, or NULL. */
+/* Returns the next complete line of the inbox, zero-terminated; NULL = there is none. */
 static char *ctl_take_line(struct ctl_client *client)
 {
     char *begin = client->inbox + client->read;
@@ -91,7 +93,8 @@ static char *ctl_take_line(struct ctl_client *client)
     return begin;
 }
 
-/* Waits up to 100 ms; false when there is nothing to read: *heard is CTL_LINE to go on waiting. */
+/* Waits up to 100 ms for bytes. False = there is nothing to read; *heard is CTL_LINE to go on
+ * waiting. */
 static bool wait_readable(struct ctl_client *client, int64_t deadline_ns,
                           enum ctl_line_status *heard, struct error *error)
 {
@@ -109,7 +112,7 @@ static bool wait_readable(struct ctl_client *client, int64_t deadline_ns,
                   (double)client->timeout_ns * 1e-9);
         return false;
     }
-    /* In slices: a signal may come just before poll */
+    /* Waiting in slices notices a signal that came just before poll */
     ready = poll(&fd, 1, (int)left_ms);
     if (*client->interrupted) {
         *heard = CTL_INTERRUPTED;
@@ -127,7 +130,7 @@ enum ctl_line_status ctl_read_line(struct ctl_client *client, char **line, struc
     while (!(*line = ctl_take_line(client))) {
         ssize_t count;
 
-        /* The begin of the next line moves to the front of the inbox */
+        /* The beginning of the next line moves to the front of the inbox */
         client->received -= client->read;
         memmove(client->inbox, client->inbox + client->read, client->received);
         client->read = 0;

@@ -31,8 +31,8 @@ enum error_code ctl_connect(struct ctl_client *client, const char *path, struct 
 /* Sends an object as a line. */
 enum error_code ctl_send(struct ctl_client *client, const json_t *object, struct error *error);
 
-/* The next line, without its end, zero-terminated, until the next call. CTL_END: the other side has
- * closed; error is set with CTL_FAILED only. */
+/* Reads the next line, without its end, zero-terminated, valid until the next call. CTL_END: the
+ * other side has closed; error is set with CTL_FAILED only. */
 enum ctl_line_status ctl_read_line(struct ctl_client *client, char **line, struct error *error);
 
 void ctl_close(struct ctl_client *client);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Answers as text. A key that an answer lacks prints as empty or zero: the server may be of another
- * version. */
+/* Prints answers as text. A key that an answer lacks prints as empty or zero: the server may be
+ * of another version. */
 #include "control/ctl_print.h"
 
 #include "base/count.h"
@@ -13,6 +13,7 @@
 
 enum { COLUMN = 12 }; /* least width of a value of a row */
 
+/* Returns a text of an object; "" = it has none of that key. */
 static const char *text_of(const json_t *object, const char *key)
 {
     const char *found = json_string_value(json_object_get(object, key));
@@ -37,7 +38,7 @@ static bool is_true(const json_t *object, const char *key)
 
 /* ---- what may be printed ---- */
 
-/* A new string, NULL without memory. */
+/* Returns a copy of a text without control characters; NULL = no memory. */
 static char *ctl_printable_text(const char *text)
 {
     char *copy = text ? strdup(text) : NULL;
@@ -48,6 +49,7 @@ static char *ctl_printable_text(const char *text)
     return copy;
 }
 
+/* Returns a printable copy of an object, names included; NULL = no memory. */
 static json_t *ctl_printable_object(const json_t *object)
 {
     json_t *copy = json_object(), *value;
@@ -67,6 +69,7 @@ static json_t *ctl_printable_object(const json_t *object)
     return copy;
 }
 
+/* Returns a printable copy of an array; NULL = no memory. */
 static json_t *ctl_printable_array(const json_t *array)
 {
     json_t *copy = json_array(), *value;
@@ -82,7 +85,7 @@ static json_t *ctl_printable_array(const json_t *array)
     return copy;
 }
 
-/* As deep as the parser allows, 2048. */
+/* The recursion is as deep as the parser allows, 2048. */
 json_t *ctl_printable(const json_t *answer)
 {
     char *clean;
@@ -114,6 +117,7 @@ void ctl_print_hello(const json_t *answer, FILE *out)
 
 /* ---- status ---- */
 
+/* Prints rig, clock, speed, times and overruns. */
 static void ctl_print_time(const json_t *answer, FILE *out)
 {
     double speed = number_of(answer, "speed");
@@ -137,6 +141,7 @@ static void ctl_print_time(const json_t *answer, FILE *out)
             is_true(answer, "clamped") ? ", links clamped" : "");
 }
 
+/* Prints the task and the directory of the recording, where there are such. */
 static void print_task(const json_t *answer, FILE *out)
 {
     const json_t *task = json_object_get(answer, "task");
@@ -150,6 +155,7 @@ static void print_task(const json_t *answer, FILE *out)
     }
 }
 
+/* Prints a table of the buses. */
 static void ctl_print_buses(const json_t *answer, FILE *out)
 {
     const json_t *bus;
@@ -166,7 +172,7 @@ static void ctl_print_buses(const json_t *answer, FILE *out)
     }
 }
 
-/* Names and numbers of an object, three to a line. */
+/* Prints names and numbers of an object, three to a line. */
 static void print_values(const char *title, json_t *object, int digits, FILE *out)
 {
     const char *name;
@@ -191,7 +197,7 @@ static void print_values(const char *title, json_t *object, int digits, FILE *ou
     }
 }
 
-/* Real boards, where there are some: silent or heard, and when. */
+/* Prints the real boards, if the rig has some: whether and when they were heard. */
 static void ctl_print_external(const json_t *answer, FILE *out)
 {
     const json_t *board;
@@ -231,6 +237,7 @@ void ctl_print_status(const json_t *answer, FILE *out)
 
 /* ---- statistics ---- */
 
+/* Prints a histogram as a line of a table, us; nothing if it is empty. */
 static void ctl_print_histogram(const char *name, const json_t *of, FILE *out)
 {
     if (integer_of(of, "count") > 0) {
@@ -279,6 +286,7 @@ void ctl_print_tunable(const json_t *answer, FILE *out)
             number_of(answer, "max"), is_true(answer, "whole") ? ", whole" : "");
 }
 
+/* Prints one entry of a list. */
 static void print_entry(const char *list, const json_t *entry, FILE *out)
 {
     if (json_is_string(entry)) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Carries requests out: at once, through the loop, or when a tick has been reached. */
+/* Carries requests out: at once, by the loop, or when a tick has been reached. */
 #include "control/private.h"
 
 #include "base/text.h"
@@ -12,7 +12,7 @@ enum { KEY_STOP = 16 }; /* a key of the log */
 
 /* ---- names ---- */
 
-/* Names that a request may refer to. */
+/* A set of names that a request may refer to. */
 struct names {
     const char *what;
     size_t count;
@@ -29,6 +29,7 @@ static const char *fault_at(const struct control *control, size_t index)
     return faults_at(simulator_faults(control->config.simulator), index)->name;
 }
 
+/* Returns the name of a body: the robot's first, then free ones. */
 static const char *body_at(const struct control *control, size_t index)
 {
     const struct rig *rig = control->rig;
@@ -37,6 +38,7 @@ static const char *body_at(const struct control *control, size_t index)
                                      : rig->free[index - rig->robot->nbody].name;
 }
 
+/* Finds the index of a name; else an error that suggests the nearest name. */
 static enum error_code find_name_index(const struct control *control, const struct names *names,
                                        const char *name, size_t *index, struct error *error)
 {
@@ -89,6 +91,7 @@ static enum error_code find_body(const struct control *control, const char *name
 
 /* ---- requests to the loop ---- */
 
+/* Completes a loop's request to set a tunable, within its range. */
 static enum error_code request_set(const struct control *control,
                                    const struct control_request *request, struct loop_request *to,
                                    struct error *error)
@@ -110,6 +113,7 @@ static enum error_code request_set(const struct control *control,
     return ERROR_NONE;
 }
 
+/* Completes a loop's request to push a body; the duration is in ns. */
 static enum error_code request_push(const struct control *control,
                                     const struct control_request *request, struct loop_request *to,
                                     struct error *error)
@@ -120,7 +124,7 @@ static enum error_code request_push(const struct control *control,
     return find_body(control, request->name, &to->index, error);
 }
 
-/* The loop's request for a client's. */
+/* Makes the loop's request out of a client's; names become indices. */
 static enum error_code make_loop_request(const struct control *control,
                                          const struct control_request *request,
                                          struct loop_request *to, struct error *error)
@@ -152,7 +156,7 @@ static enum error_code make_loop_request(const struct control *control,
         to->index = (size_t)request->count;
         return ERROR_NONE;
 
-    /* What acts on the robot: names become indices here, outside the loop */
+    /* Commands that act on the robot: names become indices here, outside the loop */
     case CONTROL_FAULT:
         to->kind = REQUEST_FAULT;
         to->on = request->on;
@@ -166,19 +170,21 @@ static enum error_code make_loop_request(const struct control *control,
     }
 }
 
+/* Hands the request to the loop, or waits for room in its ring. */
 static void client_ask_loop(struct control *control, struct control_client *client)
 {
     client->waiting =
         requests_ask(control->config.requests, &client->loop_request) ? WAITING_LOOP : WAITING_ROOM;
 }
 
-/* A number for the loop's answer that also says which checkpoint was written, in case the client
- * has left by then. */
+/* Returns a new ticket, by which the loop's answer is recognized. It also tells which checkpoint
+ * was written, in case the client has left by then. */
 static uint64_t new_ticket(struct control *control, const struct loop_request *to)
 {
     return ++control->tickets * CHECKPOINT_SLOTS + (to->kind == REQUEST_CHECKPOINT ? to->index : 0);
 }
 
+/* Begins a request that the loop carries out, or refuses it. */
 static void begin_loop_request(struct control *control, struct control_client *client)
 {
     struct error error;
@@ -195,6 +201,7 @@ static void begin_loop_request(struct control *control, struct control_client *c
 
 /* ---- requests answered at once ---- */
 
+/* Makes the answer to get; NULL with an error if there is no such tunable. */
 static json_t *answer_get(const struct control *control, const struct control_request *request,
                           struct error *error)
 {
@@ -204,6 +211,7 @@ static json_t *answer_get(const struct control *control, const struct control_re
                                                                : control_tunable(control, index);
 }
 
+/* Ends the run. */
 static json_t *answer_stop(struct control *control, const struct control_client *client)
 {
     control_log(control, KEY_STOP, "control: process %ld ends the run", (long)client->pid);
@@ -284,6 +292,7 @@ void control_execute(struct control *control, struct control_client *client)
 
 /* ---- waiting ---- */
 
+/* Makes an answer with tick and time; NULL = no memory. */
 static json_t *answer_moment(uint64_t tick, int64_t time_ns)
 {
     json_t *body = json_object();
@@ -296,6 +305,7 @@ static json_t *answer_moment(uint64_t tick, int64_t time_ns)
     return body;
 }
 
+/* Returns the protocol's code for a verdict of the loop. */
 static const char *verdict_code(enum request_verdict verdict)
 {
     static const char *const codes[] = {
@@ -312,7 +322,7 @@ static const char *verdict_code(enum request_verdict verdict)
     return codes[verdict];
 }
 
-/* Why the loop refused, in terms of the run. */
+/* Returns why the loop refused a command, in terms of this run. */
 static const char *verdict_text(const struct control *control, enum control_command command,
                                 enum request_verdict verdict)
 {
@@ -354,6 +364,7 @@ static void finish_loop_request(struct control *control, struct control_client *
     control_request_clear(&request);
 }
 
+/* Takes the loop's answers and passes each to the client that waits for it. */
 static void take_loop_answers(struct control *control)
 {
     struct request_answer answer;
@@ -361,7 +372,7 @@ static void take_loop_answers(struct control *control)
     while (requests_answer(control->config.requests, &answer)) {
         size_t slot = answer.ticket % CHECKPOINT_SLOTS;
 
-        control_rows(control); /* rows of the ticks before the answer come before it */
+        control_rows(control); /* rows of earlier ticks are sent before the answer */
         if (slot > 0 && answer.verdict == REQUEST_OK) {
             control->slot[slot] = answer;
         }
@@ -376,6 +387,7 @@ static void take_loop_answers(struct control *control)
     }
 }
 
+/* Checks whether the tick or time that a client waits for has been reached. */
 static bool wait_is_over(const struct control_request *request,
                          const struct simulator_status *status)
 {
@@ -383,6 +395,7 @@ static bool wait_is_over(const struct control_request *request,
                               : status->tick >= (uint64_t)request->count;
 }
 
+/* Answers a client whose tick or time has been reached. */
 static void answer_when_reached(struct control *control, struct control_client *client)
 {
     struct simulator_status status = {0};

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Requests of the control socket: what each command takes is a table. */
+/* Parses requests of the control socket; a table lists the fields of each command. */
 #include "control/parse.h"
 
 #include "base/count.h"
@@ -98,7 +98,7 @@ static const struct key keys[] = {
 
 enum { KEYS_PER_COMMAND = 8 };
 
-/* The keys of a command, id and cmd before them; returns how many. */
+/* Lists the keys of a command, after id and cmd; returns how many. */
 static size_t request_key_names(enum control_command command, const char *names[KEYS_PER_COMMAND])
 {
     size_t count = 0;
@@ -113,6 +113,7 @@ static size_t request_key_names(enum control_command command, const char *names[
     return count;
 }
 
+/* Finds a key of a command; NULL = it has none of that name. */
 static const struct key *request_find_key(enum control_command command, const char *name)
 {
     for (size_t i = 0; i < ARRAY_COUNT(keys); i++) {
@@ -125,6 +126,7 @@ static const struct key *request_find_key(enum control_command command, const ch
 
 /* ---- values ---- */
 
+/* Returns the type of a JSON value in words. */
 static const char *json_type_name(const json_t *value)
 {
     static const char *const names[] = {
@@ -136,6 +138,7 @@ static const char *json_type_name(const json_t *value)
     return names[json_typeof(value)];
 }
 
+/* Refuses a value of the wrong type. */
 static enum error_code request_wrong_type(const struct key *key, const json_t *value,
                                           const char *expected, struct error *error)
 {
@@ -143,6 +146,7 @@ static enum error_code request_wrong_type(const struct key *key, const json_t *v
                      command_names[key->command], key->name, json_type_name(value), expected);
 }
 
+/* Reads a number within the key's range. */
 static enum error_code request_read_real(const struct key *key, const json_t *value, double *to,
                                          struct error *error)
 {
@@ -159,6 +163,7 @@ static enum error_code request_read_real(const struct key *key, const json_t *va
     return ERROR_NONE;
 }
 
+/* Reads a whole number within the key's range; 7.0 counts as one. */
 static enum error_code request_read_whole(const struct key *key, const json_t *value, int64_t *to,
                                           struct error *error)
 {
@@ -176,6 +181,7 @@ static enum error_code request_read_whole(const struct key *key, const json_t *v
     return ERROR_NONE;
 }
 
+/* Reads an array of three numbers. */
 static enum error_code request_read_vector(const struct key *key, const json_t *value, double to[3],
                                            struct error *error)
 {
@@ -197,6 +203,7 @@ static enum error_code request_read_vector(const struct key *key, const json_t *
     return ERROR_NONE;
 }
 
+/* Reads the name of a list. */
 static enum error_code request_read_list(const struct key *key, const json_t *value,
                                          enum control_list *to, struct error *error)
 {
@@ -218,6 +225,7 @@ static enum error_code request_read_list(const struct key *key, const json_t *va
                      text, nearest ? "; the nearest is " : "", nearest ? nearest : "");
 }
 
+/* Reads a non-empty array of names or patterns, which stays the request's. */
 static enum error_code request_read_patterns(const struct key *key, const json_t *value,
                                              const json_t **to, struct error *error)
 {
@@ -240,6 +248,7 @@ static enum error_code request_read_patterns(const struct key *key, const json_t
     return ERROR_NONE;
 }
 
+/* Reads the value of a key into its field of the request. */
 static enum error_code request_read_key(const struct key *key, const json_t *value,
                                         struct control_request *request, struct error *error)
 {
@@ -274,6 +283,7 @@ static enum error_code request_read_key(const struct key *key, const json_t *val
 
 /* ---- a request ---- */
 
+/* Refuses an unknown key, and suggests the nearest. */
 static enum error_code request_unknown_key(enum control_command command, const char *name,
                                            struct error *error)
 {
@@ -290,6 +300,7 @@ static enum error_code request_unknown_key(enum control_command command, const c
                      nearest ? nearest : "");
 }
 
+/* Reads all keys of a request, and checks that required ones are there. */
 static enum error_code request_read_keys(struct control_request *request, struct error *error)
 {
     enum control_command command = request->command;
@@ -320,6 +331,7 @@ static enum error_code request_read_keys(struct control_request *request, struct
     return ERROR_NONE;
 }
 
+/* Reads the id: a number, a string, or none. */
 static enum error_code request_read_id(struct control_request *request, struct error *error)
 {
     json_t *id = json_object_get(request->root, "id");
@@ -340,6 +352,7 @@ static enum error_code request_read_id(struct control_request *request, struct e
     return ERROR_NONE;
 }
 
+/* Reads the command; an unknown one is refused with the nearest. */
 static enum error_code request_read_command(struct control_request *request, struct error *error)
 {
     const json_t *value = json_object_get(request->root, "cmd");
@@ -365,7 +378,7 @@ static enum error_code request_read_command(struct control_request *request, str
                      nearest ? "\"" : "");
 }
 
-/* Rules that the table cannot express. */
+/* Checks the rules that the table cannot express. */
 static enum error_code request_check_rules(struct control_request *request, struct error *error)
 {
     const json_t *root = request->root;
@@ -388,6 +401,7 @@ static enum error_code request_check_rules(struct control_request *request, stru
     return ERROR_NONE;
 }
 
+/* Parses a line as JSON, then id, command and keys, in the order in which errors are reported. */
 static enum error_code read_request(const char *line, size_t size, uint64_t number,
                                     struct control_request *request, struct error *error)
 {

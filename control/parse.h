@@ -74,15 +74,15 @@ enum error_code control_parse(const char *line, size_t size, uint64_t number,
 
 void control_request_clear(struct control_request *request);
 
-/* "set", "tunables". */
+/* Return the name of a command ("set") and of a list ("tunables"). */
 const char *control_command_name(enum control_command command);
 const char *control_list_name(enum control_list list);
 
-/* Whether a name matches a pattern with * (any characters) and ? (one). */
+/* Checks whether a name matches a pattern with * (any characters) and ? (one). */
 bool control_matches(const char *pattern, const char *name);
 
-/* A string for an answer; when text is not UTF-8 (cut in the middle of a character, or arbitrary
- * bytes of a client), every byte that is not ASCII becomes "?". NULL without memory. */
+/* Makes a string for an answer; if text is not UTF-8 (cut in the middle of a character, or
+ * arbitrary bytes of a client), every byte that is not ASCII becomes "?". NULL = no memory. */
 json_t *control_text(const char *text);
 
 #endif

@@ -93,21 +93,22 @@ struct control {
 void control_log(struct control *control, uint64_t key, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* Accepts the connections that wait; false: the system refuses one (no descriptor left). */
+/* Accepts the connections that wait; false = the system refuses one (no descriptor left). */
 bool control_accept(struct control *control);
 
-/* Receives bytes, and carries out the complete lines, some at a time; true: there are more. */
+/* Receives bytes, and carries out the complete lines, some at a time; true = there are more. */
 bool control_read_requests(struct control *control, struct control_client *client);
 bool control_carry_out_requests(struct control *control, struct control_client *client);
 
-/* Whether the client's next bytes may be received, and its next request be carried out. */
+/* Checks whether the client's next bytes may be received, and its next request be carried out. */
 bool control_may_read(const struct control_client *client);
 
 void control_flush(struct control *control, struct control_client *client);
 void control_check(struct control *control, struct control_client *client);
 void control_drop(struct control *control, struct control_client *client);
 
-/* Room for so many bytes at the outbox's end, to be counted in filled; NULL when there is none. */
+/* Returns room for so many bytes at the outbox's end, to be counted in filled; NULL = there is
+ * none. */
 char *control_room(struct control *control, struct control_client *client, size_t size);
 
 /* Sends the answer to a request, with its id and "ok"; body is taken over, NULL counts as no
@@ -122,8 +123,8 @@ void control_refuse(struct control *control, struct control_client *client, cons
 /* Carries out client->request, or begins to; the request is then its own to clear. */
 void control_execute(struct control *control, struct control_client *client);
 
-/* Continues what waits: for room in the ring, for answers of the loop, for a tick. True: some
- * client has more to carry out. */
+/* Continues the requests that wait: for room in the ring, for answers of the loop, for a tick.
+ * True = a client has more to carry out. */
 bool control_pump(struct control *control);
 
 /* The run is over: answers every request that waits. */
@@ -137,7 +138,7 @@ json_t *control_statistics(struct control *control);
 json_t *control_list(const struct control *control, const struct control_request *request);
 json_t *control_tunable(const struct control *control, size_t index);
 
-/* A key of a JSON object; frees value when it cannot. */
+/* Sets a key of a JSON object; frees value when it cannot. */
 bool control_put(json_t *object, const char *key, json_t *value);
 json_t *control_number(double value);
 json_t *control_count(uint64_t value);
@@ -145,13 +146,13 @@ json_t *control_hash(uint64_t hash);
 
 /* ---- rows.c ---- */
 
-/* NULL with an error text: no such signal, no such period. */
+/* Begin and end a subscription; NULL with an error: no such signal, no such period. */
 json_t *control_subscribe(struct control *control, struct control_client *client,
                           const struct control_request *request, struct error *error);
 json_t *control_unsubscribe(struct control *control, struct control_client *client);
 void control_forget(struct control *control, struct control_client *client);
 
-/* Hands out rows that have come, some at a time; true: there are more. */
+/* Sends rows that have come to their subscribers, some at a time; true = there are more. */
 bool control_rows(struct control *control);
 
 #endif

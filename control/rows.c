@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Subscriptions: which rows the loop makes, and which client gets which part of them. */
+/* Serves subscriptions: decides which rows the loop makes, and which client gets which part of
+ * them. */
 #include "control/private.h"
 
 #include "base/text.h"
@@ -10,13 +11,14 @@
 #include <string.h>
 
 enum {
-    ROWS_A_TURN = 1024, /* the capacity of a stream, so all that are there when a turn begins */
+    ROWS_A_TURN = 1024, /* the capacity of a stream: all rows that wait when a turn begins */
     ROW_BYTES = 128,    /* of a row without its values */
     VALUE_BYTES = 26,   /* %.15g of any number, and a comma */
     /* Rows may fill so much of an outbox; the rest is for answers */
     ROWS_OUTBOX = CONTROL_OUTBOX / 2,
 };
 
+/* Returns the greatest common divisor; b = 0 gives a. */
 static uint64_t common_divisor(uint64_t a, uint64_t b)
 {
     while (b) {
@@ -28,7 +30,8 @@ static uint64_t common_divisor(uint64_t a, uint64_t b)
     return a;
 }
 
-/* The loop makes rows at the greatest period that serves everybody. */
+/* Asks the loop for rows at the greatest period (ticks) that serves all subscribers; 0 without
+ * any. */
 static void want_rows(struct control *control)
 {
     uint64_t period = 0;
@@ -45,6 +48,7 @@ static void want_rows(struct control *control)
 
 /* ---- subscribing ---- */
 
+/* Checks whether a subscription has a signal already. */
 static bool has_signal(const struct control_subscription *of, size_t signal)
 {
     for (size_t i = 0; i < of->count; i++) {
@@ -55,7 +59,8 @@ static bool has_signal(const struct control_subscription *of, size_t signal)
     return false;
 }
 
-/* Appends the signals that match the pattern and are not there yet. */
+/* Appends the signals that match a pattern and are not there yet; a pattern without a match is
+ * an error. */
 static enum error_code add_signals(const struct control *control, const char *pattern,
                                    struct control_subscription *to, struct error *error)
 {
@@ -82,6 +87,7 @@ static enum error_code add_signals(const struct control *control, const char *pa
                      nearest ? "\"" : "");
 }
 
+/* Converts the period to ticks; it must be a multiple of the tick. */
 static enum error_code check_period(const struct control *control,
                                     const struct control_request *request, uint64_t *ticks,
                                     struct error *error)
@@ -99,6 +105,7 @@ static enum error_code check_period(const struct control *control,
     return ERROR_NONE;
 }
 
+/* Makes the answer to a subscription: its signals and period; NULL = no memory. */
 static json_t *subscription_answer(const struct control *control,
                                    const struct control_subscription *to)
 {
@@ -171,7 +178,7 @@ json_t *control_unsubscribe(struct control *control, struct control_client *clie
 
 /* ---- rows ---- */
 
-/* How many rows between the last one and this were lost in the stream. */
+/* Returns how many rows between the last one and this were lost in the stream. */
 static uint64_t lost_before(struct control_subscription *to, const struct stream_row *row)
 {
     uint64_t lost = 0;
@@ -187,6 +194,7 @@ static uint64_t lost_before(struct control_subscription *to, const struct stream
     return lost;
 }
 
+/* Writes a row as a line of JSON, with the number of missed rows before it; returns its length. */
 static size_t format_row(const struct control_subscription *to, const struct stream_row *row,
                          uint64_t missed, char *text)
 {
@@ -208,6 +216,7 @@ static size_t format_row(const struct control_subscription *to, const struct str
     return (size_t)(at - text);
 }
 
+/* Sends a row to a subscriber, or counts it as missed when there is no room. */
 static void give_row(struct control *control, struct control_client *client,
                      const struct stream_row *row)
 {

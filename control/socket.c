@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The path of the control socket: how a server takes and leaves it, how a client finds it. */
+/* Manages the path of the control socket: a server takes and leaves it, a client finds it. */
 #include "control/socket.h"
 
 #include <errno.h>
@@ -17,12 +17,13 @@
 
 enum {
     BACKLOG = 16,
-    INSTANCES_MAX = 16, /* of one rig, with default places */
+    INSTANCES_MAX = 16, /* runs of one rig with default paths */
     LOCK_TRIES = 100,   /* of 10 ms */
 };
 
 static const char service_directory[] = "/run/coman-hil"; /* and root's */
 
+/* Makes the address of a path; ERROR_INPUT if it is empty or too long. */
 static enum error_code make_address(const char *path, struct sockaddr_un *address,
                                     struct error *error)
 {
@@ -42,7 +43,8 @@ static enum error_code make_address(const char *path, struct sockaddr_un *addres
 
 /* ---- taking a path ---- */
 
-/* The directory of path, locked against other servers that start in it; -1 with an error. */
+/* Opens and locks the directory of a path against other servers that start in it; returns its
+ * descriptor, -1 with an error. */
 static int lock_directory(const char *path, struct error *error)
 {
     const struct timespec pause = {.tv_nsec = 10000000};
@@ -71,7 +73,7 @@ static int lock_directory(const char *path, struct error *error)
     return -1;
 }
 
-/* 0 when a process listens at the address, else the errno of connect. */
+/* Checks whether a process listens at the address: returns 0, else the errno of connect. */
 static int socket_probe_listener(const struct sockaddr_un *address)
 {
     int descriptor = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0), reason = 0;
@@ -87,7 +89,7 @@ static int socket_probe_listener(const struct sockaddr_un *address)
     return reason;
 }
 
-/* Removes the socket that a dead process has left at the address; *taken: a living one has it. */
+/* Removes the socket that a dead process has left at the address; *taken = a living one has it. */
 static enum error_code clear_place(const struct sockaddr_un *address, bool *taken,
                                    struct error *error)
 {
@@ -118,8 +120,8 @@ static enum error_code clear_place(const struct sockaddr_un *address, bool *take
     return ERROR_NONE;
 }
 
-/* The file gets the mode that the socket has when it is bound, less the mask, so there is no moment
- * at which others could connect. */
+/* Binds and listens. The file gets the mode that the socket has when it is bound, less the mask,
+ * so there is no moment at which others could connect. */
 static enum error_code listen_there(const struct sockaddr_un *address,
                                     struct control_socket *socket_out, struct error *error)
 {
@@ -151,7 +153,7 @@ static enum error_code listen_there(const struct sockaddr_un *address,
     return ERROR_NONE;
 }
 
-/* *taken: a living process has the path. */
+/* Opens the socket at a path, with its directory locked; *taken = a living process has the path. */
 static enum error_code open_at(const char *path, struct control_socket *socket, bool *taken,
                                struct error *error)
 {
@@ -207,7 +209,8 @@ void control_socket_close(struct control_socket *socket)
 
 /* ---- default paths ---- */
 
-/* Whether it is a directory, no link to one, of this user's that nobody else can write to. */
+/* Checks whether a path is a directory (no link to one) of this user that nobody else can write
+ * to. */
 static bool directory_is_own(const char *path)
 {
     struct stat found;
@@ -218,9 +221,9 @@ static bool directory_is_own(const char *path)
 
 enum { USER_DIRECTORIES = 3 };
 
-/* The directories for sockets of runs by hand: which of them can be used is another question. The
- * environment may name none, or one of another user's (su, sudo); a login gives the second, and the
- * last is there in a container too. Returns how many. */
+/* Lists the directories for sockets of runs by hand, in the order of preference; whether they
+ * can be used is checked elsewhere. XDG_RUNTIME_DIR may be unset, or another user's (su, sudo);
+ * a login provides the second, and the last exists in a container too. Returns how many. */
 static int user_directories(char directory[USER_DIRECTORIES][CONTROL_PATH_SIZE])
 {
     const char *runtime = getenv("XDG_RUNTIME_DIR");
@@ -244,7 +247,8 @@ static int user_directories(char directory[USER_DIRECTORIES][CONTROL_PATH_SIZE])
     return count;
 }
 
-/* Who could put something in it, or take it away, could stand between a simulator and its user. */
+/* Creates the user's directory, and refuses one that others can write to: they could stand
+ * between a simulator and its user. */
 static enum error_code make_user_directory(const char *path, struct error *error)
 {
     if (mkdir(path, geteuid() == 0 ? 0755 : 0700) && errno != EEXIST) {
@@ -259,7 +263,8 @@ static enum error_code make_user_directory(const char *path, struct error *error
     return ERROR_NONE;
 }
 
-/* The first entry of RUNTIME_DIRECTORY, a list with colons. */
+/* Finds the directory of the service manager: the first entry of RUNTIME_DIRECTORY, a list with
+ * colons. False = none. */
 static bool manager_directory(char directory[CONTROL_PATH_SIZE])
 {
     const char *given = getenv("RUNTIME_DIRECTORY");
@@ -289,6 +294,7 @@ enum error_code control_socket_open_default(const char *name, struct control_soc
     if (code) {
         return code;
     }
+    /* The first free name: RIG.sock, RIG-2.sock, ... */
     for (int i = 1; taken && i <= INSTANCES_MAX; i++) {
         if (i == 1) {
             snprintf(path, sizeof path, "%s/%.63s.sock", directory[0], name);
@@ -345,6 +351,7 @@ struct candidate {
     struct timespec since;
 };
 
+/* Adds the sockets that match a pattern and on which a process listens. */
 static void add_candidates(const char *pattern, struct candidate *list, size_t *count)
 {
     glob_t found;
@@ -382,7 +389,7 @@ size_t control_socket_find(char found[CONTROL_FOUND_MAX][CONTROL_PATH_SIZE])
     int directories = user_directories(directory);
     size_t count = 0;
 
-    /* Whichever of them the simulator had */
+    /* The simulator may have used any of the directories */
     for (int i = 0; i < directories; i++) {
         if (directory_is_own(directory[i]) && strcmp(directory[i], service_directory) != 0) {
             snprintf(pattern, sizeof pattern, "%.*s/*.sock", CONTROL_PATH_SIZE - 1, directory[i]);

@@ -47,15 +47,15 @@ enum error_code control_socket_open_default(const char *name, struct control_soc
 /* Closes it and removes the file, when it is still this socket's. */
 void control_socket_close(struct control_socket *socket);
 
-/* The process at the other end of a connection. False: unknown, or neither of this user nor of
- * root. */
+/* Finds the process at the other end of a connection; false = unknown, or neither of this user
+ * nor of root. */
 bool control_socket_peer(int connection, pid_t *pid, uid_t *uid);
 
 /* Connects to the server at path; a blocking descriptor. */
 enum error_code control_socket_connect(const char *path, int *descriptor, struct error *error);
 
-/* The sockets in the user's default directories on which a process listens, the newest first; when
- * there is none, those in /run/coman-hil. Returns how many. */
+/* Finds the sockets in the user's default directories on which a process listens, the newest
+ * first; if there is none, those in /run/coman-hil. Returns how many. */
 size_t control_socket_find(char found[CONTROL_FOUND_MAX][CONTROL_PATH_SIZE]);
 
 #endif

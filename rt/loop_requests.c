@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Carrying out, between two ticks, the requests to a running loop (rt/requests.h). */
+/* Carries out, between two ticks, the requests to a running loop (rt/requests.h). */
 #include "rt/loop_private.h"
 
 #include <math.h>
 #include <string.h>
 
+/* Range of the speed, in virtual seconds a second. */
 #define SPEED_MIN 0.001
 #define SPEED_MAX 1000.0
 
-enum { PUSH_GROWS = 10 }; /* by more than this factor: worth an event of its own */
+enum { PUSH_GROWS = 10 }; /* a push whose force grows by more than this factor is reported again */
 
 bool loop_requests_create(struct loop *loop, struct arena *arena)
 {
@@ -29,6 +30,7 @@ bool loop_requests_create(struct loop *loop, struct arena *arena)
     return true;
 }
 
+/* Returns the functions by which requests act on the machine. */
 static const struct request_machine *loop_request_machine(const struct loop *loop)
 {
     return requests_machine(loop->config.requests);
@@ -36,6 +38,7 @@ static const struct request_machine *loop_request_machine(const struct loop *loo
 
 /* ---- checkpoints ---- */
 
+/* Copies the loop's own state (tick, lockstep, held frames) into a checkpoint slot. */
 static void loop_save_moment(struct loop *loop, struct loop_moment *moment)
 {
     uint64_t rx, tx;
@@ -45,7 +48,7 @@ static void loop_save_moment(struct loop *loop, struct loop_moment *moment)
     moment->ticks = loop->stats.ticks;
     moment->lockstep = loop->lockstep;
     if (loop->step_asked) {
-        moment->lockstep.ticks = 0; /* a REQUEST_STEP runs once */
+        moment->lockstep.ticks = 0; /* a REQUEST_STEP is not repeated after going back */
     }
     moment->lost_since_done = rx + tx - loop->lost_at_done;
     moment->held_count = loop->held_count;
@@ -55,7 +58,7 @@ static void loop_save_moment(struct loop *loop, struct loop_moment *moment)
     }
 }
 
-/* Accounts go on: only time goes back. */
+/* Restores the loop's own state; accounts and counters go on, only time goes back. */
 static void loop_restore_moment(struct loop *loop, const struct loop_moment *moment)
 {
     struct lockstep_counters counters = loop->lockstep.counters;
@@ -74,6 +77,7 @@ static void loop_restore_moment(struct loop *loop, const struct loop_moment *mom
     }
 }
 
+/* Saves machine and loop into a checkpoint slot, which is empty when that fails. */
 static enum request_verdict loop_save_slot(struct loop *loop, size_t slot)
 {
     const struct request_machine *machine = loop_request_machine(loop);
@@ -90,6 +94,7 @@ static enum request_verdict loop_save_slot(struct loop *loop, size_t slot)
     return verdict;
 }
 
+/* Saves a checkpoint into a slot; slot 0 is the start and cannot be overwritten. */
 static enum request_verdict request_checkpoint(struct loop *loop, size_t slot)
 {
     enum request_verdict verdict;
@@ -104,6 +109,7 @@ static enum request_verdict request_checkpoint(struct loop *loop, size_t slot)
     return verdict;
 }
 
+/* Goes back to the state of a slot; refused while a recording runs, as its time never goes back. */
 static enum request_verdict request_restore(struct loop *loop, size_t slot)
 {
     const struct request_machine *machine = loop_request_machine(loop);
@@ -128,7 +134,8 @@ static enum request_verdict request_restore(struct loop *loop, size_t slot)
 
 /* ---- pause and speed ---- */
 
-/* The grid begins now: time before it, an intended pause or another speed, is not accounted. */
+/* Begins the grid of deadlines anew, now: the time before it, an intended pause or another
+ * speed, is not accounted. */
 static void loop_restart_grid(struct loop *loop)
 {
     loop->mark_ns = clock_now(loop->config.time);
@@ -149,11 +156,13 @@ static void loop_publish_pace(struct loop *loop)
     }
 }
 
+/* Answers a request with the present tick and time. */
 static void request_reply(struct loop *loop, uint64_t ticket, enum request_verdict verdict)
 {
     requests_reply(loop->config.requests, ticket, verdict, loop->stats.ticks, loop->stats.time_ns);
 }
 
+/* Pauses the loop and emits an event about it. */
 static void loop_pause(struct loop *loop)
 {
     loop->requests.paused = true;
@@ -161,9 +170,10 @@ static void loop_pause(struct loop *loop)
     loop_emit_event(loop, LOOP_EVENT_PAUSED, -1, (int64_t)loop->stats.ticks, 0);
 }
 
+/* Pauses the loop; a REQUEST_STEP under way is cut. */
 static enum request_verdict request_pause(struct loop *loop)
 {
-    /* A step under way ends here, with its DONE where one is due */
+    /* A step under way ends here, with its DONE where one is due, and is answered */
     if (loop->requests.step_left > 0) {
         loop->requests.step_left = 0;
         if (loop->step_asked && loop->lockstep.ticks > 0) {
@@ -178,6 +188,7 @@ static enum request_verdict request_pause(struct loop *loop)
     return REQUEST_OK;
 }
 
+/* Resumes a paused loop. */
 static enum request_verdict request_resume(struct loop *loop)
 {
     if (loop->requests.paused) {
@@ -188,7 +199,7 @@ static enum request_verdict request_resume(struct loop *loop)
     return REQUEST_OK;
 }
 
-/* Answered by loop_requests_tick_ended. */
+/* Begins to run `count` ticks; loop_requests_tick_ended answers when they have run. */
 static enum request_verdict request_step(struct loop *loop, const struct loop_request *request)
 {
     if (request->count == 0) {
@@ -201,6 +212,7 @@ static enum request_verdict request_step(struct loop *loop, const struct loop_re
     return REQUEST_OK;
 }
 
+/* Sets the speed (0 = as fast as possible); the grid of deadlines begins anew. */
 static enum request_verdict request_speed(struct loop *loop, double speed)
 {
     const struct request_machine *machine = loop_request_machine(loop);
@@ -211,6 +223,7 @@ static enum request_verdict request_speed(struct loop *loop, double speed)
     if (!(speed == 0.0 || (speed >= SPEED_MIN && speed <= SPEED_MAX))) {
         return REQUEST_RANGE;
     }
+    /* The period of the grid is the tick divided by the speed, at least 1 ns */
     loop->requests.speed = speed;
     loop->period_ns =
         speed > 0.0 ? (int64_t)fmax(1.0, round((double)loop->config.tick_ns / speed)) : 0;
@@ -222,6 +235,7 @@ static enum request_verdict request_speed(struct loop *loop, double speed)
 
 /* ---- the machine: faults, pushes, tunables ---- */
 
+/* Switches a fault of the machine. */
 static enum request_verdict request_fault(struct loop *loop, const struct loop_request *request)
 {
     const struct request_machine *machine = loop_request_machine(loop);
@@ -231,12 +245,14 @@ static enum request_verdict request_fault(struct loop *loop, const struct loop_r
                : REQUEST_RANGE;
 }
 
+/* Returns the length of a vector in thousandths of its unit. */
 static int64_t vector_length_milli(const double v[3])
 {
     return (int64_t)(1e3 * sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]));
 }
 
-/* Tells a push, where it renews the last one only when it has become much greater, or ends. */
+/* Emits the event of a push. A push that renews the last one is reported only when it has become
+ * much greater, or ends. */
 static void loop_tell_push(struct loop *loop, const struct loop_request *request)
 {
     struct loop_push *push = &loop->requests.push;
@@ -244,6 +260,7 @@ static void loop_tell_push(struct loop *loop, const struct loop_request *request
     bool goes_on = push->until_ns > now_ns && push->body == request->index;
     bool ends = force_mn == 0 && vector_length_milli(request->moment_nm) == 0;
 
+    /* The push that goes on, with its greatest force and its end */
     if (!goes_on) {
         *push = (struct loop_push){.body = request->index};
     }
@@ -251,6 +268,7 @@ static void loop_tell_push(struct loop *loop, const struct loop_request *request
     push->until_ns = ends                       ? 0
                      : request->duration_ns > 0 ? now_ns + request->duration_ns
                                                 : INT64_MAX;
+    /* One event at its beginning, at each great rise, and at its end */
     if (goes_on && ends) {
         loop_emit_event(loop, LOOP_EVENT_LET_GO, -1, (int64_t)push->body, push->most_mn);
     } else if (!goes_on || force_mn > PUSH_GROWS * push->told_mn) {
@@ -259,6 +277,7 @@ static void loop_tell_push(struct loop *loop, const struct loop_request *request
     }
 }
 
+/* Applies a force and a moment to a body of the machine. */
 static enum request_verdict request_push(struct loop *loop, const struct loop_request *request)
 {
     const struct request_machine *machine = loop_request_machine(loop);
@@ -272,6 +291,7 @@ static enum request_verdict request_push(struct loop *loop, const struct loop_re
     return verdict;
 }
 
+/* Sets a tunable within its range; its event carries the bits of the double. */
 static enum request_verdict request_set(struct loop *loop, const struct loop_request *request)
 {
     const struct request_machine *machine = loop_request_machine(loop);
@@ -293,12 +313,14 @@ static enum request_verdict request_set(struct loop *loop, const struct loop_req
 
 /* ---- requests ---- */
 
+/* Checks whether a request cannot be carried out while a REQUEST_STEP runs. */
 static bool request_conflicts_with_step(enum request_kind kind)
 {
     return kind == REQUEST_RESUME || kind == REQUEST_STEP || kind == REQUEST_RESET ||
            kind == REQUEST_RESTORE;
 }
 
+/* Carries out one request and returns the verdict on it. */
 static enum request_verdict request_dispatch(struct loop *loop, const struct loop_request *request)
 {
     if (loop->requests.step_left > 0 && request_conflicts_with_step(request->kind)) {
@@ -329,6 +351,7 @@ static enum request_verdict request_dispatch(struct loop *loop, const struct loo
     return REQUEST_UNAVAILABLE;
 }
 
+/* Carries out and answers all waiting requests, in their order. */
 static void request_dispatch_all(struct loop *loop)
 {
     const struct request_machine *machine = loop_request_machine(loop);
@@ -343,7 +366,7 @@ static void request_dispatch_all(struct loop *loop)
             loop_restart_grid(loop);
         }
 
-        /* What others may see is up to date before they have the answer */
+        /* Other threads see the new state before they have the answer */
         requests_publish_values(loop->config.requests, went_back);
         if (machine->publish) {
             machine->publish(machine->context, loop->stats.time_ns, &loop->stats);

@@ -41,7 +41,8 @@ struct request_machine {
     const struct tunable *tunable; /* borrowed */
 };
 
-/* Copies the machine. Memory from arena. ERROR_MEMORY, ERROR_SYSTEM. Not RT-safe. */
+/* Creates the requests of a machine, which is copied. Memory from arena. ERROR_MEMORY,
+ * ERROR_SYSTEM. Not RT-safe. */
 enum error_code requests_create(const struct request_machine *machine, struct arena *arena,
                                 struct requests **requests, struct error *error);
 

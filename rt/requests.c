@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The rings of requests and answers, the state that other threads may read, and the sleep that a
- * request interrupts. */
+/* Holds the rings of requests and answers, the state that other threads may read, and the sleep
+ * that a request interrupts. */
 #include "rt/requests_private.h"
 
 #include "base/ring.h"
@@ -10,10 +10,12 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
+/* Requests that may wait, and answers. */
 enum { REQUESTS = 64 };
 
-/* Bits of `sleep`. Both sides change it by read-modify-write, which are in one order: either the
- * loop sees the request before it sleeps, or the client sees the loop asleep and wakes it. */
+/* Bits of `sleep`. Both sides change it by read-modify-write operations, which have one order:
+ * either the loop sees the request before it sleeps, or the client sees the loop asleep and
+ * wakes it. */
 enum { SLEEPING = 1, REQUESTED = 2 };
 
 struct requests {
@@ -28,6 +30,7 @@ struct requests {
     uint64_t changes;        /* of the machine, when the values were published last */
 };
 
+/* Returns the bits of a double, for atomics that hold one. */
 static uint64_t double_to_bits(double value)
 {
     uint64_t bits;
@@ -90,6 +93,7 @@ bool requests_ask(struct requests *requests, const struct loop_request *request)
         !ring_push(&requests->requests, request)) {
         return false;
     }
+    /* Wake the loop if it sleeps and no earlier request has done so */
     before = atomic_fetch_or_explicit(&requests->sleep, REQUESTED, memory_order_acq_rel);
     if ((before & SLEEPING) && !(before & REQUESTED)) {
         ssize_t written;
@@ -196,7 +200,8 @@ void requests_reply(struct requests *requests, uint64_t ticket, enum request_ver
     };
 
     requests->open--;
-    ring_push(&requests->answers, &answer); /* requests_next has made sure of the room */
+    /* there is room: requests_next takes no request without it */
+    ring_push(&requests->answers, &answer);
 }
 
 void requests_publish(struct requests *requests, bool paused, double speed)

@@ -68,7 +68,7 @@ enum request_kind {
 };
 
 struct loop_request {
-    uint64_t ticket; /* of the client's choice; the answer carries it */
+    uint64_t ticket; /* chosen by the client; the answer repeats it */
     enum request_kind kind;
     size_t index;
     uint64_t count;
@@ -86,13 +86,13 @@ enum request_verdict {
     REQUEST_CLOCK,       /* this clock cannot do it (speed in lockstep) */
     REQUEST_BUSY,        /* a REQUEST_STEP is under way */
     REQUEST_UNAVAILABLE, /* this run does not support it (no memory was set aside, ...) */
-    REQUEST_CUT,         /* a REQUEST_PAUSE ended the REQUEST_STEP; tick says where */
+    REQUEST_CUT,         /* a REQUEST_PAUSE ended the REQUEST_STEP, at tick */
 };
 
 struct request_answer {
     uint64_t ticket;
     enum request_verdict verdict;
-    uint64_t tick; /* after it was carried out */
+    uint64_t tick; /* at which the loop is after the request */
     int64_t time_ns;
     uint64_t state_hash; /* plant_hash */
 };
@@ -114,18 +114,19 @@ bool requests_ask(struct requests *requests, const struct loop_request *request)
 /* Takes one answer, false when none waits. From the thread that sends requests. */
 bool requests_answer(struct requests *requests, struct request_answer *answer);
 
-/* A sentence for the user; static. */
+/* Returns a sentence for the user; static. */
 const char *request_verdict_text(enum request_verdict verdict);
 
-/* The tunables; any thread. */
+/* Return the number of tunables, one of them (NULL = there is none), and the index of a name;
+ * any thread. */
 size_t requests_tunables(const struct requests *requests);
 const struct tunable *requests_tunable(const struct requests *requests, size_t index);
 int requests_find(const struct requests *requests, const char *name); /* -1 = none */
 
-/* The value of a tunable as of the last tick; any thread, consistent. */
+/* Returns the value of a tunable as of the last tick; any thread, consistent. */
 double requests_value(const struct requests *requests, size_t index);
 
-/* Whether the loop is paused, and its speed (0 = as fast as possible); any thread. */
+/* Return whether the loop is paused, and its speed (0 = as fast as possible); any thread. */
 bool requests_paused(const struct requests *requests);
 double requests_speed(const struct requests *requests);
 

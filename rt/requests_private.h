@@ -10,11 +10,12 @@
 
 const struct request_machine *requests_machine(const struct requests *requests);
 
-/* The next request, when one waits and there is room for its answer. */
+/* Takes the next request, if one waits and there is room for its answer; checks whether that is
+ * so. */
 bool requests_next(struct requests *requests, struct loop_request *request);
 bool requests_waits(const struct requests *requests);
 
-/* Answers a request that was taken; tick and virtual time at which it was carried out. */
+/* Answers a request that was taken, with tick and virtual time at which it was carried out. */
 void requests_reply(struct requests *requests, uint64_t ticket, enum request_verdict verdict,
                     uint64_t tick, int64_t now_ns);
 
@@ -27,8 +28,8 @@ void requests_publish_values(struct requests *requests, bool all);
 /* Takes no more requests: what waits is answered REQUEST_UNAVAILABLE. */
 void requests_close(struct requests *requests, uint64_t tick, int64_t now_ns);
 
-/* Sleeping until a request comes: between begin and end the returned descriptor becomes readable
- * when one does. -1: a request waits already. */
+/* Begin and end a sleep until a request comes: between them the returned descriptor becomes
+ * readable when one does. -1 = a request waits already. */
 int requests_sleep_begin(struct requests *requests);
 void requests_sleep_end(struct requests *requests, bool readable);
 

@@ -16,7 +16,7 @@ enum loop_clock {
     LOOP_CLOCK_FREE,     /* virtual time, no pacing */
 };
 
-/* The words of the clocks; from the second on those of virtual time. */
+/* The words of the clocks; those from the second on are clocks of virtual time. */
 extern const struct word loop_clock_words[];
 
 /* What happens with the deadlines that an overrun has missed; rt/loop.h says it exactly. */

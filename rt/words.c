@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The words of what a configuration says of a loop and of its recordings. */
+/* The words by which a configuration names clocks, overrun policies and formats of recordings. */
 #include "rt/recording/recorder.h"
 #include "rt/timing.h"
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What others may see of a simulator, and its parts for those that know them. */
+/* Gives access to what others may see of a simulator, and to its parts. */
 #include "sim/simulator_private.h"
 
 enum error_code simulator_join(struct simulator *simulator, struct bus_ports *ports,

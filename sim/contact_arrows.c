@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* From wrenches to arrows. */
+/* Turns contact wrenches into arrows at their centers of pressure. */
 #include "sim/contact_arrows.h"
 
 #include "base/vec3.h"
@@ -11,16 +11,18 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Shortest and longest arrow */
+/* Length of the shortest arrow that is shown, and of the longest, m. */
 #define LEAST_M 0.004
 #define LONGEST_M 0.9
 
-/* How far a body's origin may be above the ground that it presses on, and its center of pressure
- * from it; what part of a force then presses */
+/* Bounds within which a wrench counts as one on the ground: greatest height of the body's origin
+ * above it (m), greatest distance of the center of pressure from the origin (m), and least part
+ * of the force along the normal. */
 #define NEAR_GROUND_M 0.3
 #define FARTHEST_M 0.6
 #define PRESSING 0.2
 
+/* Diameters of shaft, head and ball, m. */
 #define SHAFT_M 0.012
 #define HEAD_M 0.03
 #define BALL_M 0.015
@@ -45,7 +47,7 @@ static bool wrench_meets_ground(const struct contact_arrows *arrows, const doubl
         return false;
     }
 
-    /* The wrench about the origin's foot on the plane, then the point: r = n x m / (f . n) */
+    /* The moment about the origin's foot on the plane, then the point: r = n x m / (f . n) */
     memcpy(at, origin, 3 * sizeof *at);
     vec3_add_scaled(at, -height, normal, at);
     vec3_sub(origin, at, above);
@@ -56,7 +58,8 @@ static bool wrench_meets_ground(const struct contact_arrows *arrows, const doubl
     return true;
 }
 
-/* Finds the point of the wrench's axis that is nearest to the body's origin. */
+/* Finds the point of the wrench's axis that is nearest to the body's origin: r = f x m / (f .
+ * f). */
 static void wrench_nearest_point(const double origin[3], const double wrench[6], double at[3])
 {
     double arm[3];
@@ -76,6 +79,7 @@ size_t contact_arrows_find(const struct contact_arrows *arrows, const double *va
         struct contact_arrow *next = &arrow[count];
         double force = vec3_norm(wrench), far[3];
 
+        /* An arrow's length is proportional to the force, within bounds */
         next->length_m = fmin(LONGEST_M, force * arrows->arrow_m_per_n);
         if (!(isfinite(force) && next->length_m > LEAST_M)) {
             continue;
@@ -87,7 +91,8 @@ size_t contact_arrows_find(const struct contact_arrows *arrows, const double *va
             wrench_nearest_point(origin, wrench, next->at);
         }
 
-        /* A wrench that is nearly a moment alone has its axis anywhere */
+        /* A wrench that is nearly a pure moment has its axis anywhere: it is shown at the body's
+         * origin */
         vec3_sub(next->at, origin, far);
         if (!(vec3_norm(far) < FARTHEST_M)) {
             memcpy(next->at, origin, sizeof next->at);
@@ -99,7 +104,8 @@ size_t contact_arrows_find(const struct contact_arrows *arrows, const double *va
 
 /* ---- primitives ---- */
 
-/* The turn of the x axis to along, wxyz. */
+/* Computes the quaternion (wxyz) that turns the x axis onto the direction `along`, a unit
+ * vector; half a turn about z for the opposite direction. */
 static void quaternion_of_arrow(const double along[3], double q[4])
 {
     double length = sqrt(2.0 * (1.0 + along[0]));
@@ -114,6 +120,7 @@ static void quaternion_of_arrow(const double along[3], double q[4])
     q[3] = along[1] / length;
 }
 
+/* Writes position and orientation (quaternion wxyz) of a primitive. */
 static char *print_placed(char *at, const double position[3], const double q[4])
 {
     return at + sprintf(at,
@@ -155,6 +162,7 @@ char *contact_arrows_print_pressures(const struct contact_arrow *arrow, size_t c
 
 /* ---- the channel ---- */
 
+/* Writes text as it is; returns the place behind it. */
 static char *print_text(char *at, const char *text)
 {
     size_t size = strlen(text);
@@ -163,8 +171,7 @@ static char *print_text(char *at, const char *text)
     return at + size;
 }
 
-/* Writes one entity, which takes the place of that of the row before; none while nothing touches.
- * */
+/* Writes one entity, which replaces that of the row before; none while nothing touches. */
 static char *contact_arrows_print_message(void *context, int64_t time_ns, const double *value,
                                           const double *pose, char *at)
 {

@@ -38,8 +38,8 @@ struct contact_arrow {
     double length_m;
 };
 
-/* Finds the contacts of a row that touch, in their order: value and pose as of recorder_row.
- * Returns how many. */
+/* Finds the contacts of a row that touch, in their order; value and pose are those of
+ * recorder_row. Returns how many. */
 size_t contact_arrows_find(const struct contact_arrows *arrows, const double *value,
                            const double *pose, struct contact_arrow arrow[CONTACT_ARROWS]);
 
@@ -47,7 +47,8 @@ size_t contact_arrows_find(const struct contact_arrows *arrows, const double *va
 char *contact_arrows_print(const struct contact_arrow *arrow, size_t count, char *at);
 char *contact_arrows_print_pressures(const struct contact_arrow *arrow, size_t count, char *at);
 
-/* The channel /contacts of these, which stay the caller's and must outlive the recorder. */
+/* Returns the channel /contacts for these arrows, which stay the caller's and must outlive the
+ * recorder. */
 struct recorder_channel contact_arrows_channel(struct contact_arrows *arrows);
 
 #endif

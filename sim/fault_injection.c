@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Carries out the faults of motors, valves, supplies and buses. */
+/* Carries out the faults of motors, valves, supplies and buses while they are active. */
 #include "sim/fault_injection.h"
 
 #include "canbus/fault_port.h"
@@ -24,11 +24,13 @@ struct fault_injection {
 
 /* ---- buses ---- */
 
+/* Checks whether a fault of a bus can only be carried out by its wire. */
 static bool fault_needs_wire(const struct fault *fault)
 {
     return fault->kind == FAULT_ERROR_BURST || fault->kind == FAULT_ID_COLLISION;
 }
 
+/* Returns the rule of a port that carries out a fault; FAULT_PORT_LOSS by default. */
 static enum fault_port_kind fault_port_kind_of(enum fault_kind kind)
 {
     switch (kind) {
@@ -45,6 +47,7 @@ static enum fault_port_kind fault_port_kind_of(enum fault_kind kind)
     }
 }
 
+/* Makes the rule by which a port carries out a fault while it is active. */
 static struct fault_port_rule fault_port_rule_of(const struct fault *fault)
 {
     return (struct fault_port_rule){
@@ -57,7 +60,7 @@ static struct fault_port_rule fault_port_rule_of(const struct fault *fault)
     };
 }
 
-/* Puts a port with the rules of a bus's faults in front of its port, if it has any. */
+/* Puts a fault port in front of a bus's port, if the bus has faults that are rules. */
 static enum error_code injection_create_port(struct fault_injection *injection, size_t bus,
                                              struct arena *arena, struct can_port **port,
                                              struct error *error)
@@ -133,6 +136,7 @@ enum error_code fault_injection_create(const struct fault_injection_config *conf
     return ERROR_NONE;
 }
 
+/* Arms a wire's fault when it begins, and heals it when it ends. */
 static void injection_step_wire(struct fault_injection *injection, size_t index)
 {
     const struct fault *fault = faults_at(injection->config.faults, index);
@@ -161,6 +165,7 @@ static void injection_step_wire(struct fault_injection *injection, size_t index)
 
 /* ---- motors, valves and supplies ---- */
 
+/* Returns the condition of a drive that a fault causes; 0 = none. */
 static unsigned fault_drive_condition(enum fault_kind kind)
 {
     switch (kind) {
@@ -177,6 +182,8 @@ static unsigned fault_drive_condition(enum fault_kind kind)
     }
 }
 
+/* Adds what a fault does to a valve or cylinder; a leak's flow is given at the supply's pressure
+ * (Pa). */
 static void break_valve(const struct fault *fault, double pressure, struct motor_command *motor)
 {
     switch (fault->kind) {
@@ -195,6 +202,8 @@ static void break_valve(const struct fault *fault, double pressure, struct motor
     }
 }
 
+/* Adds what a fault does to the hydraulic supply; a leak's flow is given at the supply's
+ * pressure (Pa). */
 static void break_hydraulic_supply(const struct fault *fault, double pressure,
                                    struct hydraulic_supply_condition *oil)
 {
@@ -211,6 +220,8 @@ static void break_hydraulic_supply(const struct fault *fault, double pressure,
     }
 }
 
+/* Writes all active faults of drives, valves and supplies into the plant's command, which it
+ * clears first. */
 static void injection_step_command(struct fault_injection *injection)
 {
     const double pressure = injection->config.rig->robot->hydraulic_supply.pressure;
@@ -237,6 +248,7 @@ static void injection_step_command(struct fault_injection *injection)
     }
 }
 
+/* Sets the virtual time of the fault ports. */
 static void injection_set_port_time(struct fault_injection *injection)
 {
     for (size_t b = 0; b < RIG_BUSES_MAX; b++) {

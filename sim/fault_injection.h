@@ -21,17 +21,18 @@ struct fault_injection_config {
 
 struct fault_injection;
 
-/* Ports of buses that have faults are replaced in *ports by others in front of them. Memory from
- * arena; the rest is borrowed. ERROR_MEMORY, ERROR_UNSUPPORTED. Not RT-safe. */
+/* Creates the injection; the ports of buses that have faults are replaced in *ports by others in
+ * front of them. Memory from arena; the rest is borrowed. ERROR_MEMORY, ERROR_UNSUPPORTED. Not
+ * RT-safe. */
 enum error_code fault_injection_create(const struct fault_injection_config *config,
                                        struct arena *arena, struct bus_ports *ports,
                                        struct fault_injection **injection, struct error *error);
 
-/* At the beginning of the tick at now_ns: faults begin and end as their windows open and close.
- * With the same time again it changes nothing but what was switched meanwhile. RT-safe. */
+/* Begins and ends faults as their windows open and close, at the beginning of the tick at
+ * now_ns. Called with the same time again it changes only what was switched meanwhile. RT-safe. */
 void fault_injection_step(struct fault_injection *injection, int64_t now_ns);
 
-/* A checkpoint was restored: counters and states of the ports follow. RT-safe. */
+/* Updates counters and states of the ports after a checkpoint was restored. RT-safe. */
 void fault_injection_restored(struct fault_injection *injection);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a run records: rows of signals and of the poses of bodies, frames of its wires, events. */
+/* Records a run: rows of signals and of the poses of bodies, frames of its wires, events. */
 #include "model/spatial.h"
 #include "rt/recording/recorder_schemas.h"
 #include "sim/contact_arrows.h"
@@ -18,7 +18,7 @@ struct bus_tap {
 
 /* ---- rows ---- */
 
-/* Bodies of the robot, then free ones. */
+/* Writes the poses of the robot's bodies, then of free ones: position (m), quaternion wxyz. */
 static void recording_fill_poses(const struct simulator *simulator, double *to)
 {
     const struct rig *rig = simulator->config.rig;
@@ -43,6 +43,7 @@ void simulator_record_row(struct simulator *simulator)
     }
 }
 
+/* Returns the names of the robot's bodies, then of free ones; NULL = no memory. */
 static const char *const *recording_body_names(struct simulator *simulator, size_t *count)
 {
     const struct rig *rig = simulator->config.rig;
@@ -68,7 +69,7 @@ static void recorder_tap_frame(void *context, const struct bus_frame *frame)
     recorder_frame(tap->recorder, tap->bus, frame, frame->time_ns);
 }
 
-/* Has the wires of timed buses record what they carry. */
+/* Makes the wires of timed buses record what they carry. */
 static enum error_code simulator_tap_wires(struct simulator *simulator, struct error *error)
 {
     const size_t nbus = simulator->config.rig->nbus;
@@ -86,11 +87,11 @@ static enum error_code simulator_tap_wires(struct simulator *simulator, struct e
 
 /* ---- contact ---- */
 
-/* Length of an arrow of the robot's weight, as on the page */
+/* Length of the arrow of the robot's weight, m, as on the page. */
 #define WEIGHT_ARROW_M 0.42
 #define GRAVITY_M_S2 9.81
 
-/* Chooses the wrenches that are shown as arrows; NULL when memory is used up. */
+/* Chooses the wrenches that are shown as arrows; NULL = no memory. */
 static struct contact_arrows *recording_find_contacts(struct simulator *simulator)
 {
     const struct rig *rig = simulator->config.rig;
@@ -128,7 +129,7 @@ static struct contact_arrows *recording_find_contacts(struct simulator *simulato
 
 /* ---- opening ---- */
 
-/* Makes the channels of what viewers draw: the scene once, contacts in each row. */
+/* Adds the channels that viewers draw: the scene once, contacts in each row. */
 static enum error_code recording_add_channels(struct simulator *simulator,
                                               struct recorder_config *recorder, struct error *error)
 {
@@ -173,6 +174,7 @@ enum error_code simulator_create_recorder(struct simulator *simulator, struct er
     if (!config->record) {
         return ERROR_NONE;
     }
+    /* A row holds the signals, then the poses */
     recorder.body = recording_body_names(simulator, &recorder.nbody);
     simulator->row =
         arena_alloc(simulator->arena, simulator->nrecorded + RECORDER_POSE * recorder.nbody + 1,

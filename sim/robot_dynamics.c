@@ -59,6 +59,7 @@ enum error_code robot_dynamics_fastest(const struct robot *robot, struct arena *
     struct error reason;
 
     memset(library, 0, sizeof *library);
+    /* A built-in module, else one made beforehand, else the numeric algorithms */
     if (module) {
         error_set(notice, ERROR_NONE, "built-in generated dynamics%s (%s)",
                   module->ninertia ? " with masses as inputs" : "", module->variant);

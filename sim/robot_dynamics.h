@@ -10,25 +10,25 @@
 #include "model/symbolic/symbolic.h"
 #include "rig/rig.h"
 
-/* How modules are made that are found here: they take mass properties as inputs, so that one serves
- * whatever masses a rig adds. */
+/* Options of the modules that are found here: they take mass properties as inputs, so that one
+ * serves whatever masses a rig adds. */
 extern const struct symbolic_options robot_dynamics_module;
 
-/* Path of the folder that a user makes modules in, which need not exist: coman-hil below
+/* Finds the folder in which a user makes modules, which need not exist: coman-hil below
  * $XDG_CACHE_HOME or $HOME/.cache; of root without $XDG_CACHE_HOME that of the machine,
- * /var/cache/coman-hil, in which every user's modules are looked for after his own. False when
+ * /var/cache/coman-hil, in which every user's modules are looked for after his own. False =
  * there is none. */
 bool robot_dynamics_folder(char *path, size_t size);
 
-/* The fastest dynamics that robot can have. library holds a module that is not built in and is to
- * be closed after the last use; notice says in a sentence what was taken and why. Memory from
- * arena. */
+/* Creates the fastest dynamics that a robot can have. library holds a module that is not built
+ * in and is to be closed after the last use; notice says in a sentence what was taken and why.
+ * Memory from arena. */
 enum error_code robot_dynamics_fastest(const struct robot *robot, struct arena *arena,
                                        struct dynamics *out, struct symbolic_library *library,
                                        struct error *notice, struct error *error);
 
-/* The same for a rig, as it says. Where they are numeric for want of a module the notice has the
- * command that makes it. */
+/* Creates the dynamics that a rig asks for. When they are numeric because there is no module, the
+ * notice contains the command that makes one. */
 enum error_code robot_dynamics_create(const struct rig *rig, struct arena *arena,
                                       struct dynamics *out, struct symbolic_library *library,
                                       struct error *notice, struct error *error);

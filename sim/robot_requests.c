@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Faults, pushes, tunables and checkpoints on the parts of a robot. */
+/* Carries out faults, pushes, tunables and checkpoints on the parts of a robot. */
 #include "sim/robot_requests.h"
 
 #include "base/ring.h"
@@ -11,13 +11,14 @@
 
 enum { NAME_SIZE = 160 };
 
+/* Largest component of a push (N and N m), noise factor, and pretension (m). */
 #define PUSH_MAX_N 1e6
 #define NOISE_SCALE_MAX 1000.0
 #define PRETENSION_MAX_M 1.0
 
 enum tunable_kind { TUNE_SETTING, TUNE_PRETENSION, TUNE_SUPPLY, TUNE_NOISE, TUNE_TASK };
 
-/* Which parameter a tunable is. */
+/* The parameter that a tunable stands for. */
 struct meaning {
     enum tunable_kind kind;
     size_t joint;              /* TUNE_PRETENSION */
@@ -36,8 +37,8 @@ struct robot_requests {
     /* State that changes in virtual time */
     struct {
         uint64_t changes; /* of tunables that are no board settings */
-        bool winding;     /* some winch is moving */
-        bool pushing;     /* some push has an end */
+        bool winding;     /* a winch is moving */
+        bool pushing;     /* a push with a duration acts */
     } moving;
     int64_t *push_until; /* by body; 0 = until changed */
     double *pretension;  /* by joint: where its winch moves to */
@@ -45,6 +46,7 @@ struct robot_requests {
 
 /* ---- faults and pushes ---- */
 
+/* Switches a fault; it acts from the coming tick on. */
 static enum request_verdict robot_switch_fault(void *context, size_t index, bool on, int64_t now_ns)
 {
     struct robot_requests *s = context;
@@ -56,11 +58,13 @@ static enum request_verdict robot_switch_fault(void *context, size_t index, bool
     return REQUEST_OK;
 }
 
+/* Returns the number of bodies: the robot's, then free ones. */
 static size_t robot_count_bodies(const struct robot_requests *s)
 {
     return s->config.rig->robot->nbody + s->config.rig->nfree;
 }
 
+/* Checks that each component of a push is finite and within PUSH_MAX_N. */
 static bool push_is_bounded(const double vector[3])
 {
     for (int i = 0; i < 3; i++) {
@@ -71,6 +75,8 @@ static bool push_is_bounded(const double vector[3])
     return true;
 }
 
+/* Pushes a body with force and moment (world frame), for a duration (at least a tick) or until
+ * changed. */
 static enum request_verdict robot_push_body(void *context, const struct loop_request *request,
                                             int64_t now_ns)
 {
@@ -89,6 +95,7 @@ static enum request_verdict robot_push_body(void *context, const struct loop_req
     return REQUEST_OK;
 }
 
+/* Ends the pushes whose duration is over. */
 static void robot_end_pushes(struct robot_requests *s, int64_t now_ns)
 {
     const double none[3] = {0.0, 0.0, 0.0};
@@ -103,6 +110,7 @@ static void robot_end_pushes(struct robot_requests *s, int64_t now_ns)
     }
 }
 
+/* Returns the name of a body: the robot's first, then free ones. */
 static const char *robot_body_name(void *context, size_t index)
 {
     const struct robot_requests *s = context;
@@ -114,6 +122,7 @@ static const char *robot_body_name(void *context, size_t index)
 
 /* ---- tunables ---- */
 
+/* Returns the present value of a tunable. */
 static double tunable_get(void *context, size_t index)
 {
     const struct robot_requests *s = context;
@@ -134,6 +143,7 @@ static double tunable_get(void *context, size_t index)
     return 0.0;
 }
 
+/* Sets a tunable; a pretension is reached by its winch over some ticks. */
 static enum request_verdict tunable_set(void *context, size_t index, double value)
 {
     struct robot_requests *s = context;
@@ -161,6 +171,7 @@ static enum request_verdict tunable_set(void *context, size_t index, double valu
     return REQUEST_OK;
 }
 
+/* Returns a count that changes whenever a tunable may have another value. */
 static uint64_t tunable_changes(void *context)
 {
     const struct robot_requests *s = context;
@@ -169,7 +180,7 @@ static uint64_t tunable_changes(void *context)
            (s->config.task ? task_changes(s->config.task) : 0);
 }
 
-/* Moves each winch by at most its speed times a tick, so that a rope does not jerk. */
+/* Moves each winch by at most its speed times a tick, so that the rope does not jerk. */
 static void robot_wind_winches(struct robot_requests *s)
 {
     struct plant_command *command = plant_command(s->config.plant);
@@ -188,6 +199,7 @@ static void robot_wind_winches(struct robot_requests *s)
     }
 }
 
+/* Moves pushes and winches on by a tick. */
 static void robot_advance_requests(void *context, int64_t now_ns)
 {
     struct robot_requests *s = context;
@@ -202,6 +214,7 @@ static void robot_advance_requests(void *context, int64_t now_ns)
 
 /* ---- checkpoints ---- */
 
+/* Saves the state to a slot: frames on local buses, then memory. */
 static enum request_verdict robot_save(void *context, size_t slot)
 {
     struct robot_requests *s = context;
@@ -216,6 +229,7 @@ static enum request_verdict robot_save(void *context, size_t slot)
     return REQUEST_OK;
 }
 
+/* Restores the state of a slot: memory, frames on local buses, then the ports' view of it. */
 static void robot_restore(void *context, size_t slot)
 {
     struct robot_requests *s = context;
@@ -252,7 +266,7 @@ static void robot_pace(void *context, double speed, bool paused)
 
 /* ---- creation ---- */
 
-/* Adds a tunable; only counts it while there is no memory yet. */
+/* Adds a tunable and returns it; NULL = there is no memory yet, it is only counted. */
 static struct tunable *tunable_add(struct robot_requests *s, struct meaning meaning)
 {
     size_t index = s->ntunable++;
@@ -264,6 +278,7 @@ static struct tunable *tunable_add(struct robot_requests *s, struct meaning mean
     return &s->tunable[index];
 }
 
+/* Names a tunable "joint.JOINT.WHAT"; false = no memory. */
 static bool tunable_name(struct tunable *tunable, struct arena *arena, const char *joint,
                          const char *what)
 {
@@ -274,6 +289,7 @@ static bool tunable_name(struct tunable *tunable, struct arena *arena, const cha
     return tunable->name != NULL;
 }
 
+/* Lists the settings of an axis's board; false = no memory. */
 static bool tunable_list_axis(struct robot_requests *s, size_t board, size_t axis,
                               struct arena *arena)
 {
@@ -297,6 +313,7 @@ static bool tunable_list_axis(struct robot_requests *s, size_t board, size_t axi
     return true;
 }
 
+/* Lists the pretensions of the parallel springs; false = no memory. */
 static bool tunable_list_springs(struct robot_requests *s, struct arena *arena)
 {
     const struct robot *robot = s->config.rig->robot;
@@ -316,6 +333,7 @@ static bool tunable_list_springs(struct robot_requests *s, struct arena *arena)
     return good;
 }
 
+/* Lists the settings of the task. */
 static void tunable_list_task(struct robot_requests *s)
 {
     const struct task_setting *setting;
@@ -331,7 +349,7 @@ static void tunable_list_task(struct robot_requests *s)
     }
 }
 
-/* All of them; called once to count and once to fill in. */
+/* Lists all tunables; called once to count them and once to fill them in. False = no memory. */
 static bool tunable_list_all(struct robot_requests *s, struct arena *arena)
 {
     struct tunable *to;
@@ -358,6 +376,7 @@ static bool tunable_list_all(struct robot_requests *s, struct arena *arena)
     return good;
 }
 
+/* Counts, allocates and lists the tunables; false = no memory. */
 static bool robot_requests_create_tunables(struct robot_requests *s, struct arena *arena)
 {
     tunable_list_all(s, arena);
@@ -366,13 +385,15 @@ static bool robot_requests_create_tunables(struct robot_requests *s, struct aren
     return s->meaning && s->tunable && tunable_list_all(s, arena);
 }
 
-/* A ring is written by its reader, too, which is another thread. */
+/* Leaves a ring out of checkpoints: its reader, another thread, writes it too. */
 static void hole_add_ring(struct span *hole, size_t *count, const struct ring *ring)
 {
     hole[(*count)++] = (struct span){(void *)(uintptr_t)ring, sizeof *ring};
     hole[(*count)++] = (struct span){ring->slots, ring->slot_size * ((size_t)ring->mask + 1)};
 }
 
+/* Creates the checkpoint slots over all memory that changes in virtual time, less what other
+ * threads write in it. */
 static enum error_code robot_requests_create_checkpoint(struct robot_requests *s,
                                                         struct arena *arena, struct error *error)
 {
@@ -387,7 +408,7 @@ static enum error_code robot_requests_create_checkpoint(struct robot_requests *s
         return error_set(error, ERROR_MEMORY, "no memory left for the requests");
     }
 
-    /* What changes: the caller's, the requests' own, the wires */
+    /* Memory that changes: the caller's, the requests' own, the wires */
     memcpy(moving, config->moving, nmoving * sizeof *moving);
     memcpy(hole, config->hole, nhole * sizeof *hole);
     moving[nmoving++] = (struct span){&s->moving, sizeof s->moving};
@@ -402,17 +423,18 @@ static enum error_code robot_requests_create_checkpoint(struct robot_requests *s
         }
     }
 
-    /* What other threads write in it */
+    /* Holes: what other threads write in it */
     hole_add_ring(hole, &nhole, boards_event_ring(config->boards));
     hole_add_ring(hole, &nhole, faults_event_ring(config->faults));
 
-    /* What the plant remembers of the last contact evaluation holds for any state */
+    /* What the plant remembers of the last contact evaluation is valid for any state */
     hole[nhole].memory = plant_contact_memory(config->plant, &hole[nhole].size);
     nhole++;
     return checkpoint_create(moving, nmoving, hole, nhole, CHECKPOINT_SLOTS, arena, &s->checkpoint,
                              error);
 }
 
+/* Allocates room for the frames on local buses of each slot; false = no memory. */
 static bool robot_requests_create_bus_moments(struct robot_requests *s, struct arena *arena)
 {
     for (size_t b = 0; b < s->config.rig->nbus; b++) {
@@ -435,7 +457,7 @@ enum error_code robot_requests_create(const struct robot_requests_config *config
     struct robot_requests *s = arena_alloc(arena, 1, sizeof *s);
     enum error_code code;
 
-    /* What requests keep of their own */
+    /* The requests' own state */
     if (s) {
         s->config = *config;
         s->push_until = arena_alloc(arena, robot_count_bodies(s), sizeof *s->push_until);
@@ -446,7 +468,7 @@ enum error_code robot_requests_create(const struct robot_requests_config *config
         return error_set(error, ERROR_MEMORY, "no memory left for the requests");
     }
 
-    /* What the loop may ask, then the rings through which other threads do */
+    /* The functions that the loop calls, then the rings through which other threads ask */
     s->machine = (struct request_machine){
         .context = s,
         .fault = robot_switch_fault,

@@ -48,13 +48,14 @@ struct robot_requests_config {
 
 struct robot_requests;
 
-/* Memory from arena, the copies for checkpoints included; keeps pointers to the parts. *requests is
- * to be destroyed with requests_destroy. ERROR_MEMORY, ERROR_SYSTEM. Not RT-safe. */
+/* Creates what carries out requests, in memory from arena, the copies for checkpoints included;
+ * keeps pointers to the parts. *requests is to be destroyed with requests_destroy. ERROR_MEMORY,
+ * ERROR_SYSTEM. Not RT-safe. */
 enum error_code robot_requests_create(const struct robot_requests_config *config,
                                       struct arena *arena, struct robot_requests **robot_requests,
                                       struct requests **requests, struct error *error);
 
-/* Bytes of one checkpoint; 0 = there are none. RT-safe. */
+/* Returns the bytes of one checkpoint; 0 = there are none. RT-safe. */
 size_t robot_requests_checkpoint_size(const struct robot_requests *robot_requests);
 
 #endif

@@ -19,7 +19,7 @@ enum viewer_command {
     VIEWER_WATCH,   /* says what to send, and how often */
     VIEWER_SEND,    /* puts a frame on a bus */
     VIEWER_SEEK,    /* of a recording: shows a time */
-    VIEWER_SERIES,  /* tells signals between two times */
+    VIEWER_SERIES,  /* asks for signals between two times */
     VIEWER_CONTROL, /* a request for the control socket */
 };
 
@@ -43,7 +43,8 @@ struct viewer_message {
     struct bus_frame frame;
 };
 
-/* The error says what was found and what was expected; to be cleared in any case. */
+/* Parses a message; the error says what was found and what was expected. The message is to be
+ * cleared in any case. */
 enum error_code viewer_message_parse(const char *text, size_t size, struct viewer_message *message,
                                      struct error *error);
 void viewer_message_clear(struct viewer_message *message);

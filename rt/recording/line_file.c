@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes whole lines or records into a file, or ends it. */
+/* Writes whole lines or records into a file, and ends the file rather than leave half of one. */
 #include "rt/recording/line_file.h"
 
 #include "base/whole_file.h"
@@ -17,7 +17,8 @@ enum {
 
 /* ---- the end of a file ---- */
 
-/* How many lines end in a part of the buffer; a buffer never holds more than one record. */
+/* Returns how many lines end in a part of the buffer. In record mode the buffer holds one record
+ * at most. */
 static uint64_t line_file_count(const struct line_file *file, const char *text, size_t size)
 {
     uint64_t count = 0;
@@ -32,8 +33,8 @@ static uint64_t line_file_count(const struct line_file *file, const char *text, 
     return count;
 }
 
-/* Counts what the system has accepted of the buffer: whole lines stay, the rest is cut off. False
- * when half a line stays. */
+/* Counts what the system has accepted of the buffer: whole lines stay, the rest is cut off.
+ * False = half a line or record stays. */
 static bool line_file_cut(struct line_file *file)
 {
     size_t whole = file->taken;
@@ -58,6 +59,7 @@ static void line_file_end(struct line_file *file)
     atomic_store(&file->ended, true);
 }
 
+/* Ends a file that cannot be written, with the errno `reason`. */
 static void line_file_end_failed(struct line_file *file, int reason)
 {
     bool clean = line_file_cut(file);
@@ -70,6 +72,7 @@ static void line_file_end_failed(struct line_file *file, int reason)
     line_file_end(file);
 }
 
+/* Ends a file that was removed: all its lines count as unwritten. */
 static void line_file_end_removed(struct line_file *file)
 {
     line_file_cut(file);
@@ -113,6 +116,7 @@ void line_file_put(struct line_file *file, const char *line, size_t size)
     }
     memcpy(file->buffer + file->used, line, size);
     file->used += size;
+    /* A record is written at once, so that a cut never falls within the buffer */
     if (file->records) {
         line_file_flush(file);
     }
@@ -125,6 +129,7 @@ void line_file_look(struct line_file *file)
     if (file->descriptor < 0 || !file->regular || fstat(file->descriptor, &here)) {
         return;
     }
+    /* No name left: removed. Another file, or none, under its name: renamed */
     if (here.st_nlink == 0) {
         line_file_end_removed(file);
     } else if (stat(file->path, &there)
@@ -170,6 +175,7 @@ void line_file_remove(struct line_file *file)
 
 /* ---- opening ---- */
 
+/* Writes the title line whole. */
 static enum error_code line_file_write_title(struct line_file *file, const char *title,
                                              struct error *error)
 {

@@ -21,7 +21,7 @@ struct line_file {
     char path[LINE_FILE_PATH];
     int descriptor; /* -1 = ended */
     bool regular;
-    bool records; /* what is put are records, not lines: no part of one stays in the file */
+    bool records; /* it holds records, not lines: no part of one stays in the file */
     char *buffer; /* whole lines */
     size_t capacity, used;
     size_t taken;           /* bytes of the buffer that the system has accepted */
@@ -29,8 +29,8 @@ struct line_file {
     uint64_t lines;         /* in the file */
     uint64_t unwritten;     /* lines that were put and are not in the file */
     _Atomic uint64_t *beat; /* counts what the system accepts */
-    atomic_bool moved;      /* any thread: it has another name now */
-    atomic_bool ended;      /* any thread: nothing is written to it any more; error says why */
+    atomic_bool moved;      /* any thread: the file was renamed */
+    atomic_bool ended;      /* any thread: nothing is written any more; error has the reason */
     struct error error;
 };
 
@@ -41,16 +41,16 @@ enum error_code line_file_open(struct line_file *file, const char *directory, co
                                const char *title, size_t longest, _Atomic uint64_t *beat,
                                struct arena *arena, struct error *error);
 
-/* Appends one line with its newline, or one record. */
+/* Appends one line with its newline, or one record. A full buffer is written to the file first. */
 void line_file_put(struct line_file *file, const char *line, size_t size);
 
-/* Writes what was put. */
+/* Writes the buffer to the file. */
 void line_file_flush(struct line_file *file);
 
 /* Checks whether the file still exists under its name. */
 void line_file_look(struct line_file *file);
 
-/* For a writing thread that was cancelled: ends the file with what the system has accepted. */
+/* Ends the file of a cancelled writing thread with what the system has accepted. */
 void line_file_abandon(struct line_file *file);
 
 /* Flushes and closes. */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Records, chunks and the summary of an MCAP file. */
+/* Writes the records, chunks and summary of an MCAP file (mcap.dev/spec). */
 #include "rt/recording/mcap.h"
 
 #include "base/crc32.h"
@@ -60,7 +60,7 @@ struct mcap {
     struct mcap_schema schema[MCAP_SCHEMAS_MAX];
     struct mcap_channel channel[MCAP_CHANNELS_MAX];
     uint16_t nschema, nchannel;
-    uint64_t offset; /* bytes handed over */
+    uint64_t offset; /* bytes of the file handed over so far */
     uint32_t crc;    /* of them */
 
     /* The present chunk */
@@ -82,6 +82,7 @@ struct mcap {
 
 /* ---- numbers and records ---- */
 
+/* Writes a little-endian number of `bytes` bytes; returns the place behind it. */
 static uint8_t *mcap_put_number(uint8_t *at, uint64_t value, int bytes)
 {
     for (int i = 0; i < bytes; i++) {
@@ -90,6 +91,7 @@ static uint8_t *mcap_put_number(uint8_t *at, uint64_t value, int bytes)
     return at;
 }
 
+/* Writes a string with its length before it; returns the place behind it. */
 static uint8_t *mcap_put_text(uint8_t *at, const char *text)
 {
     size_t size = strlen(text);
@@ -99,19 +101,22 @@ static uint8_t *mcap_put_text(uint8_t *at, const char *text)
     return at + size;
 }
 
-/* A record's head before its content is known; mcap_end_record completes it. */
+/* Writes a record's opcode and leaves room for its length, which mcap_end_record fills in;
+ * returns where the content begins. */
 static uint8_t *mcap_begin_record(uint8_t *record, enum mcap_opcode opcode)
 {
     *record = (uint8_t)opcode;
     return record + RECORD_HEAD;
 }
 
+/* Fills in the length of a record that ends at `end`; returns end. */
 static uint8_t *mcap_end_record(uint8_t *record, uint8_t *end)
 {
     mcap_put_number(record + 1, (uint64_t)(end - record) - RECORD_HEAD, 8);
     return end;
 }
 
+/* Hands over the piece up to `end` and continues the file's checksum. */
 static void mcap_put_piece(struct mcap *mcap, const uint8_t *end)
 {
     size_t size = (size_t)(end - mcap->piece);
@@ -121,6 +126,7 @@ static void mcap_put_piece(struct mcap *mcap, const uint8_t *end)
     mcap->config.put(mcap->config.context, mcap->piece, size);
 }
 
+/* Writes all schemas as records; returns the place behind them. */
 static uint8_t *mcap_put_schemas(const struct mcap *mcap, uint8_t *at)
 {
     for (uint16_t i = 0; i < mcap->nschema; i++) {
@@ -134,6 +140,7 @@ static uint8_t *mcap_put_schemas(const struct mcap *mcap, uint8_t *at)
     return at;
 }
 
+/* Writes all channels as records, without metadata; returns the place behind them. */
 static uint8_t *mcap_put_channels(const struct mcap *mcap, uint8_t *at)
 {
     for (uint16_t i = 0; i < mcap->nchannel; i++) {
@@ -252,7 +259,8 @@ void mcap_end_message(struct mcap *mcap, uint16_t channel, int64_t time_ns, size
     mcap->messages++;
 }
 
-/* The chunk's record; its compressed size in *compressed. NULL: it could not be compressed. */
+/* Writes the chunk's record, its compressed size into *compressed; span holds its first and last
+ * time. NULL = it could not be compressed. */
 static uint8_t *mcap_put_chunk(struct mcap *mcap, const uint64_t span[2], size_t *compressed)
 {
     uint8_t *at = mcap_begin_record(mcap->piece, MCAP_CHUNK_RECORD);
@@ -272,7 +280,7 @@ static uint8_t *mcap_put_chunk(struct mcap *mcap, const uint64_t span[2], size_t
     return mcap_end_record(mcap->piece, bytes + *compressed);
 }
 
-/* The index of a channel's messages in the chunk. */
+/* Writes the index of a channel's messages in the chunk: time and offset of each. */
 static uint8_t *mcap_put_message_index(const struct mcap *mcap, uint16_t channel, uint8_t *record)
 {
     uint8_t *at = mcap_put_number(mcap_begin_record(record, MCAP_MESSAGE_INDEX), channel, 2);
@@ -287,7 +295,8 @@ static uint8_t *mcap_put_message_index(const struct mcap *mcap, uint16_t channel
     return mcap_end_record(record, at);
 }
 
-/* Room for one more record of the chunks' index; NULL when there is none. */
+/* Makes room for one more record of the index of chunks; NULL = no memory, and the index is
+ * given up. */
 static uint8_t *mcap_grow_index(struct mcap *mcap)
 {
     size_t need = mcap->index_size + SPARE;
@@ -302,8 +311,8 @@ static uint8_t *mcap_grow_index(struct mcap *mcap)
     return mcap->index_lost ? NULL : mcap->index + mcap->index_size;
 }
 
-/* Remembers a chunk whose record takes chunk bytes; where[i] is the offset of the index of channel
- * i + 1 in the file, 0 = it has none. */
+/* Adds a chunk, whose record takes `chunk` bytes, to the index of chunks; where[i] is the offset
+ * in the file of the message index of channel i + 1, 0 = none. */
 static void mcap_index_chunk(struct mcap *mcap, const uint64_t span[2], const uint64_t *where,
                              size_t chunk, size_t indexes, size_t compressed)
 {
@@ -316,6 +325,7 @@ static void mcap_index_chunk(struct mcap *mcap, const uint64_t span[2], const ui
     at = mcap_put_number(at, span[1], 8);
     at = mcap_put_number(at, mcap->offset, 8);
     at = mcap_put_number(at, chunk, 8);
+    /* The length of the list of message indexes is known behind it */
     count = at;
     at += TEXT_SIZE;
     for (uint16_t i = 0; i < mcap->nchannel; i++) {
@@ -341,6 +351,7 @@ void mcap_flush(struct mcap *mcap)
     if (mcap->nentry == 0) {
         return;
     }
+    /* The span of time of the chunk */
     for (size_t i = 0; i < mcap->nentry; i++) {
         span[0] = mcap->entry[i].time < span[0] ? mcap->entry[i].time : span[0];
         span[1] = mcap->entry[i].time > span[1] ? mcap->entry[i].time : span[1];
@@ -366,6 +377,7 @@ void mcap_flush(struct mcap *mcap)
 
 /* ---- the end ---- */
 
+/* Writes the statistics record; returns the place behind it. */
 static uint8_t *mcap_put_statistics(const struct mcap *mcap, uint8_t *record)
 {
     uint8_t *at = mcap_put_number(mcap_begin_record(record, MCAP_STATISTICS), mcap->messages, 8);
@@ -385,13 +397,14 @@ static uint8_t *mcap_put_statistics(const struct mcap *mcap, uint8_t *record)
     return mcap_end_record(record, at);
 }
 
-/* A group of the summary, for mcap_put_footer. */
+/* A group of equal records in the summary, whose place mcap_put_footer writes. */
 struct mcap_group {
     enum mcap_opcode opcode;
     uint64_t start, size;
 };
 
-/* Where each group is, and the last record; its checksum continues that of the summary. */
+/* Writes where each group is, the footer and the magic bytes; the footer's checksum continues
+ * that of the summary. */
 static uint8_t *mcap_put_footer(const struct mcap *mcap, uint64_t summary,
                                 const struct mcap_group *group, size_t count, uint32_t crc)
 {

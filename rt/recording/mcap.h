@@ -21,7 +21,7 @@ enum {
 };
 
 struct mcap_config {
-    const char *library; /* what has written it */
+    const char *library; /* name of the program that writes the file */
     size_t longest;      /* bytes of a message's content, at most */
     /* Takes the next piece of the file: the head, a chunk with its indexes, or the end. */
     void (*put)(void *context, const void *bytes, size_t size);
@@ -30,25 +30,26 @@ struct mcap_config {
 
 struct mcap;
 
-/* Memory from arena but for the compressor's and the summary's. ERROR_MEMORY. */
+/* Creates a writer in memory from arena, except that of compressor and summary. ERROR_MEMORY. */
 enum error_code mcap_create(const struct mcap_config *config, struct arena *arena,
                             struct mcap **mcap, struct error *error);
 
-/* Before mcap_prepare. Messages are JSON, schemas JSON Schema; strings are borrowed. Their numbers
- * count from 1; 0: there is no room. */
+/* Add a schema or a channel, before mcap_prepare. Messages are JSON, schemas JSON Schema;
+ * strings are borrowed. Both are numbered from 1; 0 = there is no room. */
 uint16_t mcap_add_schema(struct mcap *mcap, const char *name, const char *text);
 uint16_t mcap_add_channel(struct mcap *mcap, uint16_t schema, const char *topic);
 
-/* When schemas and channels are complete: takes the rest of the memory. ERROR_MEMORY. */
+/* Takes the rest of the memory, when schemas and channels are complete. ERROR_MEMORY. */
 enum error_code mcap_prepare(struct mcap *mcap, struct arena *arena);
 
-/* Bytes of a piece, at most. */
+/* Returns the greatest size of a piece in bytes. */
 size_t mcap_longest_piece(const struct mcap *mcap);
 
 /* Writes the head. */
 void mcap_start(struct mcap *mcap);
 
-/* Where the content of a message goes, config.longest bytes, to be handed over with its size. */
+/* Begins a message: returns where its content goes, config.longest bytes at most;
+ * mcap_end_message hands it over with its size. */
 char *mcap_begin_message(struct mcap *mcap);
 void mcap_end_message(struct mcap *mcap, uint16_t channel, int64_t time_ns, size_t size);
 

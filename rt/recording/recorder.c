@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The recorder's rings and files: opened, filled by the loop, reported on and closed. */
+/* Opens the recorder's rings and files, fills the rings from the loop, reports what went wrong,
+ * and closes. */
 #include "rt/recording/recorder_mcap.h"
 
 #include "base/whole_file.h"
@@ -18,10 +19,10 @@ enum {
     FRAME_RING = 65536, /* about a second of a fully loaded rig */
     ROW_RING = 1024,
     EVENT_RING = 1024,
-    WAIT_NS = 100000, /* the loop's, for room in a ring */
+    WAIT_NS = 100000, /* between two looks of the loop for room in a ring */
 };
 
-/* A system call that a signal has not ended by then hangs */
+/* A cancelled thread that has not ended after this time hangs in a system call. */
 #define CANCEL_NS (5 * CLOCK_SECOND)
 
 static int64_t recorder_clock_now(void)
@@ -29,6 +30,7 @@ static int64_t recorder_clock_now(void)
     return clock_now(clock_monotonic());
 }
 
+/* Sleeps for less than a second. */
 static void recorder_nap(int64_t ns)
 {
     nanosleep(&(struct timespec){.tv_nsec = ns}, NULL);
@@ -36,6 +38,7 @@ static void recorder_nap(int64_t ns)
 
 /* ---- opening ---- */
 
+/* Finds whether a directory is empty; false = it cannot be read (errno). */
 static bool directory_is_empty(const char *directory, bool *empty)
 {
     DIR *stream = opendir(directory);
@@ -54,6 +57,8 @@ static bool directory_is_empty(const char *directory, bool *empty)
     return true;
 }
 
+/* Creates the directory, or checks that an existing one may be written: empty, or to be
+ * overwritten. */
 static enum error_code recorder_prepare_directory(const struct recorder_config *config, bool *made,
                                                   struct error *error)
 {
@@ -75,8 +80,8 @@ static enum error_code recorder_prepare_directory(const struct recorder_config *
     return ERROR_NONE;
 }
 
-/* A line of titles: the time, then for each of count names those with each of the endings; NULL
- * when memory is used up. */
+/* Makes the title line of a CSV file: the time, then each of `count` names with each of the
+ * endings; NULL = no memory. */
 static const char *recorder_make_title(const char *const *name, size_t count,
                                        const char *const *ending, size_t nending,
                                        struct arena *arena)
@@ -99,6 +104,7 @@ static const char *recorder_make_title(const char *const *name, size_t count,
     return title;
 }
 
+/* Allocates the recorder with its rings and buffers; NULL = no memory. */
 static struct recorder *recorder_allocate(const struct recorder_config *config, struct arena *arena)
 {
     struct recorder *made = arena_alloc(arena, 1, sizeof *made);
@@ -131,7 +137,8 @@ static struct recorder *recorder_allocate(const struct recorder_config *config, 
     return made;
 }
 
-/* That of a recording which is overwritten; not beside the new one, also should that be lost. */
+/* Removes the summary of the recording that is overwritten: it must not stand beside the new
+ * one, even if that is lost. */
 static enum error_code recorder_remove_summary(const char *directory, struct error *error)
 {
     char path[LINE_FILE_PATH];
@@ -143,6 +150,7 @@ static enum error_code recorder_remove_summary(const char *directory, struct err
     return ERROR_NONE;
 }
 
+/* Opens one file of the recording and writes its title; title NULL = no memory for it. */
 static enum error_code recorder_open_file(struct recorder *recorder, enum recorder_file file,
                                           const char *title, size_t longest, struct arena *arena,
                                           struct error *error)
@@ -162,6 +170,7 @@ static enum error_code recorder_open_file(struct recorder *recorder, enum record
     return code;
 }
 
+/* Passes a piece of the MCAP file to its file. */
 static void recorder_put_mcap(void *context, const void *bytes, size_t size)
 {
     struct recorder *recorder = context;
@@ -169,6 +178,7 @@ static void recorder_put_mcap(void *context, const void *bytes, size_t size)
     line_file_put(&recorder->file[FILE_MCAP], bytes, size);
 }
 
+/* Creates the MCAP writer and its file, which takes whole pieces as records. */
 static enum error_code recorder_open_mcap(struct recorder *recorder, struct arena *arena,
                                           struct error *error)
 {
@@ -183,6 +193,7 @@ static enum error_code recorder_open_mcap(struct recorder *recorder, struct aren
     return code;
 }
 
+/* Opens all files that the configuration asks for. */
 static enum error_code recorder_open_files(struct recorder *recorder, struct arena *arena,
                                            struct error *error)
 {
@@ -196,7 +207,7 @@ static enum error_code recorder_open_files(struct recorder *recorder, struct are
         recorder_make_title(config->body, config->nbody, pose, RECORDER_POSE, arena);
     enum error_code code;
 
-    /* Frames and events always, rows in the formats asked for */
+    /* Frames and events are always recorded, rows in the formats asked for */
     code = recorder_open_file(recorder, FILE_FRAMES, "", CANDUMP_LINE_MAX, arena, error);
     if (!code && config->format & RECORDER_CSV) {
         code = recorder_open_file(recorder, FILE_SIGNALS, signals, longest, arena, error);
@@ -210,7 +221,8 @@ static enum error_code recorder_open_files(struct recorder *recorder, struct are
     return code ? code : recorder_open_file(recorder, FILE_EVENTS, "", RECORDER_LINE, arena, error);
 }
 
-/* Removes the files and the directory if it was made; when no thread writes them. */
+/* Removes the files, and the directory if this recorder made it. Only when no thread writes
+ * them. */
 static void recorder_remove_files(struct recorder *recorder)
 {
     recorder_mcap_destroy(recorder->mcap);
@@ -235,6 +247,7 @@ enum error_code recorder_open(const struct recorder_config *config, struct arena
     if (!made) {
         return error_set(error, ERROR_MEMORY, "no memory left for the recorder");
     }
+    /* The directory, free of an earlier summary, then the files */
     code = recorder_prepare_directory(config, &made->made_directory, error);
     if (code) {
         goto fail;
@@ -247,6 +260,7 @@ enum error_code recorder_open(const struct recorder_config *config, struct arena
     if (code) {
         goto fail;
     }
+    /* The thread last: it begins to write at once */
     reason = pthread_create(&made->thread, NULL, recorder_thread_main, made);
     if (reason) {
         code = error_set_errno(error, reason, "cannot start the recorder's thread");
@@ -262,8 +276,8 @@ fail:
 
 /* ---- the loop's side ---- */
 
-/* Whether the writing thread has made no progress for so long; *beat and *since_ns carry over from
- * call to call. */
+/* Checks whether the writing thread has made no progress for timeout_ns; *beat and *since_ns
+ * carry over from call to call. */
 static bool recorder_thread_stalled(const struct recorder *recorder, int64_t timeout_ns,
                                     uint64_t *beat, int64_t *since_ns)
 {
@@ -277,7 +291,7 @@ static bool recorder_thread_stalled(const struct recorder *recorder, int64_t tim
     return now - *since_ns > timeout_ns;
 }
 
-/* Waits for room in a ring; false when the disk is given up. */
+/* Waits for room in a ring and pushes; false = the disk is given up. */
 static bool recorder_wait_for_room(struct recorder *recorder, struct ring *ring, const void *item)
 {
     uint64_t beat = atomic_load_explicit(&recorder->beat, memory_order_relaxed);
@@ -293,6 +307,7 @@ static bool recorder_wait_for_room(struct recorder *recorder, struct ring *ring,
     return true;
 }
 
+/* Pushes an item into a ring and counts it as taken or dropped; waits for room only if lossless. */
 static void recorder_push(struct recorder *recorder, struct ring *ring, const void *item,
                           _Atomic uint64_t *taken, _Atomic uint64_t *dropped)
 {
@@ -336,6 +351,7 @@ void recorder_event(struct recorder *recorder, int64_t time_ns, enum journal_pri
 
 /* ---- reports of what went wrong ---- */
 
+/* Writes a sentence about a file that has ended or was renamed, once each; false = nothing new. */
 static bool recorder_file_event(const struct line_file *file, struct file_reports *reports,
                                 char *text, size_t size)
 {
@@ -353,6 +369,7 @@ static bool recorder_file_event(const struct line_file *file, struct file_report
     return false;
 }
 
+/* Writes a sentence about dropped items, at most once a second; false = nothing new. */
 static bool recorder_drop_event(struct recorder *recorder, char *text, size_t size)
 {
     struct recorder_tally *tally = &recorder->tally;
@@ -396,7 +413,7 @@ bool recorder_next_event(struct recorder *recorder, unsigned *kind, char *text, 
 
 /* ---- the end ---- */
 
-/* Waits until the writing thread has ended; false when it hangs. */
+/* Waits until the writing thread has ended; false = it hangs. */
 static bool recorder_wait_for_thread(const struct recorder *recorder, int64_t timeout_ns)
 {
     uint64_t beat = atomic_load_explicit(&recorder->beat, memory_order_relaxed);
@@ -411,6 +428,7 @@ static bool recorder_wait_for_thread(const struct recorder *recorder, int64_t ti
     return true;
 }
 
+/* Joins the ended thread and frees the MCAP writer. */
 static void recorder_join_thread(struct recorder *recorder)
 {
     pthread_join(recorder->thread, NULL);
@@ -418,17 +436,19 @@ static void recorder_join_thread(struct recorder *recorder)
     recorder->mcap = NULL;
 }
 
-/* Ends the thread; one that hangs in a system call is cancelled, and dies when that returns, before
- * it touches the recorder again. */
+/* Ends the thread. One that hangs in a system call is cancelled, and ends when that call
+ * returns, before it touches the recorder again. */
 static void recorder_end_thread(struct recorder *recorder, struct recorder_counters *counters)
 {
     int64_t stall = recorder->config.stall_ns;
 
+    /* The normal end; a disk that was given up is not waited for as long */
     atomic_store(&recorder->stop, true);
     if (recorder_wait_for_thread(recorder, atomic_load(&recorder->given_up) ? stall / 10 : stall)) {
         recorder_join_thread(recorder);
         return;
     }
+    /* The thread hangs: cancel it, or leave it behind */
     pthread_cancel(recorder->thread);
     if (recorder_wait_for_thread(recorder, CANCEL_NS)) {
         recorder_join_thread(recorder);
@@ -443,7 +463,7 @@ static void recorder_end_thread(struct recorder *recorder, struct recorder_count
     counters->events_unwritten = ring_count(&recorder->events) + recorder->order.count;
 }
 
-/* What each ring was given and each file lacks. */
+/* Counts what each ring was given and what each file lacks. */
 static void recorder_count(struct recorder *recorder, struct recorder_counters *counters)
 {
     const struct line_file *file = recorder->file;
@@ -467,6 +487,7 @@ enum error_code recorder_close(struct recorder *recorder, struct recorder_counte
     *c = (struct recorder_counters){0};
     recorder_end_thread(recorder, c);
     recorder_count(recorder, c);
+    /* The first file that ended early is the error; else what was dropped */
     for (int f = 0; f < RECORDER_FILES; f++) {
         if (atomic_load(&recorder->file[f].ended)) {
             *error = recorder->file[f].error;

@@ -42,11 +42,11 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* What a program that has ended writes beside the recording, about it. */
+/* Name of the summary that a program writes beside its recording when it ends. */
 #define RECORDER_SUMMARY "summary.json"
 
-/* Of a recording: "format_version" of its summary, which other programs write; 1 when it has none.
- * A newer one is not read. */
+/* Version of the format, "format_version" in the summary; a summary without it has version 1. A
+ * newer one is not read. */
 #define RECORDING_FORMAT_VERSION 1
 
 #define RECORDER_STALL_NS INT64_C(10000000000)
@@ -57,7 +57,7 @@ enum recorder_format {
     RECORDER_MCAP = 2 /* recording.mcap, with frames and events (rt/recording/recorder_mcap.h) */
 };
 
-/* The words of a sum of them. */
+/* The words for these formats and their sum. */
 extern const struct word recorder_format_words[];
 
 enum {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A recording's messages as JSON. */
+/* Writes a recording's messages as JSON into the MCAP file. */
 #include "rt/recording/recorder_mcap.h"
 
 #include "base/json_text.h"
@@ -21,7 +21,7 @@ enum {
     CHUNK_AGE_NS = 1000000000,
 };
 
-/* The levels of foxglove.Log */
+/* The levels of foxglove.Log by priority. */
 static const int log_levels[] = {
     [JOURNAL_ERROR] = 4, [JOURNAL_WARNING] = 3, [JOURNAL_NOTICE] = 2, [JOURNAL_INFO] = 2};
 
@@ -39,18 +39,21 @@ struct recorder_mcap {
 
 /* ---- pieces of messages ---- */
 
+/* Writes a time stamp in seconds and nanoseconds; returns the place behind it. */
 static char *mcap_print_stamp(char *at, int64_t time_ns)
 {
     return at + sprintf(at, "\"timestamp\":{\"sec\":%" PRId64 ",\"nsec\":%" PRId64 "}",
                         time_ns / CLOCK_SECOND, time_ns % CLOCK_SECOND);
 }
 
-/* Digits that give the number back bit for bit; JSON has no others than finite ones. */
+/* Writes a number with the digits that read back bit for bit; null if it is not finite, which
+ * JSON cannot express. */
 static char *mcap_print_number(char *at, double value)
 {
     return at + (isfinite(value) ? sprintf(at, "%.17g", value) : sprintf(at, "null"));
 }
 
+/* Writes text as it is; returns the place behind it. */
 static char *mcap_print_text(char *at, const char *text)
 {
     size_t size = strlen(text);
@@ -59,6 +62,7 @@ static char *mcap_print_text(char *at, const char *text)
     return at + size;
 }
 
+/* Ends a message that stands between begin and end. */
 static void mcap_hand_over(struct recorder_mcap *mcap, uint16_t channel, int64_t time_ns,
                            const char *begin, const char *end)
 {
@@ -88,6 +92,7 @@ void recorder_mcap_frame(struct recorder_mcap *mcap, const struct frame_item *it
     mcap_hand_over(mcap, mcap->frames[item->bus], frame->time_ns, begin, at);
 }
 
+/* Writes the message of all signals of a row. */
 static void recorder_mcap_signals(struct recorder_mcap *mcap, int64_t time_ns, const double *value)
 {
     char *begin = mcap_begin_message(mcap->mcap), *at = begin;
@@ -100,7 +105,8 @@ static void recorder_mcap_signals(struct recorder_mcap *mcap, int64_t time_ns, c
     mcap_hand_over(mcap, mcap->signals, time_ns, begin, at);
 }
 
-/* pose: position, quaternion wxyz. */
+/* Writes the transform of a body to the world; pose holds the position (m) and the quaternion
+ * (wxyz). */
 static char *mcap_print_transform(const struct recorder_mcap *mcap, char *at, int64_t time_ns,
                                   size_t body, const double *pose)
 {
@@ -167,7 +173,7 @@ void recorder_mcap_event(struct recorder_mcap *mcap, const struct event_item *it
 
 /* ---- making it ---- */
 
-/* A name as a string of JSON with suffix; NULL when memory is used up. */
+/* Returns a name as a JSON string followed by suffix; NULL = no memory. */
 static const char *mcap_quote_name(const char *name, const char *suffix, struct arena *arena)
 {
     char *text = arena_alloc(arena, JSON_TEXT_ROOM(strlen(name)) + strlen(suffix), 1);
@@ -178,7 +184,7 @@ static const char *mcap_quote_name(const char *name, const char *suffix, struct 
     return text;
 }
 
-/* Each name quoted, with suffix; NULL when memory is used up. *longest grows by their lengths. */
+/* Quotes each name, followed by suffix; NULL = no memory. *longest grows by their lengths. */
 static const char **mcap_quote_names(const char *const *name, size_t count, const char *suffix,
                                      struct arena *arena, size_t *longest)
 {
@@ -194,7 +200,8 @@ static const char **mcap_quote_names(const char *const *name, size_t count, cons
     return quoted;
 }
 
-/* {"type":"object","properties":{"NAME":{"type":"number"},...}}; NULL when memory is used up. */
+/* Makes the schema of the signals,
+ * {"type":"object","properties":{"NAME":{"type":"number"},...}}; NULL = no memory. */
 static const char *mcap_make_signal_schema(const struct recorder_mcap *mcap, struct arena *arena)
 {
     size_t size = STAMP_SIZE;
@@ -216,7 +223,7 @@ static const char *mcap_make_signal_schema(const struct recorder_mcap *mcap, str
     return text;
 }
 
-/* The channels that this recording has. False when memory is used up. */
+/* Adds the channels of this recording and their schemas; false = no memory. */
 static bool recorder_mcap_add_channels(struct recorder_mcap *mcap, struct arena *arena)
 {
     const struct recorder_config *config = mcap->config;
@@ -227,6 +234,7 @@ static bool recorder_mcap_add_channels(struct recorder_mcap *mcap, struct arena 
     if (!signals) {
         return false;
     }
+    /* Signals, events and poses */
     if (config->nsignal) {
         mcap->signals =
             mcap_add_channel(to, mcap_add_schema(to, "coman_hil.Signals", signals), "/signals");
@@ -238,6 +246,7 @@ static bool recorder_mcap_add_channels(struct recorder_mcap *mcap, struct arena 
             to, mcap_add_schema(to, "foxglove.FrameTransforms", recorder_schema_transforms),
             "/transforms");
     }
+    /* Channels of the configuration; neighbors of one type share its schema */
     for (size_t c = 0; c < config->nchannel; c++) {
         const struct recorder_channel *channel = &config->channel[c];
 
@@ -246,6 +255,7 @@ static bool recorder_mcap_add_channels(struct recorder_mcap *mcap, struct arena 
         }
         mcap->channels[c] = mcap_add_channel(to, schema, channel->topic);
     }
+    /* A channel for each bus */
     for (size_t b = 0; b < config->nbus; b++) {
         char *topic = arena_alloc(arena, TOPIC_SIZE, 1);
 
@@ -266,7 +276,7 @@ static size_t longer_of(size_t a, size_t b)
     return a > b ? a : b;
 }
 
-/* Quotes the names and returns the bytes of the longest message; 0 when memory is used up. */
+/* Quotes the names and returns the length in bytes of the longest message; 0 = no memory. */
 static size_t recorder_mcap_quote(struct recorder_mcap *mcap, struct arena *arena)
 {
     const struct recorder_config *config = mcap->config;

@@ -18,16 +18,17 @@
 
 struct recorder_mcap;
 
-/* put, context: as of struct mcap_config. Memory from arena; ERROR_MEMORY. */
+/* Creates the channels of a recording; put and context are those of struct mcap_config. Memory
+ * from arena; ERROR_MEMORY. */
 enum error_code recorder_mcap_create(const struct recorder_config *config,
                                      void (*put)(void *context, const void *bytes, size_t size),
                                      void *context, struct arena *arena,
                                      struct recorder_mcap **mcap, struct error *error);
 
-/* Bytes of a piece of the file, at most. */
+/* Returns the greatest size of a piece of the file in bytes. */
 size_t recorder_mcap_longest(const struct recorder_mcap *mcap);
 
-/* Begins the file, with the scene. */
+/* Begins the file, with the first messages of its channels. */
 void recorder_mcap_start(struct recorder_mcap *mcap);
 
 void recorder_mcap_frame(struct recorder_mcap *mcap, const struct frame_item *item);

@@ -36,19 +36,19 @@ struct event_item {
     char text[RECORDER_EVENT_TEXT];
 };
 
-/* Counted by those who give, read by any thread. */
+/* Items offered to the rings; counted by the threads that push, read by any. */
 struct recorder_tally {
     _Atomic uint64_t frames, rows, events, frames_dropped, rows_dropped, events_dropped;
 };
 
-/* Events that wait for earlier ones, in the order of their times. */
+/* Events that wait for others with earlier times, in the order of their times. */
 struct recorder_order {
     struct event_item *item;
     size_t count;
     int64_t settled_ns; /* of the latest that has waited for long enough */
 };
 
-/* What has been reported of a file. */
+/* Which events of a file have been reported. */
 struct file_reports {
     bool moved, ended;
 };

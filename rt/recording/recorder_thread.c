@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The recorder's writing thread. */
+/* Formats and writes what the recorder's rings hold, in a thread of its own. */
 #include "rt/recording/recorder_mcap.h"
 
 #include "canbus/candump.h"
@@ -17,6 +17,7 @@ enum {
 
 #define TEND_NS (250 * CLOCK_MS)
 
+/* Writes a frame to candump.log and to the MCAP file. */
 static void recorder_write_frame(struct recorder *recorder, const struct frame_item *item)
 {
     size_t size = candump_format(&item->frame, recorder->config.bus[item->bus], recorder->line);
@@ -29,7 +30,7 @@ static void recorder_write_frame(struct recorder *recorder, const struct frame_i
 
 /* ---- rows ---- */
 
-/* A line of a CSV file: the row's time, then count of its values. */
+/* Writes a line of a CSV file: the row's time (s), then `count` values. */
 static void recorder_write_values(struct recorder *recorder, enum recorder_file file,
                                   double time_ns, const double *value, size_t count)
 {
@@ -43,6 +44,7 @@ static void recorder_write_values(struct recorder *recorder, enum recorder_file 
     line_file_put(&recorder->file[file], line, size);
 }
 
+/* Writes a row to the files that hold signals and poses. */
 static void recorder_write_row(struct recorder *recorder, const double *row)
 {
     const struct recorder_config *config = &recorder->config;
@@ -61,6 +63,7 @@ static void recorder_write_row(struct recorder *recorder, const double *row)
 
 /* ---- events ---- */
 
+/* Writes an event to events.log and to the MCAP file. */
 static void recorder_write_event(struct recorder *recorder, const struct event_item *item)
 {
     int size = snprintf(recorder->line, RECORDER_LINE, "%.6f %s %s\n", (double)item->time_ns * 1e-9,
@@ -72,7 +75,7 @@ static void recorder_write_event(struct recorder *recorder, const struct event_i
     }
 }
 
-/* Writes the first count of those that wait. */
+/* Writes the first `count` of the waiting events. */
 static void recorder_release_events(struct recorder *recorder, size_t count)
 {
     struct recorder_order *order = &recorder->order;
@@ -84,7 +87,8 @@ static void recorder_release_events(struct recorder *recorder, size_t count)
     memmove(order->item, order->item + count, order->count * sizeof *order->item);
 }
 
-/* Puts an event behind those that are not later. */
+/* Inserts an event into the waiting ones in the order of their times; a full list writes its
+ * older half first. */
 static void recorder_hold_event(struct recorder *recorder, const struct event_item *item)
 {
     struct recorder_order *order = &recorder->order;
@@ -100,7 +104,7 @@ static void recorder_hold_event(struct recorder *recorder, const struct event_it
     order->count++;
 }
 
-/* Writes those that were there when this was called before, and earlier ones that came since. */
+/* Writes the events that were waiting at the previous call, and earlier ones that came since. */
 static void recorder_settle_events(struct recorder *recorder)
 {
     struct recorder_order *order = &recorder->order;
@@ -115,8 +119,8 @@ static void recorder_settle_events(struct recorder *recorder)
 
 /* ---- the thread ---- */
 
-/* Writes what waits, a round of it. An item leaves its ring when it is written, so that what a hung
- * thread leaves behind is counted. False when nothing waited. */
+/* Writes up to a round of waiting items from each ring; false = nothing waited. An item leaves
+ * its ring after it was written, so that what a hung thread leaves behind is counted. */
 static bool recorder_drain_rings(struct recorder *recorder)
 {
     const void *item;
@@ -157,6 +161,7 @@ static void recorder_tend_files(struct recorder *recorder)
     }
 }
 
+/* Writes the events that still wait, ends the MCAP file, and closes all files. */
 static void recorder_close_files(struct recorder *recorder)
 {
     recorder_release_events(recorder, recorder->order.count);
@@ -188,6 +193,7 @@ void *recorder_thread_main(void *context)
     if (recorder->mcap) {
         recorder_mcap_start(recorder->mcap);
     }
+    /* Write until the recorder stops, then what is left */
     while (!atomic_load(&recorder->stop)) {
         if (!recorder_drain_rings(recorder)) {
             nanosleep(&(struct timespec){.tv_nsec = IDLE_NS}, NULL);
