@@ -667,7 +667,8 @@ static enum hil_client_code tables_read_title(struct hil_client *client, struct 
     const char *title = strstr(bus->text, "\nCM_ \"Rig "), *supply;
     char protocol[16], line[320];
 
-    snprintf(line, sizeof line, "%.*s", title ? (int)strcspn(title + 1, "\n") : 0, title + 1);
+    snprintf(line, sizeof line, "%.*s", title ? (int)strcspn(title + 1, "\n") : 0,
+             title ? title + 1 : "");
     if (!title || sscanf(line, "CM_ \"Rig %40[^ ,], bus %40[^ ,] on %15[^ :]: protocol %15[a-z0-9]",
                          rig, bus->name, bus->interface, protocol) != 4) {
         return client_fail(client, HIL_CLIENT_TABLES,
@@ -1070,7 +1071,9 @@ static enum hil_client_code stream_connect(struct hil_client *client, const char
     wait.fd = core->gateway;
     if (connect(core->gateway, address->ai_addr, address->ai_addrlen)) {
         error = errno;
-        if (error == EINPROGRESS && !client_poll(client, &wait, 1)) {
+        if (error == EINPROGRESS && client_poll(client, &wait, 1)) {
+            error = ETIMEDOUT;
+        } else if (error == EINPROGRESS) {
             getsockopt(core->gateway, SOL_SOCKET, SO_ERROR, &error, &size);
         }
     }

@@ -134,7 +134,8 @@ static void put_answer(struct control *control, struct control_client *client, c
     json_t *answer = json_object();
     json_t *repeated = id ? json_deep_copy(id) : json_null();
 
-    if (!body || !control_put(answer, "id", repeated) ||
+    /* The id first: an answer takes it over also when there is no body */
+    if (!control_put(answer, "id", repeated) || !body ||
         !control_put(answer, "ok", json_boolean(ok)) || json_object_update(answer, body)) {
         client_put_text(
             control, client,

@@ -335,9 +335,9 @@ static const char *verdict_text(const struct control *control, enum control_comm
                "start the task as a process (coman-hil task), or run with --clock free or lockstep";
     }
     if (verdict == REQUEST_CLOCK && command == CONTROL_SPEED) {
-        return simulator_configuration(control->config.simulator)->clock == LOOP_CLOCK_REAL
-                   ? "the task has a thread of its own, which needs a speed greater than 0"
-                   : "only the real clock has a speed";
+        return simulator_configuration(control->config.simulator)->clock == LOOP_CLOCK_LOCKSTEP
+                   ? "in lockstep the STEPs are the pace"
+                   : "the task has a thread of its own, which needs a speed greater than 0";
     }
     return request_verdict_text(verdict);
 }

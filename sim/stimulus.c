@@ -27,6 +27,7 @@ struct stimulus_reader {
         uint32_t id, mask;
     } extended[EXTENDED_IDS];
     size_t nextended;
+    bool full; /* the boards send more of them */
 };
 
 /* ---- whose frame it is ---- */
@@ -49,7 +50,10 @@ static bool stimulus_mark_sent(void *context, const struct message *message)
     }
     if (!message->extended) {
         reader->sent[marks->bus][message->id % STANDARD_IDS] = 1;
-    } else if (reader->nextended < EXTENDED_IDS) {
+    } else if (reader->nextended == EXTENDED_IDS) {
+        reader->full = true;
+        return false;
+    } else {
         reader->extended[reader->nextended].bus = marks->bus;
         reader->extended[reader->nextended].id = message->id;
         reader->extended[reader->nextended++].mask = message->id_mask;
@@ -213,6 +217,12 @@ enum error_code stimulus_load(const char *path, const struct rig *rig, const cha
         struct stimulus_marks marks = {reader, b};
 
         boards_messages(&rig->boards, (int)b, stimulus_mark_sent, &marks);
+    }
+    if (reader->full) {
+        return error_set(error, ERROR_UNSUPPORTED,
+                         "the boards send more than %d messages with 29-bit identifiers, which a "
+                         "log to play cannot be told from",
+                         EXTENDED_IDS);
     }
     return stimulus_read(reader, arena, stimulus, error);
 }

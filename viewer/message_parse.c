@@ -5,6 +5,7 @@
 #include "base/count.h"
 #include "viewer/viewer.h"
 
+#include <ctype.h>
 #include <math.h>
 #include <string.h>
 
@@ -164,8 +165,8 @@ static bool message_read_bytes(const char *text, struct bus_frame *frame)
     static const char digits[] = "0123456789abcdef";
 
     for (const char *at = text; *at;) {
-        const char *high = *at == ' ' ? NULL : strchr(digits, *at | 0x20);
-        const char *low = high && at[1] ? strchr(digits, at[1] | 0x20) : NULL;
+        const char *high = *at == ' ' ? NULL : strchr(digits, tolower((unsigned char)*at));
+        const char *low = high && at[1] ? strchr(digits, tolower((unsigned char)at[1])) : NULL;
 
         if (*at == ' ') {
             at++;

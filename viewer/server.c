@@ -350,6 +350,9 @@ static enum error_code viewer_allocate(const struct viewer_config *config, struc
     viewer->histogram = arena_alloc(arena, 1, sizeof *viewer->histogram);
     viewer->mesh = arena_alloc(arena, VIEWER_MESHES, sizeof *viewer->mesh);
     viewer->visual = arena_alloc(arena, ROBOT_VISUALS_MAX, sizeof *viewer->visual);
+    if (!viewer->histogram || !viewer->mesh || !viewer->visual) {
+        return error_set(error, ERROR_MEMORY, "page: no memory");
+    }
     /* All places are free and own their buffers */
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
         struct viewer_client *client = &viewer->client[i];
@@ -363,7 +366,8 @@ static enum error_code viewer_allocate(const struct viewer_config *config, struc
             .trace = arena_alloc(arena, 1, VIEWER_TRACE),
             .line = arena_alloc(arena, 1, VIEWER_LINE),
         };
-        if (!client->line) {
+        if (!client->inbox || !client->message || !client->outbox || !client->trace ||
+            !client->line) {
             return error_set(error, ERROR_MEMORY, "page: no memory");
         }
     }

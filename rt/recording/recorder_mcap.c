@@ -254,6 +254,9 @@ static bool recorder_mcap_add_channels(struct recorder_mcap *mcap, struct arena 
             schema = mcap_add_schema(to, channel->type, channel->schema);
         }
         mcap->channels[c] = mcap_add_channel(to, schema, channel->topic);
+        if (!mcap->channels[c]) {
+            return false;
+        }
     }
     /* A channel for each bus */
     for (size_t b = 0; b < config->nbus; b++) {
