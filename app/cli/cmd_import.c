@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil import: a robot and a bench from a URDF or MJCF file. */
+/* coman-hil import: makes a robot and a bench from a URDF or MJCF file. */
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
@@ -12,9 +12,10 @@
 
 #include <stdio.h>
 
+/* Notes of one kind that are printed; the report has all. */
 enum { NOTES_SHOWN = 12 };
 
-/* What the user must know of: the robot is not what the file says. */
+/* Prints the notes of a fate that the user must know of: the robot is not what the file says. */
 static void import_print_notes(const struct import_notes *notes, enum import_fate fate)
 {
     size_t shown = 0;
@@ -32,6 +33,7 @@ static void import_print_notes(const struct import_notes *notes, enum import_fat
     }
 }
 
+/* Prints what was made, and what the user may run next. */
 static void import_print_result(const struct import_result *result)
 {
     const struct robot *robot = result->loaded;
@@ -70,6 +72,7 @@ static void import_print_result(const struct import_result *result)
     printf("faster    coman-hil generate --module %s\n", result->rig);
 }
 
+/* Runs an import and prints its result; returns the exit status. */
 static int import_run_request(const struct command_spec *spec, const struct import_request *request)
 {
     struct import_result result;
@@ -87,14 +90,15 @@ static int import_run_request(const struct command_spec *spec, const struct impo
 
 enum { WORDS_MAX = 16 };
 
-/* The protocols that an import can lay out a bench with, as words of an option. */
+/* The protocols with which an import can lay out a bench, as words of an option and in its help. */
 struct import_words {
     char text[WORDS_MAX][40];
-    struct import_boards boards[WORDS_MAX]; /* by value */
-    struct word word[WORDS_MAX + 1];        /* word NULL at the end */
+    struct import_boards boards[WORDS_MAX]; /* by the value of the word */
+    struct word word[WORDS_MAX + 1];        /* ends with a NULL word */
     char help[240];
 };
 
+/* Lists the protocols that have a bench, over CAN and over CAN FD ("-fd"). */
 static void import_list_words(struct import_words *words)
 {
     const struct protocol *protocol;
