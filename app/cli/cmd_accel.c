@@ -335,6 +335,7 @@ struct accel_options {
     int implementation;
 };
 
+/* Answers the states on standard input, or lists what a state consists of. */
 static enum error_code accel_run(const void *context, const struct robot *robot,
                                  struct arena *arena, struct error *error)
 {

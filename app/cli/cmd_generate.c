@@ -170,6 +170,8 @@ int cmd_generate(int argc, char **argv)
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
+
+    /* A module is found by its robot, so nothing about it can be chosen */
     if (module && (o.folder || o.variant || o.symbolic.lanes != 4)) {
         error_set(&error, ERROR_INPUT,
                   "found --module with --output, --variant or --lanes: a module is that of the "

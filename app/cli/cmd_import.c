@@ -59,6 +59,8 @@ static void import_print_result(const struct import_result *result)
     if (result->standing[0]) {
         printf("          %s\n", result->standing);
     }
+
+    /* The number of notes by fate, then those that the user must know of */
     printf("report    %s:", result->report);
     for (int fate = 0; fate < IMPORT_FATES; fate++) {
         printf("%s %zu %s", fate ? "," : "", import_count_notes(notes, (enum import_fate)fate),
@@ -191,12 +193,15 @@ int cmd_import(int argc, char **argv)
     struct error error;
     int status;
 
+    /* The words of --personality are those of the protocols, so they are made first */
     r = (struct import_request){0};
     trust = false;
     import_list_words(&personalities);
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
+
+    /* What the options cannot say by themselves */
     if (!r.folder) {
         error_set(&error, ERROR_INPUT, "found no --output, expected the folder to write into");
         return options_fail(&spec, &error);

@@ -247,6 +247,8 @@ int cmd_list(int argc, char **argv)
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
+
+    /* One kind, or all of them */
     code = list_find_noun(given, &noun, &error);
     if (!code) {
         code = noun == LIST_ALL ? list_print_all(names, &error)

@@ -264,6 +264,8 @@ int cmd_plot(int argc, char **argv)
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
+
+    /* Refuse to plot nothing, and to write an SVG into a terminal */
     if (o.names.count == 0 && !o.list) {
         error_set(&error, ERROR_INPUT,
                   "--signal: found none, expected one or more; --list prints their names");

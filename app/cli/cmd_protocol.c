@@ -79,6 +79,9 @@ int cmd_protocol(int argc, char **argv)
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
+
+    /* A protocol in C, or else one that a file describes, unless the name is nearly one of the
+     * first */
     protocol = protocol_find(name);
     if (protocol && !protocol->needs_file) {
         protocol_page_print(protocol, stdout);

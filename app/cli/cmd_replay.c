@@ -308,6 +308,8 @@ static int replay_run(const struct replay_options *options)
     if (options->http) {
         return replay_show(options);
     }
+
+    /* Options that only the page has */
     if (options->ready || options->with) {
         error_set(&error, ERROR_INPUT, "found %s without --http, expected both",
                   options->ready ? "--ready" : "--with");
@@ -317,6 +319,8 @@ static int replay_run(const struct replay_options *options)
     if (arena_init(&arena, REPLAY_ARENA, &error)) {
         return command_fail("replay", &error);
     }
+
+    /* Send the frames; a stop ends it early, and what was sent is printed all the same */
     if (replay_prepare(&replay, &arena, &error)) {
         status = command_fail("replay", &error);
     } else {
@@ -334,6 +338,7 @@ static int replay_run(const struct replay_options *options)
 
 int cmd_replay(int argc, char **argv)
 {
+    /* All of the log, at its own speed, by default */
     static struct replay_options o = {.from_s = -1e9, .to_s = 1e12, .speed = 1.0};
     static const struct option_spec options[] = {
         {"--http", OPTION_STRING, "[HOST:]PORT",
