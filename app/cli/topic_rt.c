@@ -8,7 +8,7 @@
 #include <inttypes.h>
 #include <string.h>
 
-/* Instructions of a tick of 1 ms, for the shares (1e9 a second). */
+/* Instructions in a tick of 1 ms at one a nanosecond, of which a phase takes a share. */
 enum { TICK_INSTRUCTIONS = 1000000, NAME_COLUMN = 12 };
 
 /* Prints the manual's text up to the line "  @MARK@"; returns what follows that line. */
