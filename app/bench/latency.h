@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * From a frame that goes out to the frame that answers it, by the kernel's time stamps: of an echo
- * by a bare thread on the same interface, and of boards, virtual or real, from the command that
- * switches a motor to the first telemetry that says so. Beside them how late a timer wakes the
- * thread that measures, as cyclictest has it. One of each in turn. Not RT-safe.
+ * Measures the time from a frame that goes out to the frame that answers it, by the kernel's time
+ * stamps: for an echo by a bare thread on the same interface, and for boards, virtual or real, from
+ * the command that switches a motor to the first telemetry that says so. Beside them how late a
+ * timer wakes the measuring thread, as cyclictest does. One sample of each in turn. Not RT-safe.
  */
 #ifndef APP_BENCH_LATENCY_H
 #define APP_BENCH_LATENCY_H

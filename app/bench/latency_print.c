@@ -169,6 +169,9 @@ static enum error_code latency_join_rig(const struct latency_command *options,
     if (!port || !boards->tap) {
         return error_set(error, ERROR_MEMORY, "no memory left for the buses");
     }
+
+    /* A tap on each bus; the ports that were opened are closed by the caller, also after an
+     * error */
     code = buses_open(rig, TRANSPORT_SOCKETCAN, options->bus.item, options->bus.count, 0, false,
                       arena, &buses, notice, error);
     for (; !code && boards->nbus < rig->nbus; boards->nbus++) {
@@ -190,6 +193,8 @@ static enum error_code latency_join_rig(const struct latency_command *options,
     if (code) {
         return code;
     }
+
+    /* The joint that was named, or the rig's first axis */
     axis = options->joint ? host_find_axis(boards->host, options->joint) : 0;
     if (axis < 0 || config.naxis == 0) {
         return error_set(error, ERROR_INPUT, "no board of the rig drives a joint '%s'",
@@ -325,6 +330,8 @@ int bench_latency(int argc, char **argv)
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
+
+    /* Either a rig, which names its interfaces, or an interface alone */
     if (!o.rig == !o.interface) {
         code = error_set(&error, ERROR_INPUT,
                          "expected a RIG whose boards are on the buses, or --interface IFACE");

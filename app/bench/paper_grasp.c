@@ -201,6 +201,7 @@ static struct svg_plot grasp_panel(const char *title, const char *label,
 static void put_figure_10(struct report *report, const struct grasp_result *ours,
                           const struct grasp_result *theirs)
 {
+    /* Both integrators, where the paper's figure depends on them; right and left elsewhere */
     const struct svg_series box[] = {
         {.name = "implicit, 1 ms",
          .x = ours->time,

@@ -160,8 +160,8 @@ static enum error_code plan_blame(const struct planner *planner, const struct ya
 }
 
 /* Writes the cases for a set of values: one, or those of the scenario's other parameters. The rig
- * is checked where `mark` says what it is checked for; without it the rig is known. With rig_hash
- * NULL only checks, and writes nothing. */
+ * is checked where `mark` says what it is checked for, and when there are several cases; otherwise
+ * it is known. With rig_hash NULL only checks, and writes nothing. */
 static enum error_code plan_cases(struct planner *planner, const char *path,
                                   const struct scenario_value *value, const struct yaml_mark *mark,
                                   uint64_t *rig_hash)
