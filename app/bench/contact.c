@@ -69,6 +69,8 @@ static enum error_code contact_bench_create_worlds(struct bench *bench, struct e
                 return error_set(error, ERROR_MEMORY, "no memory for %zu rounds", bench->rounds);
             }
         }
+
+        /* Both engines evaluate the same motions */
         for (int pose = 0; pose < POSES; pose++) {
             bench_scene_draw(s, &seed, r->motion[pose]);
         }
@@ -224,6 +226,8 @@ static enum error_code contact_bench_run(struct bench *bench, const char *foot, 
         contact_bench_print_rounds(bench);
         code = bench->random > 0 ? contact_bench_run_random(bench, error) : ERROR_NONE;
     }
+
+    /* Simbody's worlds have memory of their own; the native ones are in the arena */
     for (size_t i = 0; i < bench->nscene; i++) {
         struct contact_world *simbody = bench->result[i].world[1];
 

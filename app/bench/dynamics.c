@@ -316,6 +316,8 @@ enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *fil
     if (!code) {
         code = take_sizes(bench, whole, arena, error);
     }
+
+    /* The first engine, our numeric one, is what the others are compared with */
     take_engines(bench, peers);
     for (size_t e = 0; !code && e < bench->nengine; e++) {
         for (size_t s = 0; !code && s < bench->nsize; s++) {

@@ -238,6 +238,8 @@ static enum error_code latency_run(const struct latency_command *options, const 
     if (boards && (code = latency_find_boards(boards, error))) {
         return code;
     }
+
+    /* Ctrl-C ends the measurement early, with the samples so far */
     signal(SIGINT, latency_stop);
     code = latency_measure(boards, ping, echo, (int)options->priority, (size_t)options->count,
                            &latency_stopped, &result, error);

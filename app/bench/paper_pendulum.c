@@ -187,6 +187,8 @@ static void put_figure_3(struct paper *paper, const struct pendulum_course *cour
         "So the paper's error is that of reading off the end of a turn; ours is where the "
         "cubic through angles and rates ends it.",
         pendulum_linear_period_error());
+
+    /* What only the comparison with absolute coordinates shows */
     if (count > 1) {
         report_finding(report, false,
                        "the same with ODE|grows about linearly, to be read off only|%.2f|",

@@ -90,6 +90,8 @@ static enum error_code paper_run_simulate(const struct paper *paper,
     if (code) {
         return code;
     }
+
+    /* The recording is complete before the simulator goes */
     code = paper_run_to_task_end(simulator, order, run, error);
     simulator_destroy(simulator);
     return code;

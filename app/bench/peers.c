@@ -62,6 +62,8 @@ enum error_code peers_open(const char *path, struct peers_library *library, stru
     if (code) {
         return code;
     }
+
+    /* Beside the program, or where the build puts it */
     for (size_t i = 0; i < sizeof places / sizeof places[0]; i++) {
         snprintf(file, sizeof file, "%s%s/" PEERS_FILE, folder, places[i]);
         if (access(file, F_OK) == 0) {

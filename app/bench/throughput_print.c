@@ -66,6 +66,8 @@ static enum error_code throughput_choose_rigs(const struct throughput_command *o
             rig->task = strcmp(rig->rig, shipped[i].rig) == 0 ? shipped[i].task : rig->task;
         }
     }
+
+    /* --task goes before the list's task, and that before the one of the rig's file */
     for (size_t i = 0; i < all->nrig; i++) {
         enum error_code code;
 

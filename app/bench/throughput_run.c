@@ -323,6 +323,8 @@ static enum error_code throughput_write_sweep(const struct throughput *all,
                 rig->task);
         failed |= fclose(scenario);
     }
+
+    /* A number that changes nothing makes the samples of each duration */
     if (sweep) {
         fprintf(sweep,
                 "name: throughput\nscenarios: [case.yaml]\nsamples: %d\nparameters:\n"

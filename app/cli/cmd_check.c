@@ -216,6 +216,8 @@ static void check_print_buses(const struct rig *rig)
                bus->interface, (double)bus->bitrate * 1e-3, telemetry * percent, commands * percent,
                (telemetry + commands) * percent,
                (telemetry + commands) * percent > 100.0 ? ", more than it carries" : "");
+
+        /* The boards of this bus, in the order of the rig */
         for (size_t k = 0; k < rig->boards.nboard; k++) {
             if (rig->boards.board[k].bus == (int)i) {
                 print_board(rig, &rig->boards.board[k]);
@@ -249,6 +251,7 @@ static void check_print_sensors(const struct rig *rig)
     const struct sensor_joint *joint = s->joint;
     size_t differ = 0;
 
+    /* Compare the errors of all joints with the first one's */
     for (size_t j = 1; j < s->njoint; j++) {
         differ += memcmp(&joint[j].link_encoder, &joint[0].link_encoder,
                          sizeof *joint - offsetof(struct sensor_joint, link_encoder)) != 0;

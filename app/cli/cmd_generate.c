@@ -121,6 +121,8 @@ static int generate_module(void *options, const struct rig *rig, struct arena *a
         printf("the dynamics of %s are built in\n", rig->robot->name);
         return STATUS_OK;
     }
+
+    /* The module goes where runs look for it */
     code = robot_dynamics_folder(folder, sizeof folder)
                ? generate_compile(rig->robot, folder, &error)
                : error_set(&error, ERROR_SYSTEM,

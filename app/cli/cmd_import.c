@@ -110,6 +110,7 @@ static void import_list_words(struct import_words *words)
 
     for (size_t i = 0; (protocol = protocol_at(i)); i++) {
         for (int fd = 0; fd < 2 && count < WORDS_MAX; fd++) {
+            /* A protocol without axes on a bench cannot carry an import */
             if ((fd ? &protocol->bench_fd : &protocol->bench)->bus_axes > 0) {
                 snprintf(words->text[count], sizeof words->text[count], "%s%s", protocol->name,
                          fd ? "-fd" : "");

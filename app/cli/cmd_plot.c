@@ -120,6 +120,7 @@ static size_t plot_arrange(const char *const *name, const struct signals *signal
         struct svg_series *own;
         size_t p = 0;
 
+        /* The first panel of that unit with a color left, or a new one */
         while (p < npanel &&
                (strcmp(panel[p].y.label, label) != 0 || panel[p].nseries == SVG_SERIES_MAX)) {
             p++;

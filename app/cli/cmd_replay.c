@@ -174,12 +174,15 @@ static void replay_send_frame(struct replay *replay, struct replay_bus *bus,
     struct clock *clock = clock_monotonic();
     int64_t due, now = clock_now(clock);
 
+    /* The first frame is sent at once; all others keep their distance from it */
     if (replay->origin_ns == INT64_MIN) {
         replay->origin_ns = now;
         replay->first_ns = frame->time_ns;
     }
     due = replay->origin_ns +
           (int64_t)((double)(frame->time_ns - replay->first_ns) / replay->options.speed);
+
+    /* The sleep ends early when a stop is requested */
     while (now < due && !atomic_load(&replay_stopped)) {
         clock_sleep_until(clock, due);
         now = clock_now(clock);

@@ -27,6 +27,8 @@ static int run_exit_status(const struct simulator *simulator, enum loop_end end)
     if (runner) {
         task_runner_read(runner, &task);
     }
+
+    /* What has failed comes first: the model, the deadlines, then the task */
     if (end == LOOP_END_MODEL) {
         fprintf(stderr, "%scoman-hil run: %s\n", journal_prefix(JOURNAL_ERROR),
                 simulator_failure(simulator));
@@ -185,6 +187,8 @@ static void try_reload(struct simulator *simulator, struct monitor *monitor)
         fprintf(stderr, "%sreload refused: %s\n", journal_prefix(JOURNAL_ERROR), error.text);
         return;
     }
+
+    /* Load the rig for a trial: the run is ended only for one that can follow */
     if (rig_load(run_given->rig, &arena, &rig, &error) ||
         run_options_check_trust(run_given, rig, &error)) {
         fprintf(stderr, "%sreload refused, the run continues: %s\n", journal_prefix(JOURNAL_ERROR),

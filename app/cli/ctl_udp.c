@@ -48,6 +48,8 @@ enum error_code ctl_udp_open(const char *to, int *descriptor, struct error *erro
     if (reason) {
         return error_set(error, ERROR_INPUT, "--udp: %.100s: %s", to, gai_strerror(reason));
     }
+
+    /* A connected socket needs no address for each datagram */
     *descriptor = socket(found->ai_family, SOCK_DGRAM | SOCK_CLOEXEC, 0);
     if (*descriptor < 0 || connect(*descriptor, found->ai_addr, found->ai_addrlen)) {
         error_set_errno(error, errno, "--udp: %.100s", to);

@@ -140,6 +140,8 @@ enum error_code page_open(struct page *page, const struct run_options *options, 
     }
     code =
         run_options_parse_address("--http", text, "8080", host, &config.host, &config.port, error);
+
+    /* The page has ports of its own, to send frames as a guest on the buses */
     code = code ? code : simulator_join(simulator, &page->ports, error);
     code = code ? code : page_start(page, options, service, &config, error);
     if (code) {

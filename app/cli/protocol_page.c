@@ -281,6 +281,8 @@ static void protocol_put_frame(struct protocol_frames *frames, struct protocol_f
     fputs(".\n", out);
     protocol_put_fields(frames->protocol, message, out);
     frame->printed = true;
+
+    /* The answer stands with its command, and is not repeated in a section of its own */
     if (answer) {
         bool own_code = answer->message.code != MESSAGE_NO_CODE;
 

@@ -204,6 +204,8 @@ static enum error_code run_options_read_channel(const char *text, struct run_slc
     }
     snprintf(slcan->bus[at], sizeof slcan->bus[at], "%.*s", (int)length, text);
     *channel = (struct gateway_slcan){.bus = slcan->bus[at]};
+
+    /* A port, or a path that becomes a link to a pseudo-terminal */
     if (strncmp(where, "tcp:", 4) == 0) {
         code = run_options_parse_address("--slcan", where + 4, "tcp:3333", slcan->host[at],
                                          &channel->host, &channel->port, error);

@@ -150,6 +150,8 @@ enum error_code task_report_write(const struct task *task, const char *folder, s
     if (!folder || points + joints == 0) {
         return ERROR_NONE;
     }
+
+    /* Columns of all responses, and the frequencies behind them */
     value = malloc((SWEEP_COLUMNS + 1) * (points + 1) * sizeof *value);
     if (!value) {
         return error_set(error, ERROR_MEMORY, "no memory for the report");

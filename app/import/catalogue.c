@@ -62,6 +62,7 @@ static enum error_code drive_pick_locate(struct drive_pick *pick, struct arena *
     char whole[PATH_MAX];
     enum error_code code;
 
+    /* A path means a file of the user's own, which goes by its name below ../drives/ */
     if (strpbrk(pick->file, "/.")) {
         const char *slash, *name;
 
@@ -85,6 +86,8 @@ static enum error_code drive_pick_locate(struct drive_pick *pick, struct arena *
         return *path && pick->file ? ERROR_NONE
                                    : error_set(error, ERROR_MEMORY, "no memory for the drives");
     }
+
+    /* A plain name is one of the catalogue */
     code = config_locate_from(CONFIG_DRIVE, pick->file, "", arena, path, error);
     return code ? error_prefix(error, "--drive") : ERROR_NONE;
 }

@@ -182,6 +182,9 @@ static enum error_code collada_read_inputs(struct collada *c, const xmlNode *pri
         if (!code && offset >= COLLADA_STRIDE_MAX) {
             code = collada_refuse(c, input, "of a high offset, expected one below 64");
         }
+
+        /* The vertices are one input of several (normals, texture); each takes a number of a
+         * corner */
         if (!code && semantic && !strcmp(semantic, "VERTEX")) {
             code = collada_follow(c, input, "source", "vertices", &corners->vertices);
             corners->position = offset;

@@ -203,6 +203,8 @@ static void joint_tell_cylinder(const struct import_robot *from, size_t j, doubl
                     hydraulic_direction(cylinder, joint->lower, joint->upper) > 0.0 ? "positively"
                                                                                     : "negatively",
                     joint->torque_limit, least, source->effort, source->velocity);
+
+    /* Weak and mismatched drives are told, not refused: the user has chosen them */
     if (least < bears) {
         import_note_add(notes, IMPORT_CHANGED, source->file, source->line,
                         "joint \"%.63s\" bears %.3g N m in a pose, its drive %.63s gives %.3g to "

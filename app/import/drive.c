@@ -110,6 +110,8 @@ static void drive_choose_limits(const struct import_robot *from, size_t j, doubl
 
     *strength = source->effort;
     *speed = source->velocity;
+
+    /* An effort of 0, or far above all loads, is no strength */
     if (!(*strength > 0.0) || *strength > PLACEHOLDER_TIMES * most_load) {
         *strength = fmax(fmax(STRENGTH_TIMES * load, 0.02 * most_load), 1e-3);
         import_note_add(notes, IMPORT_ASSUMED, file, source->line,
@@ -117,6 +119,8 @@ static void drive_choose_limits(const struct import_robot *from, size_t j, doubl
                         source->name, *strength, source->effort,
                         source->effort > 0.0 ? "is a placeholder" : "is none");
     }
+
+    /* A joint must hold the robot's own poses, with room to move */
     if (*strength < CARRY_TIMES * bears) {
         import_note_add(
             notes, IMPORT_ASSUMED, file, source->line,
@@ -125,6 +129,8 @@ static void drive_choose_limits(const struct import_robot *from, size_t j, doubl
             source->name, CARRY_TIMES * bears, bears, *strength);
         *strength = CARRY_TIMES * bears;
     }
+
+    /* A velocity of 0, or a huge one, is no speed */
     if (source->type != IMPORT_PRISMATIC && (!(*speed > 0.0) || *speed > SPEED_MOST_RAD_S)) {
         *speed = SPEED_RAD_S;
         import_note_add(notes, IMPORT_ASSUMED, file, source->line,

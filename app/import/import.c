@@ -229,6 +229,8 @@ static enum error_code import_choose_poses(struct importer *m, struct import_rig
     if (!bodies) {
         return error_set(m->error, ERROR_MEMORY, "no memory for the poses");
     }
+
+    /* The pose asked for, or one that is named like standing; pose 0 is rest */
     pose = like ? robot_find_pose(robot, like) : 0;
     if (pose < 0) {
         return error_set(m->error, ERROR_INPUT,
@@ -236,6 +238,8 @@ static enum error_code import_choose_poses(struct importer *m, struct import_rig
                          like);
     }
     rig->pose = robot->pose[pose].name;
+
+    /* Hang it clear of the ground; stand it with its lowest point on the ground */
     shaped = import_find_lowest(robot, robot->pose[pose].joint, bodies, &lowest);
     rig->height_m = (shaped ? -lowest : 1.0) + HANG_CLEARANCE_M;
     if (robot->floating && like && shaped) {

@@ -125,6 +125,8 @@ static enum error_code mesh_look(const struct import_model *model,
     if (!import_find_folder(model->file, folder)) {
         return error_set_file(error, errno, model->file, "cannot be found again");
     }
+
+    /* Packages are searched for; other paths count from the robot file's folder */
     if (name.is_package) {
         *where = package_find(name.text, folder, packages, path) ? IMPORT_PATH_FOUND
                                                                  : IMPORT_PATH_MISSING;

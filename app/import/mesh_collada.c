@@ -276,9 +276,13 @@ static enum error_code collada_read_scene(struct collada *c)
     if (code) {
         return code;
     }
+
+    /* The root's place is the unit's scale alone */
     for (int m = 0; m < 3; m++) {
         place.R[m][m] = meter;
     }
+
+    /* The scene that is instantiated, or the first of the library */
     scene = scene ? xml_child(scene, "instance_visual_scene") : NULL;
     library = xml_child(c->file.root, "library_visual_scenes");
     if (scene) {

@@ -410,6 +410,8 @@ enum error_code mesh_parse(const char *name, bool is_file, const char *text, siz
     enum error_code code;
 
     *mesh = (struct import_mesh){0};
+
+    /* Read the faces as they stand, then join the vertices that they share */
     code = mesh_read_faces(&r);
     code = code ? code : mesh_join_vertices(&r);
     if (code) {

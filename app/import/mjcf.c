@@ -160,6 +160,8 @@ static enum error_code mjcf_read_settings(struct mjcf_reader *r)
         for (size_t i = 0; silent[i] && !known; i++) {
             known = xml_is(node, silent[i]);
         }
+
+        /* Sections that are read elsewhere are known; a section that nothing reads is noted */
         if (mjcf_must_be_expanded(node)) {
             code = mjcf_refuse_unexpanded(r, node);
         } else if (xml_is(node, "compiler")) {
@@ -450,6 +452,7 @@ static enum error_code mjcf_read_matter(const struct mjcf_reader *r, const xmlNo
          child = xml_next(child, NULL)) {
         const char *name = xml_attribute(child, "name");
 
+        /* Geoms add to the inertia only where the body has none of its own */
         if (xml_is(child, "geom")) {
             code = mjcf_read_geom(r, child, childclass, at, of_geoms ? &link->inertia : NULL);
         } else if (xml_is(child, "site") && name && r->imu_site && !strcmp(name, r->imu_site) &&
@@ -574,6 +577,8 @@ static enum error_code mjcf_make_room(struct mjcf_reader *r)
     for (const xmlNode *next = world; next; next = xml_next(next, "worldbody")) {
         mjcf_count(next, 0, &bodies, &joints, &geoms);
     }
+
+    /* A link for the world, each body, and each joint of a body with several */
     links = 1 + bodies + joints;
     if (bodies == 0 || links > IMPORT_LINKS_MAX || geoms > IMPORT_GEOMETRY_MAX) {
         return mjcf_refuse(r, world,

@@ -69,6 +69,8 @@ static enum error_code solid_take_mesh(const struct mjcf_reader *r, const struct
         arena_fini(&scratch);
         return code;
     }
+
+    /* The mesh is needed for its integrals only: its memory goes at once */
     code = import_read_mesh(path, g->scale, &scratch, &mesh, &why);
     if (code) {
         import_error(r->error, g->file, g->line,
@@ -187,6 +189,8 @@ static enum error_code geom_read_mesh(const struct mjcf_reader *r, const xmlNode
                            "found refpos or refquat of a mesh, expected it where its file has it: "
                            "move the geom instead");
     }
+
+    /* The path is that of the file, below meshdir unless it is absolute */
     file = xml_attribute(mesh->node, "file");
     below = below && file[0] != '/';
     snprintf(path, sizeof path, "%.200s%s%.300s", below ? r->meshdir : "", below ? "/" : "", file);
@@ -289,6 +293,8 @@ static enum error_code geom_read_looks(const struct mjcf_reader *r, const xmlNod
         (code = mjcf_reals(r, node, childclass, "rgba", 4, g->color, &own))) {
         return code;
     }
+
+    /* The geom's own rgba goes before its material's */
     if (!own && material) {
         memcpy(g->color, white, sizeof g->color);
         code = mjcf_reals(r, material->node, NULL, "rgba", 4, g->color, NULL);
@@ -296,6 +302,8 @@ static enum error_code geom_read_looks(const struct mjcf_reader *r, const xmlNod
     for (int m = 0; m < 4; m++) {
         g->color[m] = fmin(fmax(g->color[m], 0.0), 1.0);
     }
+
+    /* MuJoCo's viewer shows groups 0 to 2; a color always overrides the mesh's */
     g->visual = group < 3.0 && g->color[3] > 0.0;
     g->colored = g->repaints = true;
     return code;

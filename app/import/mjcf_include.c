@@ -37,6 +37,8 @@ static enum error_code include_find(struct includer *in, const struct xml_file *
         return code;
     }
     where = import_resolve_path(in->inside, folder, name, r->packages->trust, path);
+
+    /* As MuJoCo: beside the file that includes, or else beside the main file */
     if (where == IMPORT_PATH_MISSING) {
         where = import_resolve_path(in->inside, in->inside, name, r->packages->trust, path);
     }
@@ -99,6 +101,8 @@ static enum error_code include_replace(struct includer *in, const struct xml_fil
         (code = xml_file_open(&other, path, r->arena, r->error))) {
         return code;
     }
+
+    /* Many small includes could still make a huge document */
     in->bytes += other.size;
     if (in->bytes > XML_FILE_MAX) {
         code = import_error(r->error, xml_name(file, node), xml_line(node),
@@ -107,6 +111,8 @@ static enum error_code include_replace(struct includer *in, const struct xml_fil
     } else if (!import_find_folder(path, beside)) {
         code = error_set_file(r->error, errno, path, "cannot be read");
     }
+
+    /* Its own includes first, so that what is inserted has none left */
     code = code ? code : include_expand(in, &other, beside, other.root, depth + 1);
     code = code ? code : xml_insert_file(file, node, &other, r->error);
     xml_file_close(&other);

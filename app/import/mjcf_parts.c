@@ -77,6 +77,8 @@ static enum error_code mjcf_index_classes(struct mjcf_reader *r)
                                count, MJCF_DEFAULTS_MAX);
         }
     }
+
+    /* Each element below <default> may be a class: room for all of them is enough */
     r->classes.entry = arena_alloc(r->arena, count + 1, sizeof *r->classes.entry);
     if (!r->classes.entry) {
         return mjcf_no_memory(r);
@@ -359,6 +361,7 @@ static enum error_code mjcf_lead(const struct mjcf_reader *r, const xmlNode *nod
     struct import_joint *follower = &r->model->joint[first], *leader = &r->model->joint[second];
     double multiplier = polynomial[1], offset = polynomial[0];
 
+    /* Swap the two: y = a + b x becomes x = -a/b + y/b */
     if (!bends && multiplier != 0.0 && !leader->mimic && !leader->driven &&
         (follower->driven || follower->mimic)) {
         struct import_joint *other = follower;
@@ -368,6 +371,8 @@ static enum error_code mjcf_lead(const struct mjcf_reader *r, const xmlNode *nod
         offset = -offset / multiplier;
         multiplier = 1.0 / multiplier;
     }
+
+    /* Each joint follows one other at most */
     if (follower->mimic) {
         return mjcf_refuse(r, node,
                            "found joint \"%.63s\" of an equality, which follows \"%.63s\" already "
@@ -449,6 +454,8 @@ static enum error_code mjcf_read_key(const struct mjcf_reader *r, const xmlNode 
     if (!text) {
         return ERROR_NONE;
     }
+
+    /* Fixed joints have no coordinate; the free one's seven belong to the base */
     code = xml_parse_reals(r->file, node, "qpos", text, (size_t)r->qpos_count, qpos, r->error);
     for (size_t j = 0; j < model->njoint && !code; j++) {
         const struct import_joint *joint = &model->joint[j];

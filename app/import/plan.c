@@ -98,6 +98,8 @@ static enum error_code plan_add_joints(const struct robot *robot, size_t most, b
         if (!joint_is_for(&robot->joint[j], valves)) {
             continue;
         }
+
+        /* On a limb that is begun one more joint must fit, of a new limb all its joints */
         fits = bus && bus->njoint + (own == limb ? 1 : limb_count_axes(robot, own, valves)) <= most;
         if (!fits) {
             enum error_code code = plan_add_bus(plan, &bus, error);

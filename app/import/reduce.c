@@ -314,6 +314,7 @@ static void reduce_choose_base(struct reducer *r)
     struct robot *robot = r->out->robot;
     const char *why = NULL;
 
+    /* What the user or the files say decides */
     if (r->options->base != IMPORT_BASE_GUESS) {
         robot->floating = r->options->base == IMPORT_BASE_FLOATING;
         return;
@@ -326,6 +327,8 @@ static void reduce_choose_base(struct reducer *r)
         robot->floating = model->floating_base;
         return;
     }
+
+    /* Otherwise guess, and note the guess: a base with two limbs or more floats */
     if (!strcmp(root->name, "world") || robot->body[0].inertia.mass <= NO_MASS_KG) {
         robot->floating = false;
         why = "the root has no mass or is the world";

@@ -51,6 +51,8 @@ static enum error_code reduce_find_root(struct reducer *r)
         if (r->above[i] >= 0) {
             continue;
         }
+
+        /* A second root makes a forest */
         if (r->root >= 0) {
             return import_error(r->error, model->link[i].file, model->link[i].line,
                                 "found link \"%.63s\" on no joint beside \"%.63s\" (line %d), "
@@ -243,6 +245,8 @@ static enum error_code reduce_check_limit(struct reducer *r, size_t j)
                             "expected it below",
                             joint->name, joint->lower, joint->upper);
     }
+
+    /* Equal limits leave no motion; limits beside 0 move the rest position */
     if (joint->lower == joint->upper) {
         reduce_fix_joint(r, j, joint->lower, "both limits are there");
     } else if ((joint->lower > 0.0 || joint->upper < 0.0) && !reduce_is_coupled(r, j)) {

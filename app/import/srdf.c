@@ -85,6 +85,8 @@ static enum error_code srdf_read_state(const struct urdf_reader *r, const xmlNod
     if (code) {
         return code;
     }
+
+    /* A second state of the same name belongs to another group of joints: it adds to the pose */
     pose = srdf_find_pose(model, name);
     if (!pose) {
         pose = &model->pose[model->npose++];

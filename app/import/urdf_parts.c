@@ -132,6 +132,8 @@ static enum error_code urdf_read_shape(const struct urdf_reader *r, const xmlNod
     if (node && xml_is(node, "box")) {
         return urdf_read_box(r, node, shape);
     }
+
+    /* A radius of 0 is accepted here: some files mark points with spheres */
     if (node && xml_is(node, "sphere")) {
         shape->shape = IMPORT_SPHERE;
         code = xml_need_real(r->file, node, "radius", &shape->radius, r->error);

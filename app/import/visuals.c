@@ -54,6 +54,8 @@ static enum error_code visual_add(struct visual_builder *b, const struct import_
     visual = &robot->visual[robot->nvisual++];
     snprintf(name, sizeof name, "%.40s-visual%zu", robot->body[from->body[shape->link]].name,
              robot->nvisual);
+
+    /* The place in the body: the link's in it, the shape's in the link */
     import_place_compose(&from->place[shape->link], &shape->place, &place);
     visual->name = arena_strdup(b->arena, name);
     visual->body = from->body[shape->link];

@@ -109,6 +109,8 @@ static void write_buses(FILE *out, const struct import_rig *rig)
         const struct import_bus *bus = &rig->plan->bus[i];
 
         fprintf(out, "  - name: bus%zu\n    interface: can%zu\n", i, i);
+
+        /* A bus of valves has one board and no sensors */
         if (bus->valves) {
             fputs(only_valves ? "" : "    personality: described\n    protocol: servo-valve\n",
                   out);

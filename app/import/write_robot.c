@@ -151,9 +151,13 @@ static void write_joint(FILE *out, const struct import_robot *from, size_t j)
     fprintf(out, ", upper_%s: ", turns ? "rad" : "m");
     import_write_real(out, joint->upper);
     fprintf(out, ", %s: %.6g}\n", turns ? "torque_nm" : "force_n", joint->torque_limit);
+
+    /* A joint without limits has no stops to run into */
     if (from->source[j]->type == IMPORT_CONTINUOUS) {
         fputs("    stops: {enabled: false}\n", out);
     }
+
+    /* A drive of the catalogue goes by its file, an assumed one by its numbers */
     if (from->drive_file[j]) {
         write_catalogue_drive(out, from->drive_file[j], &joint->hydraulic);
     } else if (joint->sea.present) {

@@ -403,6 +403,8 @@ enum error_code xml_parse_reals(const struct xml_file *file, const xmlNode *node
         }
         at += length;
     }
+
+    /* More numbers than expected are as wrong as fewer */
     if (at[strspn(at, blanks)] != '\0') {
         return xml_refuse_number(file, node, what, text, count, error);
     }

@@ -30,6 +30,8 @@ static int png_run_converter(int in, int out, int *reason)
     if (*reason) {
         return 0;
     }
+
+    /* A signal may interrupt the wait */
     while (waitpid(process, &status, 0) < 0) {
         if (errno != EINTR) {
             *reason = errno;

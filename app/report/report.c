@@ -238,6 +238,8 @@ void report_finding(struct report *report, bool main, const char *format, ...)
     if (report->nfinding == REPORT_FINDINGS_MAX || report->nsection == 0) {
         report_fail(report, ERROR_MEMORY, "too many findings in the report");
     }
+
+    /* Cells that are left out are empty */
     for (size_t count = report_split_cells(line, cell); count < 4; count++) {
         cell[count] = line + strlen(line);
     }

@@ -410,6 +410,8 @@ static enum error_code check_mutations(const struct scenario *scenario, struct e
                               "found mutation \"%.60s\" with %s of fault and without, expected one",
                               mutation->name, mutation->fault_given ? "both" : "neither");
         }
+
+        /* The runner's own labels cannot be left out */
         if (mutation->without_given && find_label(scenario, mutation->without) < SCENARIO_LABELS) {
             return yaml_error(error, &mutation->mark,
                               "found without: \"%.60s\", expected the label of a stimulus",

@@ -210,6 +210,7 @@ static void expectation_close_window(struct judged *judged, int64_t time_ns)
     const double *band = judged->what->band;
     enum scenario_look look = judged->what->look;
 
+    /* A signal that has stayed in its band meets it; one that has not reached it fails */
     if (look == SCENARIO_BETWEEN) {
         expectation_decide(judged, true, time_ns);
     } else if (look == SCENARIO_REACHES) {

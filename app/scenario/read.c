@@ -124,6 +124,8 @@ static enum error_code check_parameters(const struct parameters *given, size_t *
                 "and at least one value, or one word",
                 parameter->name, parameter->nvalue, parameter->nword);
         }
+
+        /* The number of combinations is checked before it is multiplied */
         if (i >= SCENARIO_PARAMETERS_MAX ||
             parameter_values(given, i) > SCENARIO_CASES_MAX / *cases) {
             return yaml_error(
@@ -488,6 +490,8 @@ enum error_code scenario_read_with(const char *path, const struct scenario_value
         free(text);
         return code;
     }
+
+    /* A file that fills the buffer may be longer, and is refused */
     size = fread(text, 1, EXPANDED_MAX, in);
     if (ferror(in)) {
         code = error_set_file(error, errno, path, "cannot be read");

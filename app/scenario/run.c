@@ -429,6 +429,8 @@ static enum error_code scenario_run_in_arena(struct run *run,
     if (!code) {
         code = simulator_start(run->view.simulator, &unused, error);
     }
+
+    /* The gateway must listen before the program starts */
     if (!code && run->scenario->host == SCENARIO_HOST_PROGRAM) {
         code = scenario_program_start(&run->program, options->program,
                                       gateway_port(simulator_gateway(run->view.simulator)),

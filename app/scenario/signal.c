@@ -203,6 +203,8 @@ static double signal_read_wire(const struct scenario_view *view, size_t bus, siz
     if (!wire) {
         return (double)NAN;
     }
+
+    /* Words 5 to 11 of bus_words: tec, bus_off, errors, load, load_peak, queued, latency_max */
     if (word == 5) {
         return largest_tec(view, wire, bus);
     }

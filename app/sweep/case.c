@@ -134,6 +134,7 @@ static enum error_code plan_write_result(const struct plan *plan, const struct p
                   status_word[result->status], "state_hash", state, "virtual_s", result->virtual_s,
                   "margin", margin, "failed_s", result->failed_s, "message", result->message);
 
+    /* The file appears complete or not at all: an engine repeats a case without one */
     plan_result_path(plan, result->number, path);
     code = text ? whole_file_open(&file, path, error)
                 : error_set(error, ERROR_MEMORY, "no memory left for a result");

@@ -247,6 +247,8 @@ enum error_code plan_merge(const char *path, size_t *ncase, size_t *failed, stru
         *failed += result[i].status != SCENARIO_PASSED;
     }
     *ncase = plan.ncase;
+
+    /* Three views of the same results */
     snprintf(to, sizeof to, "%.4000s.xml", path);
     code = merge_write_junit(&plan, result, &arena, to, error);
     snprintf(to, sizeof to, "%.4000s.csv", path);

@@ -94,6 +94,8 @@ static void page_count_bins(const struct page *page, struct page_parameter *para
                  parameter->low + width * (double)k, parameter->low + width * (double)(k + 1));
         parameter->nbin = BINS;
     }
+
+    /* Each case counts in the bin of its value */
     for (size_t i = 0; i < page->plan->ncase; i++) {
         struct page_bin *bin =
             page_find_bin(parameter, plan_value(&page->plan->list[i], parameter->name));
@@ -103,6 +105,8 @@ static void page_count_bins(const struct page *page, struct page_parameter *para
             bin->passed += page->result[i].status == SCENARIO_PASSED;
         }
     }
+
+    /* The spread of the shares says how much the parameter matters */
     for (size_t k = 0; k < parameter->nbin; k++) {
         double share = (double)parameter->bin[k].passed / (double)parameter->bin[k].count;
 

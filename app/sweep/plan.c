@@ -299,6 +299,8 @@ static enum error_code plan_save(const struct planner *planner, const char *path
     if (code) {
         return code;
     }
+
+    /* The id stands for the lines, the name and the program */
     sum = hash_bytes(sum, sweep->name, strlen(sweep->name));
     sum = sweep->program ? hash_bytes(sum, sweep->program, strlen(sweep->program)) : sum;
     snprintf(id, sizeof id, "%016" PRIx64, sum);
@@ -407,6 +409,8 @@ static bool plan_take_case(const char *text, size_t number, const char *folder, 
 
     good = good && given == (json_int_t)number && json_is_object(values) && seed >= 0 &&
            strlen(hash) == PLAN_HASH - 1 && json_object_size(values) <= SCENARIO_PARAMETERS_MAX;
+
+    /* Paths in a plan count from its folder */
     if (good) {
         snprintf(path, sizeof path, "%s%s", folder, file);
         *out = (struct plan_case){.number = number, .seed = (uint64_t)seed};
@@ -498,6 +502,8 @@ enum error_code plan_read(const char *path, size_t first, size_t last, struct ar
         code = newer ? plan_newer(path, error) : plan_unexpected(path, 1, "head", error);
         goto done;
     }
+
+    /* 0 and 0 ask for all cases */
     if (last > plan->ncase || first > last) {
         code = error_set(error, ERROR_INPUT, "%.200s: found case %zu, expected 1 to %zu", path,
                          last, plan->ncase);

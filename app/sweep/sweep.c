@@ -153,6 +153,8 @@ static enum error_code check_sweep(struct sweep *sweep, struct error *error)
             return ERROR_INPUT;
         }
         values = values ? values : 1;
+
+        /* The bound is checked before the product is taken */
         if (values > SWEEP_CASES_MAX / (sweep->combinations * (size_t)sweep->samples)) {
             return yaml_error(error, &parameter->mark, "found more than %d cases, expected fewer",
                               SWEEP_CASES_MAX);

@@ -81,6 +81,8 @@ static bool bitrate_is_wrong(struct doctor *d, const struct rig_bus *bus,
              "ip link set %s down && ip link set %s type can bitrate %" PRId64
              " && ip link set %s up, or configure: true in the rig",
              bus->interface, bus->interface, bus->bitrate, bus->interface);
+
+    /* A run that configures the interface mends it, if it has the right to */
     if (!bus->configure) {
         doctor_add_finding(d, DOCTOR_FAIL, "controller", fix,
                            "%s of bus %s runs at %u bit/s, the rig says %" PRId64, bus->interface,

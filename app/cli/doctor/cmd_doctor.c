@@ -132,6 +132,8 @@ static int doctor_examine_rig(void *context, const struct rig *rig, struct arena
         print_finding(&findings[i]);
     }
     doctor_print_robot(rig, arena);
+
+    /* The measurement takes the rights of a run, so it comes last */
     if (options->measure_s > 0.0) {
         fflush(stdout);
         doctor_measure_wakeups(rig, options->measure_s);

@@ -156,6 +156,8 @@ static void examine_processor(struct doctor *d)
     doctor_read_entry(d, "/proc/self/status", "Cpus_allowed_list", allowed, sizeof allowed);
     snprintf(fix, sizeof fix, "add isolcpus=%d nohz_full=%d rcu_nocbs=%d to %s", cpu, cpu, cpu,
              doctor_command_line(d));
+
+    /* Worst first: no processor named, one that is not there, one that is not allowed */
     if (cpu < 0) {
         doctor_add_finding(
             d, DOCTOR_WARN, "processor", "isolate one and name it in the rig: realtime: {cpu: N}",
