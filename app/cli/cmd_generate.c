@@ -18,6 +18,7 @@
 
 enum { PATH_SIZE = 1024 };
 
+/* Prints how many operations each generated function takes. */
 static void print_report(const struct robot *robot, const struct symbolic_report *report,
                          const char *path)
 {
@@ -35,6 +36,7 @@ static void print_report(const struct robot *robot, const struct symbolic_report
     printf("written   %s\n", path);
 }
 
+/* Generates the C source of a robot's dynamics into a file. */
 static enum error_code generate_write_module(const struct robot *robot,
                                              const struct symbolic_options *options,
                                              const char *path, struct symbolic_report *report,
@@ -55,6 +57,7 @@ struct generate_options {
     struct symbolic_options symbolic;
 };
 
+/* Generates the source of a robot into the folder that the options name. */
 static enum error_code generate_file(const void *context, const struct robot *robot,
                                      struct arena *arena, struct error *error)
 {
@@ -78,7 +81,7 @@ static enum error_code generate_file(const void *context, const struct robot *ro
 
 /* ---- modules ---- */
 
-/* Makes the module of a robot unless there is one; folder: where it lies then. */
+/* Compiles the module of a robot into the folder, unless there is one. */
 static enum error_code generate_compile(const struct robot *robot, const char *folder,
                                         struct error *error)
 {
@@ -93,7 +96,8 @@ static enum error_code generate_compile(const struct robot *robot, const char *f
     fprintf(stderr, "compiling the dynamics of %s: some seconds for each ten of its %zu joints\n",
             robot->name, robot->njoint);
 
-    /* Others may read what root makes; nobody else may write, or it would not be run */
+    /* Others may read what root makes; nobody else may write there, or the module would not be
+     * loaded */
     umask(022);
     code = folder_make_all(folder, error);
     code = code ? code : symbolic_build(robot, &robot_dynamics_module, folder, &library, error);
@@ -104,6 +108,7 @@ static enum error_code generate_compile(const struct robot *robot, const char *f
     return code;
 }
 
+/* Compiles the module of a rig's robot, unless its dynamics are built in. */
 static int generate_module(void *options, const struct rig *rig, struct arena *arena)
 {
     char folder[PATH_SIZE];
@@ -116,6 +121,8 @@ static int generate_module(void *options, const struct rig *rig, struct arena *a
         printf("the dynamics of %s are built in\n", rig->robot->name);
         return STATUS_OK;
     }
+
+    /* The module goes where runs look for it */
     code = robot_dynamics_folder(folder, sizeof folder)
                ? generate_compile(rig->robot, folder, &error)
                : error_set(&error, ERROR_SYSTEM,
@@ -165,6 +172,8 @@ int cmd_generate(int argc, char **argv)
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
+
+    /* A module is found by its robot, so nothing about it can be chosen */
     if (module && (o.folder || o.variant || o.symbolic.lanes != 4)) {
         error_set(&error, ERROR_INPUT,
                   "found --module with --output, --variant or --lanes: a module is that of the "

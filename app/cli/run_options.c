@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The command line of coman-hil run. */
+/* Reads the command line of coman-hil run. */
 #include "app/cli/run_options.h"
 
 #include "app/cli/manual.h"
@@ -19,7 +19,7 @@ enum { KINDS_SIZE = 4096 };
 static const struct word transport_words[] = {
     {"auto", TRANSPORT_AUTO}, {"socketcan", TRANSPORT_SOCKETCAN}, {"local", TRANSPORT_LOCAL}, {0}};
 
-/* The options' values while they are read: the table below points into it. */
+/* Values of the options while they are read: the table below points into it. */
 static struct run_options read;
 
 static const struct option_spec options[] = {
@@ -115,7 +115,7 @@ static const struct option_spec options[] = {
     {"--quiet", OPTION_FLAG, NULL, "no status line", .value = &read.quiet},
 };
 
-/* A line for each kind of fault. */
+/* Makes the help on faults: a line for each kind. */
 static void list_fault_kinds(char list[KINDS_SIZE])
 {
     size_t used = 0, count = faults_help(0, NULL, 0);
@@ -169,7 +169,7 @@ enum error_code run_options_parse_address(const char *option, const char *text, 
     size_t length = colon ? (size_t)(colon - text) : 0;
     int64_t number;
 
-    /* The address, without the brackets of IPv6 */
+    /* The address goes without the brackets of IPv6 */
     if (length > 2 && text[0] == '[' && text[length - 1] == ']') {
         snprintf(host, RUN_HOST_SIZE, "%.*s", (int)length - 2, text + 1);
     } else {
@@ -186,6 +186,7 @@ enum error_code run_options_parse_address(const char *option, const char *text, 
     return ERROR_NONE;
 }
 
+/* Reads one --slcan, BUS=PATH or BUS=tcp:[HOST:]PORT, into the next channel. */
 static enum error_code run_options_read_channel(const char *text, struct run_slcan *slcan,
                                                 struct error *error)
 {
@@ -203,6 +204,8 @@ static enum error_code run_options_read_channel(const char *text, struct run_slc
     }
     snprintf(slcan->bus[at], sizeof slcan->bus[at], "%.*s", (int)length, text);
     *channel = (struct gateway_slcan){.bus = slcan->bus[at]};
+
+    /* A port, or a path that becomes a link to a pseudo-terminal */
     if (strncmp(where, "tcp:", 4) == 0) {
         code = run_options_parse_address("--slcan", where + 4, "tcp:3333", slcan->host[at],
                                          &channel->host, &channel->port, error);
@@ -250,7 +253,7 @@ bool run_options_is_loopback(const char *host)
            (IN6_IS_ADDR_V4MAPPED(&six) && six.s6_addr[12] == IN_LOOPBACKNET);
 }
 
-/* Whether a path leads, or may lead, out of the folder that the program runs in. */
+/* Checks whether a path leads, or through symbolic links may lead, out of the working directory. */
 static bool path_leaves_folder(const char *path)
 {
     char part[PATH_MAX];
@@ -272,7 +275,8 @@ static bool path_leaves_folder(const char *path)
     return false;
 }
 
-/* Whether the rig's page is for this machine alone; the error is of an address that is none. */
+/* Checks whether the rig's page listens on this machine alone; an error for an address that is
+ * none. */
 static enum error_code listens_here(const struct rig_page *page, bool *here, struct error *error)
 {
     char host[RUN_HOST_SIZE];
@@ -294,6 +298,8 @@ enum error_code run_options_check_trust(const struct run_options *given, const s
     const struct rig_page *page = &rig->page;
     bool here = true;
 
+    /* A rig from elsewhere records below the working directory only, and serves its page here
+     * only */
     if (!given->record && record->directory && !given->trust &&
         !config_is_installed(record->mark.file) && path_leaves_folder(record->directory)) {
         return yaml_error(error, &record->mark,

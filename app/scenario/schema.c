@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The form of a scenario file. */
+/* Declares the keys of a scenario file. */
 #include "app/scenario/private.h"
 
 #include "base/count.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What doctor finds on machines with ARM processors, and what it must say in other words there. */
+/* Examines what only machines with ARM processors have, and words fixes for them. */
 #include "app/cli/doctor/private.h"
 
 #include <stdio.h>
@@ -15,6 +15,7 @@ bool doctor_is_arm(const struct doctor *d)
     return doctor_read_entry(d, "/proc/cpuinfo", "CPU implementer", text, sizeof text);
 }
 
+/* Checks whether the machine is a Raspberry Pi. */
 static bool doctor_is_raspberry_pi(const struct doctor *d)
 {
     char model[DOCTOR_TEXT];
@@ -27,7 +28,8 @@ bool doctor_is_virtual_arm(const struct doctor *d)
 {
     char text[DOCTOR_TEXT];
 
-    /* ARM has no flag for it. A hypervisor says so in the device tree, or has a board of its own */
+    /* ARM has no processor flag for it: a hypervisor says so in the device tree, or has a board of
+     * its own */
     if (doctor_read_line(d, text, sizeof text, "/proc/device-tree/hypervisor/compatible") ||
         doctor_read_line(d, text, sizeof text, "/sys/hypervisor/type")) {
         return true;
@@ -55,7 +57,8 @@ const char *doctor_command_line(const struct doctor *d)
     return doctor_is_raspberry_pi(d) ? "/boot/firmware/cmdline.txt" : "the kernel's command line";
 }
 
-/* Processors of several speeds on one chip: the kernel says of each what it is worth. */
+/* Examines whether the loop's processor is a fast one, on chips with processors of several speeds:
+ * the kernel gives the relative capacity of each. */
 static void examine_capacity(struct doctor *d)
 {
     int cpu = d->config->rig->realtime.cpu, fastest = -1;
@@ -76,6 +79,8 @@ static void examine_capacity(struct doctor *d)
             fastest = i;
         }
     }
+
+    /* Without such a file all processors are alike */
     if (cpu < 0 || own <= 0 || best <= 0) {
         return;
     }
@@ -90,7 +95,8 @@ static void examine_capacity(struct doctor *d)
     }
 }
 
-/* A Raspberry Pi lowers its clock when its supply sags; the alarm stays until it is read. */
+/* Examines the supply of a Raspberry Pi, which lowers its clock when the voltage sags; the alarm
+ * stays until it is read. */
 static void examine_supply(struct doctor *d)
 {
     char text[64];

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What doctor finds on CAN interfaces, and the load of a rig's buses. */
+/* Examines CAN interfaces, and the load of a rig's buses. */
 #include "app/cli/doctor/private.h"
 
 #include <inttypes.h>
@@ -7,11 +7,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { ARPHRD_CAN = 280 };
+enum { ARPHRD_CAN = 280 }; /* type of a CAN interface in sysfs, as in linux/if_arp.h */
 
-/* A CAN controller's queue that holds less than this loses frames when a tick's batch is sent. */
+/* Transmit queue, frames, below which a controller may lose frames when a tick's batch is sent. */
 enum { SHORT_QUEUE = 100 };
 
+/* Checks whether an interface is a virtual CAN (vcan). */
 static bool interface_is_virtual(const struct doctor *d, const char *interface)
 {
     char text[64];
@@ -19,6 +20,7 @@ static bool interface_is_virtual(const struct doctor *d, const char *interface)
     return doctor_read_line(d, text, sizeof text, "/sys/devices/virtual/net/%s/type", interface);
 }
 
+/* Examines the interface of a bus: that it is there, is CAN, is up, and has a long enough queue. */
 static void examine_interface(struct doctor *d, const struct rig_bus *bus)
 {
     const char *name = bus->interface;
@@ -32,7 +34,7 @@ static void examine_interface(struct doctor *d, const struct rig_bus *bus)
         return;
     }
 
-    /* Its state, in the order in which it would stop a run */
+    /* Judge its state in the order in which it would stop a run */
     doctor_read_line(d, flags, sizeof flags, "/sys/class/net/%s/flags", name);
     doctor_read_line(d, queue, sizeof queue, "/sys/class/net/%s/tx_queue_len", name);
     up = (strtoul(flags, NULL, 16) & 1) != 0;
@@ -64,7 +66,8 @@ static void examine_interface(struct doctor *d, const struct rig_bus *bus)
     }
 }
 
-/* Whether a CAN controller runs at another bit rate than the rig says; adds the finding then. */
+/* Checks whether a CAN controller runs at another bit rate than the rig says; adds the finding
+ * then. */
 static bool bitrate_is_wrong(struct doctor *d, const struct rig_bus *bus,
                              const struct link_info *info)
 {
@@ -78,6 +81,8 @@ static bool bitrate_is_wrong(struct doctor *d, const struct rig_bus *bus,
              "ip link set %s down && ip link set %s type can bitrate %" PRId64
              " && ip link set %s up, or configure: true in the rig",
              bus->interface, bus->interface, bus->bitrate, bus->interface);
+
+    /* A run that configures the interface mends it, if it has the right to */
     if (!bus->configure) {
         doctor_add_finding(d, DOCTOR_FAIL, "controller", fix,
                            "%s of bus %s runs at %u bit/s, the rig says %" PRId64, bus->interface,
@@ -95,7 +100,7 @@ static bool bitrate_is_wrong(struct doctor *d, const struct rig_bus *bus,
     return true;
 }
 
-/* A CAN controller that is up: its state, which only netlink tells. */
+/* Examines the state of a CAN controller that is up, which only netlink tells. */
 static void examine_can_controller(struct doctor *d, const struct rig_bus *bus)
 {
     const struct interface_ops *ops = d->config->interfaces;
@@ -109,7 +114,7 @@ static void examine_can_controller(struct doctor *d, const struct rig_bus *bus)
         return;
     }
 
-    /* The worst first: bus-off, errors, bus-off that would last */
+    /* Judge the worst first: bus-off, errors, and a bus-off that would last */
     c = &info.controller;
     if (c->state == CAN_STATE_BUS_OFF) {
         snprintf(fix, sizeof fix, "check cable and terminators; ip link set %s type can restart",
@@ -135,10 +140,12 @@ static void examine_can_controller(struct doctor *d, const struct rig_bus *bus)
     }
 }
 
-/* The room for frames while the loop is delayed: without the capability a buffer is as large as the
- * kernel allows every process. */
+/* Examines the room for frames while the loop is delayed: without CAP_NET_ADMIN a socket's buffer
+ * is at most as large as the kernel allows every process. */
 static void examine_receive_buffer(struct doctor *d)
 {
+    /* The buffer that a run asks for, bytes, and what a frame takes of it with the kernel's own
+     * overhead. */
     enum { WANTED = 4 << 20, FRAME_COST = 384 /* of that size, with the kernel's own account */ };
     char text[DOCTOR_TEXT];
     long long most;
@@ -159,11 +166,12 @@ static void examine_receive_buffer(struct doctor *d)
     }
 }
 
+/* Examines whether the kernel has CAN, then each interface and controller of the rig. */
 static void examine_kernel_can(struct doctor *d)
 {
     char text[DOCTOR_TEXT];
 
-    /* The protocol family is registered once the module has been loaded */
+    /* The kernel registers the protocol family once the module has been loaded */
     if (!doctor_read_entry(d, "/proc/net/protocols", "CAN_RAW", text, sizeof text) &&
         !doctor_read_line(d, text, sizeof text, "/proc/net/can/version")) {
         doctor_add_finding(d, DOCTOR_WARN, "CAN", "modprobe can-raw vcan",
@@ -178,6 +186,7 @@ static void examine_kernel_can(struct doctor *d)
     }
 }
 
+/* Examines whether a bus carries its worst-case load, telemetry and commands together. */
 static void examine_bus_load(struct doctor *d, size_t bus)
 {
     const struct rig *rig = d->config->rig;

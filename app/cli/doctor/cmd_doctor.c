@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil doctor: can this machine keep a rig's deadlines, and what would help. */
+/* coman-hil doctor: tells whether this machine can keep a rig's deadlines, and what would help. */
 #include "app/cli/commands.h"
 
 #include "app/cli/doctor/doctor.h"
@@ -15,6 +15,7 @@
 #include <inttypes.h>
 #include <string.h>
 
+/* Prints a finding with its fix. */
 static void print_finding(const struct doctor_finding *finding)
 {
     static const char *const words[] = {"ok", "warn", "fail"};
@@ -25,7 +26,7 @@ static void print_finding(const struct doctor_finding *finding)
     }
 }
 
-/* Prints what a run that began now would take to compute the robot. */
+/* Prints the dynamics with which a run that began now would compute the robot. */
 static void doctor_print_robot(const struct rig *rig, struct arena *arena)
 {
     struct error notice = {.text = ""}, error;
@@ -38,7 +39,8 @@ static void doctor_print_robot(const struct rig *rig, struct arena *arena)
     symbolic_close(&library);
 }
 
-/* Wakes up on the grid of the tick as the loop does, and prints how late. */
+/* Measures wake-up latency: sleeps to each tick as the loop does, and prints how late it woke
+ * up. */
 static void doctor_measure_wakeups(const struct rig *rig, double seconds)
 {
     struct realtime_config config = {.priority = rig->realtime.priority,
@@ -49,7 +51,7 @@ static void doctor_measure_wakeups(const struct rig *rig, double seconds)
     struct clock *clock = clock_monotonic();
     int64_t count = (int64_t)(seconds * 1e9 / (double)rig->tick_ns), deadline;
 
-    /* With the rights of a run; a deadline that has passed is dropped, as on overrun skip */
+    /* Take the rights of a run; drop deadlines that have passed, as the overrun policy skip does */
     realtime_apply(&config, &report);
     deadline = clock_now(clock) + rig->tick_ns;
     for (int64_t i = 0; i < count; i++, deadline += rig->tick_ns) {
@@ -78,7 +80,7 @@ struct doctor_options {
     double measure_s, listen_s;
 };
 
-/* Ports on the interfaces that external boards are on; what cannot be opened stays NULL, and the
+/* Opens ports on the interfaces of external boards; one that cannot be opened stays NULL, and the
  * finding of its interface says why. */
 static void doctor_open_ports(const struct rig *rig, struct arena *arena, struct can_port **port)
 {
@@ -95,6 +97,7 @@ static void doctor_open_ports(const struct rig *rig, struct arena *arena, struct
     }
 }
 
+/* Closes the ports that were opened. */
 static void doctor_close_ports(const struct rig *rig, struct can_port **port)
 {
     for (size_t b = 0; b < rig->nbus; b++) {
@@ -104,6 +107,7 @@ static void doctor_close_ports(const struct rig *rig, struct can_port **port)
     }
 }
 
+/* Examines the machine for a rig, prints all findings, and measures; returns the exit status. */
 static int doctor_examine_rig(void *context, const struct rig *rig, struct arena *arena)
 {
     static struct doctor_finding findings[DOCTOR_FINDINGS_MAX];
@@ -128,6 +132,8 @@ static int doctor_examine_rig(void *context, const struct rig *rig, struct arena
         print_finding(&findings[i]);
     }
     doctor_print_robot(rig, arena);
+
+    /* The measurement takes the rights of a run, so it comes last */
     if (options->measure_s > 0.0) {
         fflush(stdout);
         doctor_measure_wakeups(rig, options->measure_s);

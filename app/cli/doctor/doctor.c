@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The findings of doctor, and the files that they are read from. */
+/* Collects the findings of doctor, and reads the files that they come from. */
 #include "app/cli/doctor/private.h"
 
 #include <ctype.h>

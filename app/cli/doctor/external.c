@@ -1,16 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What doctor hears of the external boards of a rig, when it listens on their buses. */
+/* Listens for the external boards of a rig on their buses. */
 #include "app/cli/doctor/private.h"
 
 #include "sim/external.h"
 
 #include <inttypes.h>
 
+/* Frames that are read from a bus at a time, and the time between two readings. */
 enum { RECEIVE_BATCH = 64 };
 
 static const int64_t LISTEN_STEP_NS = CLOCK_MS;
 
-/* Reads what has come on a bus; frames that come faster than they are read wait for the next. */
+/* Reads what has come on a bus; frames beyond one batch wait for the next reading. */
 static void doctor_read_bus(struct external *external, struct can_port *port, size_t bus,
                             int64_t now_ns)
 {
@@ -22,6 +23,7 @@ static void doctor_read_bus(struct external *external, struct can_port *port, si
     }
 }
 
+/* Judges a board by when it was last heard: never, longer ago than its time-out, or in time. */
 static void doctor_judge_board(struct doctor *d, const struct external *external, size_t index,
                                int64_t now_ns)
 {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What doctor finds on a machine: one function for each finding, which reads what it judges. */
+/* Examines a machine: one function for each finding, which reads what it judges. */
 #include "app/cli/doctor/private.h"
 
 #include "base/count.h"
@@ -10,11 +10,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Waking up from an idle state that takes longer than this can cost a tick, us. */
+/* Time to leave an idle state, us, above which waking up can cost a tick. */
 enum { SLOW_STATE_US = 50 };
 
 /* ---- the kernel ---- */
 
+/* Examines whether the kernel is fully preemptible (PREEMPT_RT). */
 static void examine_kernel(struct doctor *d)
 {
     char version[DOCTOR_TEXT] = "", release[DOCTOR_TEXT] = "unknown", realtime[DOCTOR_TEXT] = "";
@@ -35,6 +36,7 @@ static void examine_kernel(struct doctor *d)
     }
 }
 
+/* Examines whether the machine is virtual. */
 static void examine_virtual_machine(struct doctor *d)
 {
     char flags[4096];
@@ -50,6 +52,7 @@ static void examine_virtual_machine(struct doctor *d)
     }
 }
 
+/* Examines whether the time is read without a system call. */
 static void examine_clock_source(struct doctor *d)
 {
     static const char *const fast[] = {"tsc", "arch_sys_counter", "kvm-clock", "riscv_clocksource"};
@@ -73,6 +76,7 @@ static void examine_clock_source(struct doctor *d)
     }
 }
 
+/* Examines RT throttling, which stops real-time threads after a share of each period. */
 static void examine_throttling(struct doctor *d)
 {
     char runtime[64], period[64];
@@ -98,6 +102,7 @@ static void examine_throttling(struct doctor *d)
 
 /* ---- rights ---- */
 
+/* Examines whether this process may have the FIFO priority that the rig asks for. */
 static void examine_priority_right(struct doctor *d)
 {
     int wanted = d->config->rig->realtime.priority;
@@ -120,6 +125,7 @@ static void examine_priority_right(struct doctor *d)
     }
 }
 
+/* Examines whether this process may lock its memory. */
 static void examine_memory_right(struct doctor *d)
 {
     long long limit = doctor_limit_of(d, "Max locked memory");
@@ -139,6 +145,7 @@ static void examine_memory_right(struct doctor *d)
 
 /* ---- processors ---- */
 
+/* Examines the loop's processor: named, online, allowed, and isolated from other processes. */
 static void examine_processor(struct doctor *d)
 {
     int cpu = d->config->rig->realtime.cpu;
@@ -149,6 +156,8 @@ static void examine_processor(struct doctor *d)
     doctor_read_entry(d, "/proc/self/status", "Cpus_allowed_list", allowed, sizeof allowed);
     snprintf(fix, sizeof fix, "add isolcpus=%d nohz_full=%d rcu_nocbs=%d to %s", cpu, cpu, cpu,
              doctor_command_line(d));
+
+    /* Worst first: no processor named, one that is not there, one that is not allowed */
     if (cpu < 0) {
         doctor_add_finding(
             d, DOCTOR_WARN, "processor", "isolate one and name it in the rig: realtime: {cpu: N}",
@@ -168,7 +177,7 @@ static void examine_processor(struct doctor *d)
     }
 }
 
-/* The interrupts that may come to the loop's processor. */
+/* Examines how many interrupts may come to the loop's processor. */
 static void examine_interrupts(struct doctor *d)
 {
     int cpu = d->config->rig->realtime.cpu, count = 0;
@@ -180,7 +189,7 @@ static void examine_interrupts(struct doctor *d)
         return;
     }
 
-    /* Count the interrupts whose affinity has it */
+    /* Count the interrupts whose affinity includes the processor */
     snprintf(path, sizeof path, "%s/proc/irq", d->config->root);
     directory = opendir(path);
     while (directory && (entry = readdir(directory)) != NULL) {
@@ -206,6 +215,7 @@ static void examine_interrupts(struct doctor *d)
     }
 }
 
+/* Examines the frequency governor of the loop's processor. */
 static void examine_governor(struct doctor *d)
 {
     int cpu = d->config->rig->realtime.cpu < 0 ? 0 : d->config->rig->realtime.cpu;
@@ -222,15 +232,15 @@ static void examine_governor(struct doctor *d)
     }
 }
 
-/* The slowest idle state that may be entered; the loop holds /dev/cpu_dma_latency open when it
- * may. */
+/* Examines the slowest idle state that may be entered; a run holds /dev/cpu_dma_latency open to
+ * forbid it, when it may write there. */
 static void examine_idle_states(struct doctor *d)
 {
     int cpu = d->config->rig->realtime.cpu < 0 ? 0 : d->config->rig->realtime.cpu;
     char latency[64], disabled[64], name[64] = "", slowest[64] = "none";
     long worst = 0;
 
-    /* States are numbered from 0; those that are disabled do not count */
+    /* States are numbered from 0; disabled ones do not count */
     for (int i = 0; i < 16; i++) {
         if (!doctor_read_line(d, latency, sizeof latency,
                               "/sys/devices/system/cpu/cpu%d/cpuidle/state%d/latency", cpu, i)) {
