@@ -213,9 +213,9 @@ int cmd_task(int argc, char **argv)
     do {
         boards_lost = false;
         status = rig_command("task", options.rig, &options, task_run_rig);
-        if (boards_lost && options.reconnect) {
+        if (boards_lost && options.reconnect && !rig_command_stop_requested()) {
             fprintf(stderr, "looking for the boards again\n");
         }
-    } while (boards_lost && options.reconnect);
+    } while (boards_lost && options.reconnect && !rig_command_stop_requested());
     return status;
 }

@@ -124,7 +124,8 @@ enum error_code token_file_write(const char *path, const struct page_tokens *tok
     if (file < 0) {
         return error_set_errno(error, errno, "--token-file: cannot write %s", path);
     }
-    reason = write(file, text, (size_t)size) == size ? 0 : errno ? errno : EIO;
+    errno = EIO; /* of a write that was short */
+    reason = write(file, text, (size_t)size) == size ? 0 : errno;
     if (close(file) && !reason) {
         reason = errno;
     }

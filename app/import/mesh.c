@@ -207,6 +207,12 @@ enum error_code mesh_read_file(const char *path, size_t most, char **out, size_t
         got = read(fd, text + *size, (size_t)status.st_size - *size);
         *size += got > 0 ? (size_t)got : 0;
     }
+    /* A file that has become shorter, or cannot be read to its end, is none */
+    if (*size < (size_t)status.st_size) {
+        free(text);
+        code = error_set_file(error, got < 0 ? errno : EIO, path, "cannot be read");
+        goto done;
+    }
     *out = text;
 
 done:
