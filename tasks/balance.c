@@ -207,8 +207,8 @@ void balance_update(struct balance *balance, const struct gait_command *command,
         return;
     }
 
-    /* Plan, feedback on the DCM, distribution to the feet, compliance of the feet: in this
-     * order, */
+    /* Plan, feedback on the DCM, distribution to the feet, compliance, poses: each uses the one
+     * before */
     gait_update(&balance->gait, command, &measured, dt_s);
     balance_want_zmp(balance);
     balance_share(balance);

@@ -74,7 +74,7 @@ void balance_pose_legs(struct balance *balance, double dt_s)
     }
     /* The error of the heading, in -pi to pi */
     askew -= 2 * M_PI * round(askew / (2 * M_PI));
-    /* Its height follows the mean height of the planned footholds, smoothed */
+    /* The pelvis's height follows the mean height of the planned footholds, smoothed */
     balance->pelvis_m[0] = plan->com[0] - offset[0];
     balance->pelvis_m[1] = plan->com[1] - offset[1];
     balance->ground_m += (ground - balance->ground_m) * dt_s / (config->height_s + dt_s);

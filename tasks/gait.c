@@ -373,7 +373,7 @@ static void gait_adjust_foothold(struct gait *gait, const double dcm[2], double 
      * its transfer with a DCM that is further by follow, so that the error is divided by it */
     dcm_advance(gait->omega, left_s, gait->now.zmp, dcm, after);
     gait_foothold_of(gait, swing, at, gait->closing, &plain);
-    /* The filter keeps measurement noise out of the foot's path */
+    /* The step that removes the part of the error that the ankle cannot */
     for (int k = 0; k < 2; k++) {
         double error = after[k] - (gait->dcm_end[k] - follow * gait->shift[k]);
 
@@ -388,6 +388,7 @@ static void gait_adjust_foothold(struct gait *gait, const double dcm[2], double 
     left =
         out * fmin(fmax(out * left, config->least_width_m), config->width_m + config->reach_out_m);
     gait_offset(at, ahead, left, goal);
+    /* The filter keeps measurement noise out of the foot's path */
     for (int k = 0; k < 2; k++) {
         gait->shift[k] += (goal[k] - plain.p[k] - gait->shift[k]) * fmin(dt_s / ADJUST_S, 1);
         gait->next.p[k] = plain.p[k] + gait->shift[k];

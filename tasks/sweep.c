@@ -328,7 +328,6 @@ static enum task_status sweep_step(struct task *task, double t_s)
     }
     /* A point is over: evaluate it, then begin the next one or end */
     if (t_s >= sweep->now.end_s) {
-        /* Excite, and tell the progress */
         if (sweep->now.hz > 0) {
             sweep_end_point(sweep);
         }
@@ -340,6 +339,7 @@ static enum task_status sweep_step(struct task *task, double t_s)
             return TASK_FAILED;
         }
     }
+    /* Excite, and tell the progress */
     if (sweep->now.hz > 0) {
         sweep_excite(task, t_s);
     }
