@@ -27,8 +27,7 @@ static enum error_code check_observed_body(const struct robot *robot, int body, 
     return ERROR_NONE;
 }
 
-/* Checks the body of a contact surface: an observed one of the robot, a free body, or (negative)
- * the world. */
+/* Checks the body of a contact surface: an observed one of the robot, or a free body. */
 static enum error_code check_contact_body(const struct plant_config *config, int body,
                                           struct error *error)
 {
