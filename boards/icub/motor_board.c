@@ -73,6 +73,7 @@ void motor_board_print(struct board *board, const char *text)
 
 /* ---- power-up ---- */
 
+/* Fills the parameters of an axis at power-up: gains 0, limits of the rig. */
 static void motor_axis_set_defaults(const struct board *board, struct motor_axis *axis)
 {
     const struct board_axis_config *config = motor_axis_config(board, axis);
@@ -91,6 +92,7 @@ static void motor_axis_set_defaults(const struct board *board, struct motor_axis
     if (config->joint < 0) {
         return;
     }
+    /* Limits of the rig, rounded outward to ticks */
     control_quantize(floor(config->lower_rad * config->joint_ticks_per_rad), &limit);
     p[ICUB_P_MIN_POSITION] = limit;
     control_quantize(ceil(config->upper_rad * config->joint_ticks_per_rad), &limit);
@@ -101,6 +103,7 @@ static void motor_axis_set_defaults(const struct board *board, struct motor_axis
     p[ICUB_P_TEMPERATURE_LIMIT] = control_clamp(limit, 0, INT16_MAX);
 }
 
+/* Resets board and axes (struct board_ops). */
 static void motor_board_power_up(struct board *board)
 {
     struct motor_board *motor = motor_board_of(board);
@@ -131,6 +134,7 @@ static void motor_board_power_up(struct board *board)
     motor->started = false; /* speed estimation restarts */
 }
 
+/* Switches all axes off. */
 static void motor_board_switch_off(struct board *board)
 {
     for (int i = 0; i < MOTOR_AXES; i++) {
@@ -140,6 +144,7 @@ static void motor_board_switch_off(struct board *board)
     }
 }
 
+/* Stops motors and telemetry on discovery, where the rig asks for that (struct icub_board_ops). */
 static void motor_board_discovered(struct icub_board *icub)
 {
     struct board *board = &icub->board;
@@ -152,6 +157,7 @@ static void motor_board_discovered(struct icub_board *icub)
 
 /* ---- sensors ---- */
 
+/* Takes the sensors of an axis; values without a number are a fault and change nothing. */
 static void motor_axis_sample(struct motor_axis *axis, const struct board_axis_config *config,
                               const struct plant_sensors *sensors)
 {
@@ -175,7 +181,8 @@ static void motor_axis_sample(struct motor_axis *axis, const struct board_axis_c
         !control_quantize(sense->winding_c / ICUB_TEMPERATURE_C, &axis->temperature);
 }
 
-/* Encoders are quantized; their speeds are estimated from a sample a millisecond. */
+/* Samples both axes (struct board_ops). Encoders are quantized; their speeds are estimated from
+ * a sample a millisecond. */
 static void motor_board_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct motor_board *motor = motor_board_of(board);
@@ -206,6 +213,7 @@ static void motor_board_sample(struct board *board, const struct plant_sensors *
 
 /* ---- the tick ---- */
 
+/* Writes bridge and voltage of an axis into the plant's command. */
 static void motor_axis_drive_bridge(const struct board *board, const struct motor_axis *axis,
                                     struct plant_command *command)
 {
@@ -219,6 +227,7 @@ static void motor_axis_drive_bridge(const struct board *board, const struct moto
     }
 }
 
+/* Runs one tick: faults and time-outs, laws, bridges (struct board_ops). */
 static void motor_board_control(struct board *board, struct ms_span span,
                                 struct plant_command *command)
 {
@@ -233,6 +242,7 @@ static void motor_board_control(struct board *board, struct ms_span span,
     }
 }
 
+/* Returns whether an axis is in hardware fault (struct board_ops). */
 static bool motor_board_is_faulty(const struct board *board)
 {
     for (int i = 0; i < MOTOR_AXES; i++) {
@@ -243,11 +253,13 @@ static bool motor_board_is_faulty(const struct board *board)
     return false;
 }
 
+/* Returns the mode of an axis (struct board_ops). */
 static uint8_t motor_board_mode(const struct board *board, unsigned axis)
 {
     return motor_board_of(board)->axis[axis].mode;
 }
 
+/* Switches all axes off (struct board_ops). */
 static void motor_board_shut_down(struct board *board, struct plant_command *command)
 {
     motor_board_switch_off(board);
