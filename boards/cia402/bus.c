@@ -88,7 +88,7 @@ static void cia402_bus_receive_lss(struct boards *boards, struct board_bus *bus,
     boards_count_frame(boards, listener, verdict, frame);
 }
 
-/* Passes a heartbeat or a boot-up of another node to all nodes. */
+/* Passes a heartbeat or a boot-up of another node to the nodes that expect it. */
 static bool cia402_bus_hear(struct boards *boards, struct board_bus *bus,
                             const struct bus_frame *frame)
 {

@@ -515,7 +515,7 @@ enum cia402_abort cia402_axis_write_profile_type(struct cia402_node *node,
     return CIA402_DONE;
 }
 
-/* Writes a range of positions, which is that of the type: joints do not turn endlessly, so
+/* Refuses every other range of positions than its own: joints do not turn endlessly, so
  * positions do not wrap. */
 enum cia402_abort cia402_axis_write_range(struct cia402_node *node,
                                           const struct cia402_entry *entry, int64_t value)

@@ -42,7 +42,7 @@ static void cia402_sensor_add_tare(struct cia402_sensor *sensor)
     }
 }
 
-/* Writes the tare of a channel: its value becomes lower or higher by the difference. */
+/* Writes the tare of a channel, which its value contains at once. */
 enum cia402_abort cia402_sensor_write_tare(struct cia402_node *node,
                                            const struct cia402_entry *entry, int64_t value)
 {

@@ -8,14 +8,17 @@
  * in counts of the torque source (0x8000 = its full scale). Bridges are on in every running mode
  * but calibration, and off in idle and after a fault.
  *
- * How references become PWM, once a millisecond: - voltage (open loop): the reference itself; -
- * current: PID (SET_CURRENT_PID) on mA; the reference is SET_DESIRED_TORQUE, read as mA; - torque:
- * PID (SET_TORQUE_PID) + offset on torque counts; - position: PID (SET_POSITION_PID) + offset +
- * stiction while a move is under way, on ticks; the
- *   reference moves by the trajectory generator (POSITION_MOVE), in velocity mode by the velocity
- *   reference, in mixed mode by both, in direct mode it jumps;
- * - impedance (its two modes, or any position-like mode when the interaction mode is compliant):
- *   torque reference = stiffness * error + damping * change of error + offset, then as torque.
+ * The references become PWM once a millisecond:
+ *
+ *   voltage (open loop): the reference itself
+ *   current: PID (SET_CURRENT_PID) on mA; the reference is SET_DESIRED_TORQUE, read as mA
+ *   torque: PID (SET_TORQUE_PID) + offset on torque counts
+ *   position: PID (SET_POSITION_PID) + offset + stiction while a move is under way, on ticks; the
+ *     reference moves by the trajectory generator (POSITION_MOVE), in velocity mode by the velocity
+ *     reference, in mixed mode by both; in direct mode it jumps
+ *   impedance (its two modes, or any position-like mode when the interaction mode is compliant):
+ *     torque reference = stiffness * error + damping * change of error + offset, then as torque
+ *
  * Each PID is cut to its own limit, everything to the PWM limit and the full scale. Gains are zero
  * at power-up, so that a board holds nothing before the host has configured it.
  *
