@@ -19,7 +19,8 @@ int rig_add_contact_body(struct rig_builder *b, int *bodies, int body)
     return (int)i;
 }
 
-/* Checks that a frame is on a body of the robot: only then the plant computes its pose. */
+/* Checks that the robot file has a frame or capsule on a body: only then the plant computes its
+ * pose. */
 static enum error_code scene_check_observed(struct rig_builder *b, const struct yaml_mark *mark,
                                             int body)
 {
