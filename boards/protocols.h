@@ -20,10 +20,10 @@
 PROTOCOLS(PROTOCOL_DECLARE)
 #undef PROTOCOL_DECLARE
 
-/* The index-th of the list, from 0; NULL from its end on. */
+/* Returns the index-th protocol of the list, from 0; NULL from its end on. */
 const struct protocol *protocol_at(size_t index);
 
-/* By name; NULL: none. */
+/* Returns the protocol of that name; NULL when there is none. */
 const struct protocol *protocol_find(const char *name);
 
 /* The words of the list with their index, as a schema takes them. */

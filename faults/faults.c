@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The table of faults, which of them are active, and the events of their coming and going. */
+/* The table of faults, their activity, and the events when they begin and end. */
 #include "faults/faults.h"
 
 #include "base/ring.h"
@@ -9,7 +9,7 @@
 
 enum { EVENT_SLOTS = 1024 };
 
-/* What decides whether a fault is active. */
+/* Origin of a fault's activity. */
 enum hand { HAND_OFF, HAND_ON, BY_CLOCK };
 
 struct faults {
@@ -41,7 +41,7 @@ enum error_code faults_create(const struct fault *fault, size_t count, uint64_t 
     ring_init(&faults->events, slots, sizeof(struct fault_event), EVENT_SLOTS);
     faults->seed = seed;
 
-    /* Copied one by one; who has no name is called by its number; names must differ */
+    /* Each fault is copied; one without a name is called by its number; names must differ */
     for (size_t i = 0; i < count; i++) {
         struct fault *to = &faults->fault[i];
 
@@ -87,6 +87,7 @@ int faults_find(const struct faults *faults, const char *name)
     return -1;
 }
 
+/* Switches a fault and records the event, unless it is in that state already. */
 static void faults_switch(struct faults *faults, int64_t now_ns, size_t index, bool active)
 {
     struct fault_event event = {.time_ns = now_ns,

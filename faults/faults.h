@@ -82,7 +82,7 @@ enum fault_kind {
 
 enum { FAULT_NAME_SIZE = 64, FAULT_TEXT_SIZE = 160, FAULT_PARAMETERS = 2, FAULTS_MAX = 256 };
 
-/* The channels of a sensor, numbered through: five of each joint, then six of each force-torque
+/* Channels of all sensors, numbered through: five of each joint, then six of each force-torque
  * sensor, then those of the inertial one: gyro, accelerometer, magnetometer, orientation. */
 enum sensor_channel {
     SENSOR_LINK_ENCODER,
@@ -108,7 +108,7 @@ struct fault {
     bool active;                    /* written by faults_step and faults_set only */
 };
 
-/* What the names in a fault's line may mean. Pointers are borrowed for the call. */
+/* Names that a fault's line may use. Pointers are borrowed for the call. */
 struct fault_names {
     size_t njoint;
     const char *const *joint;
@@ -132,18 +132,18 @@ struct fault_names {
 enum error_code fault_parse(const char *text, const struct fault_names *names, struct fault *fault,
                             struct error *error);
 
-/* The kinds of every target with their parameters, a line each, for manuals and messages; returns
- * the number of lines when line is NULL. Not RT-safe. */
+/* Writes the kinds of every target with their parameters, a line each, for manuals and messages;
+ * returns the number of lines when line is NULL. Not RT-safe. */
 size_t faults_help(size_t line, char *text, size_t size);
 
-/* Takes the beginning of a fault's line, "TARGET KIND", which what it needs and when it is may
- * follow, and what the kind means; both are borrowed for the call. */
+/* Takes the beginning of a fault's line, "TARGET KIND", which required parameters and a time may
+ * follow, and the meaning of the kind; both are borrowed for the call. */
 typedef void (*fault_list_put)(void *context, const char *line, const char *means);
 
-/* Puts out all that can break, by the names. Not RT-safe. */
+/* Puts out every fault that is possible with the names. Not RT-safe. */
 void faults_list(const struct fault_names *names, fault_list_put put, void *context);
 
-/* A fault began or ended. */
+/* Event that a fault began or ended. */
 struct fault_event {
     int64_t time_ns;
     size_t fault;
@@ -162,23 +162,24 @@ enum error_code faults_create(const struct fault *fault, size_t count, uint64_t 
 size_t faults_count(const struct faults *faults);
 const struct fault *faults_at(const struct faults *faults, size_t index);
 
-/* Of the randomness of faults and noise. */
+/* Returns the seed of faults and noise. */
 uint64_t faults_seed(const struct faults *faults);
 
-/* Index by name, -1 = none. RT-safe. */
+/* Returns the index of a fault by name, -1 = none. RT-safe. */
 int faults_find(const struct faults *faults, const char *name);
 
-/* At the beginning of the tick at now_ns: windows open and close. RT-safe. */
+/* Opens and closes windows at the beginning of the tick at now_ns. RT-safe. */
 void faults_step(struct faults *faults, int64_t now_ns);
 
 /* Switches a fault by hand at now_ns; from then on its window is ignored. In the thread of
  * faults_step. False: there is no such fault. RT-safe. */
 bool faults_set(struct faults *faults, int64_t now_ns, size_t index, bool active);
 
-/* The ring of events, which the thread that reads them writes too: a checkpoint leaves it alone. */
+/* Returns the ring of events, which the thread that reads them writes too: a checkpoint leaves
+ * it alone. */
 const struct ring *faults_event_ring(const struct faults *faults);
 
-/* From one other thread: takes an event, false when none waits; formats it as a log line (not
+/* Takes an event, false when none waits, from one other thread; formats it as a log line (not
  * RT-safe). */
 bool faults_next_event(struct faults *faults, struct fault_event *event);
 void fault_event_format(const struct faults *faults, const struct fault_event *event, char *text,

@@ -182,6 +182,7 @@ size_t faults_help(size_t line, char *text, size_t size)
     if (!text || line >= FAULT_RULES) {
         return FAULT_RULES;
     }
+    /* Target and kind, parameters, meaning */
     used = snprintf(text, size, "%s ... %s", fault_target_words[rule->target], rule->word);
     for (int i = 0; i < FAULT_PARAMETERS && used > 0 && (size_t)used < size; i++) {
         const struct fault_parameter *p = &rule->parameter[i];

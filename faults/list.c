@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The beginnings of all lines of faults that are possible with some names. */
+/* Lists the beginnings of all lines of faults that are possible with some names. */
 #include "faults/kinds.h"
 
 #include <stdio.h>
 
-/* One target: its lines are tried, and those that can be read are put out. */
+/* Receiver of the lines of a target that can be read. */
 struct fault_lister {
     const struct fault_names *names;
     fault_list_put put;
@@ -30,7 +30,8 @@ static void fault_list_kinds(const struct fault_lister *lister, enum fault_targe
         if (length >= FAULT_TEXT_SIZE) {
             continue;
         }
-        /* The parser judges a line with what it needs; what is put out ends before that */
+        /* The parser checks a line with its required parameters; the line that is put out ends
+         * before them */
         if (needed->key && needed->required) {
             snprintf(line + length, sizeof line - (size_t)length, " %s=%.9g", needed->key,
                      needed->max);
@@ -42,7 +43,7 @@ static void fault_list_kinds(const struct fault_lister *lister, enum fault_targe
     }
 }
 
-/* The same of a thing by its name, and its channel unless that is NULL. */
+/* Puts out the kinds of a target by its name, and its channel unless that is NULL. */
 static void fault_list_target(const struct fault_lister *lister, enum fault_target target,
                               const char *name, const char *channel)
 {
@@ -53,6 +54,7 @@ static void fault_list_target(const struct fault_lister *lister, enum fault_targ
     fault_list_kinds(lister, target, text);
 }
 
+/* Puts out the faults of all sensors, by channel and as a whole. */
 static void fault_list_sensors(const struct fault_lister *lister)
 {
     const struct fault_names *names = lister->names;

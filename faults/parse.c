@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A fault is read from its line of text (faults/faults.h): a name, a target, a kind, the rest. */
+/* Reads a fault from its line of text (faults/faults.h): a name, a target, a kind, the rest. */
 #include "faults/kinds.h"
 
 #include "base/text.h"
@@ -18,6 +18,7 @@ struct fault_reader {
     struct error *error;
 };
 
+/* Sets the error for a word, or for the end of the line. */
 static enum error_code fault_refuse_word(struct fault_reader *r, const char *found,
                                          const char *expected)
 {
@@ -26,7 +27,7 @@ static enum error_code fault_refuse_word(struct fault_reader *r, const char *fou
                      expected);
 }
 
-/* An unknown name, with the nearest of those that exist. */
+/* Sets the error for an unknown name, with the nearest of those that exist. */
 static enum error_code fault_refuse_name(struct fault_reader *r, const char *what, const char *name,
                                          const char *const *names, size_t count)
 {
@@ -45,6 +46,7 @@ static enum error_code fault_refuse_name(struct fault_reader *r, const char *wha
     return fault_refuse_word(r, name, expected);
 }
 
+/* Finds a name in a list; returns false when it is not there. */
 static bool fault_find_word(const char *name, const char *const *names, size_t count, size_t *index)
 {
     for (size_t i = 0; i < count; i++) {
@@ -56,11 +58,12 @@ static bool fault_find_word(const char *name, const char *const *names, size_t c
     return false;
 }
 
+/* Splits the line into words. */
 static enum error_code fault_split_line(struct fault_reader *r)
 {
     char *rest = NULL;
 
-    /* Messages and logs repeat the line: it must be plain text */
+    /* The line is repeated in messages and logs, so it must be plain text */
     for (const char *at = r->line; *at; at++) {
         if (((unsigned char)*at < 0x20 && *at != '\t') || *at == 0x7f) {
             return error_set(r->error, ERROR_INPUT,
@@ -84,13 +87,13 @@ static enum error_code fault_split_line(struct fault_reader *r)
     return ERROR_NONE;
 }
 
-/* The word at the reader's place, or NULL at the end. */
+/* Returns the word at the reader's place, or NULL at the end. */
 static const char *fault_next_word(const struct fault_reader *r)
 {
     return r->at < r->count ? r->word[r->at] : NULL;
 }
 
-/* A name before the target, "knee:"; none is no error. */
+/* Reads a name before the target, "knee:"; none is no error. */
 static enum error_code fault_read_name(struct fault_reader *r, struct fault *fault)
 {
     char *word = r->count ? r->word[0] : NULL;
@@ -108,7 +111,7 @@ static enum error_code fault_read_name(struct fault_reader *r, struct fault *fau
     return ERROR_NONE;
 }
 
-/* A joint with the drive that the target means. */
+/* Reads a joint, which must have the drive that the target means. */
 static enum error_code fault_read_motor(struct fault_reader *r, const char *name,
                                         struct fault *fault)
 {
@@ -135,7 +138,7 @@ static enum error_code fault_read_motor(struct fault_reader *r, const char *name
     return ERROR_NONE;
 }
 
-/* One channel of a group that starts at first, or all of it when the line names none. */
+/* Reads a channel of a group that starts at first, or takes all of it when the line names none. */
 static enum error_code fault_read_channel(struct fault_reader *r, const char *channel,
                                           const char *const *channels, size_t count, size_t first,
                                           struct fault *fault)
@@ -150,7 +153,8 @@ static enum error_code fault_read_channel(struct fault_reader *r, const char *ch
     return ERROR_NONE;
 }
 
-/* The name before the last dot that makes it known: names may hold dots themselves. */
+/* Reads a sensor. Names may hold dots themselves, so that the name ends at the last dot unless
+ * the whole is known. */
 static enum error_code fault_read_sensor(struct fault_reader *r, const char *text,
                                          struct fault *fault)
 {
@@ -196,7 +200,7 @@ static enum error_code fault_read_sensor(struct fault_reader *r, const char *tex
                               index * SENSOR_JOINT_CHANNELS, fault);
 }
 
-/* A board by its name or as "BUS/ADDRESS". */
+/* Reads a board by its name or as "BUS/ADDRESS". */
 static enum error_code fault_read_board(struct fault_reader *r, const char *text,
                                         struct fault *fault)
 {
@@ -222,6 +226,7 @@ static enum error_code fault_read_board(struct fault_reader *r, const char *text
                              names->nboard);
 }
 
+/* Reads the kind of target and which one it is. */
 static enum error_code fault_read_target(struct fault_reader *r, struct fault *fault)
 {
     static const char expected[] = "sensor, board, motor, bus, supply, valve or hydraulic_supply";
@@ -269,7 +274,7 @@ static enum error_code fault_read_target(struct fault_reader *r, struct fault *f
     }
 }
 
-/* The word of the kind, which must be one of the target's and possible there. */
+/* Reads the word of the kind, which must be one of the target's and possible there. */
 static enum error_code fault_read_kind(struct fault_reader *r, struct fault *fault,
                                        const struct fault_rule **out)
 {
@@ -298,6 +303,7 @@ static enum error_code fault_read_kind(struct fault_reader *r, struct fault *fau
                              count);
 }
 
+/* Reads the time in which the fault is active. */
 static enum error_code fault_read_window(struct fault_reader *r, const char *word,
                                          struct fault *fault)
 {
@@ -320,11 +326,13 @@ static enum error_code fault_read_window(struct fault_reader *r, const char *wor
     return ERROR_NONE;
 }
 
+/* Returns whether a word is a time. */
 static bool fault_is_window(const char *word)
 {
     return strstr(word, "..") || !strcmp(word, "manual");
 }
 
+/* Reads a parameter of the kind, or the identifier of a bus's frames. */
 static enum error_code fault_read_parameter(struct fault_reader *r, const struct fault_rule *rule,
                                             const char *word, bool given[FAULT_PARAMETERS],
                                             struct fault *fault)
@@ -368,6 +376,7 @@ static enum error_code fault_read_parameter(struct fault_reader *r, const struct
     return fault_refuse_word(r, word, expected);
 }
 
+/* Reads the parameters and the time; parameters that are not given take their defaults. */
 static enum error_code fault_read_parameters(struct fault_reader *r, const struct fault_rule *rule,
                                              struct fault *fault)
 {
@@ -377,7 +386,7 @@ static enum error_code fault_read_parameters(struct fault_reader *r, const struc
         fault->value[i] = rule->parameter[i].otherwise;
     }
 
-    /* Parameters, then the time, with which the line ends */
+    /* Parameters come first, the time ends the line */
     for (const char *word = fault_next_word(r); word; word = fault_next_word(r)) {
         enum error_code code;
 

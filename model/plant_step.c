@@ -20,8 +20,8 @@ static const char diverged[] =
     "the state is no longer finite: the substep is too long for the stiffness of the model, or an "
     "input is far out of range";
 
-/* A rotor that is held fast is one of this inertia, kg m2: whatever the integrator, it keeps its
- * place to the last bit. */
+/* Inertia of a rotor that is held fast, kg m2: whatever the integrator, it keeps its place to
+ * the last bit. */
 #define JAMMED_INERTIA 1e30
 
 /* Gives a drive the parameters of its condition; energy that is lost thereby counts as friction. */
@@ -66,7 +66,7 @@ void plant_balance(struct plant *plant, bool balanced)
     }
 }
 
-/* A rotor that somebody else leads has his speed, which its inertia keeps over the steps. */
+/* Sets the speed of a rotor that somebody else leads; its inertia keeps it over the steps. */
 static void hold_imposed_speed(struct plant *plant, size_t d, const struct motor_command *motor)
 {
     size_t speed = plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED;
@@ -76,7 +76,7 @@ static void hold_imposed_speed(struct plant *plant, size_t d, const struct motor
     plant->lost[speed] = 0.0;
 }
 
-/* Takes the command over for the coming steps, which last so many seconds together. */
+/* Holds the command for the coming steps, which last so many seconds together. */
 static void hold_command(struct plant *plant, double seconds)
 {
     double supply = plant_supply(plant);
@@ -130,6 +130,7 @@ static void complete_pretensions(struct plant *plant)
     }
 }
 
+/* Checks whether the state is finite: all but the bristles, and those of the live pairs. */
 static bool state_is_finite(const struct plant *plant)
 {
     const double *y = plant->state + plant->at.bristle;
@@ -148,7 +149,7 @@ static bool state_is_finite(const struct plant *plant)
     return isfinite(sum);
 }
 
-/* One substep with the integrator of the configuration. */
+/* Integrates one substep with the integrator of the configuration. */
 static enum error_code integrate_state(struct plant *plant, double h)
 {
     const struct plant_config *config = &plant->config;
@@ -172,7 +173,7 @@ static enum error_code integrate_state(struct plant *plant, double h)
     return plant->step_code;
 }
 
-/* One substep; on failure the state and the time are those before it. */
+/* Advances one substep; on failure the state and the time are those before it. */
 static enum error_code advance_substep(struct plant *plant)
 {
     enum error_code code;
@@ -189,6 +190,7 @@ static enum error_code advance_substep(struct plant *plant)
         memcpy(plant->state, plant->last_good, count * sizeof *plant->state);
         return code;
     }
+    /* Quaternions keep unit length */
     if (plant->config.robot->floating) {
         plant_normalize_quaternion(plant->state + BASE_Q_QUATERNION);
     }

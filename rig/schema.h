@@ -86,7 +86,7 @@ struct raw_pair {
     struct yaml_mark between_mark;
 };
 
-/* The robot's capsules as surfaces. */
+/* Surfaces from the robot's capsules. */
 struct raw_robot_surfaces {
     struct yaml_mark mark;
     const char *material;
@@ -169,7 +169,7 @@ struct raw_bus {
     size_t nboard;
 };
 
-/* What stands on a joint. */
+/* Switches of a joint. */
 struct raw_switches {
     struct yaml_mark mark, home_mark, negative_mark;
     const char *joint;
@@ -177,7 +177,7 @@ struct raw_switches {
     bool negative_given, positive_given, home_given, index_pulse;
 };
 
-/* What all motor boards share. */
+/* Values that all motor boards share. */
 struct raw_motors {
     struct yaml_mark mark;
     double joint_ticks_per_rev, motor_ticks_per_link_rev;
@@ -225,7 +225,7 @@ struct raw_page {
     const char *listen;
 };
 
-/* Of the servo's loops, or of some joints that differ. */
+/* Gains of the servo's loops, or of some joints that differ. */
 struct raw_gains {
     struct yaml_mark mark;
     struct yaml_name *joint; /* that differ */
@@ -269,7 +269,7 @@ struct raw_hold {
     double duration_s, tolerance_rad;
 };
 
-/* The numbers go straight to where the task wants them (rig/schema_walk.c). */
+/* Numbers of a walk, which go directly into the task's configuration (rig/schema_walk.c). */
 struct raw_walk {
     struct yaml_mark mark;
     struct walk_config config;
@@ -329,7 +329,7 @@ struct raw_rig {
     bool chopper_given;
 };
 
-/* The schema of a whole file: fills a struct raw_rig. */
+/* Schema of a whole file: fills a struct raw_rig. */
 extern const struct yaml_schema rig_file_schema;
 
 #endif

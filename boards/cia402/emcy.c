@@ -8,7 +8,7 @@
 
 #define INHIBIT_UNIT_NS INT64_C(100000)
 
-/* The newest stands first; codes of 0 tell that errors are gone and are not kept. */
+/* Puts an error first in the history; a code of 0 tells that errors are gone and is not kept. */
 static void cia402_emcy_remember(struct cia402_node *node, unsigned code, unsigned axis)
 {
     memmove(node->history + 1, node->history, (CIA402_HISTORY - 1) * sizeof *node->history);
@@ -16,6 +16,7 @@ static void cia402_emcy_remember(struct cia402_node *node, unsigned code, unsign
     node->history_count += node->history_count < CIA402_HISTORY;
 }
 
+/* Queues an emergency message. */
 static void cia402_emcy_queue(struct cia402_node *node, unsigned code, unsigned axis,
                               uint32_t faults)
 {
@@ -38,7 +39,7 @@ void cia402_emcy_raise(struct cia402_node *node, unsigned code, unsigned error_r
     cia402_emcy_queue(node, code, axis, faults);
 }
 
-/* Whether somebody that was heard is silent, or the last of some RPDO did not fit. */
+/* Returns whether a node that was heard is silent, or the last frame of some RPDO did not fit. */
 static bool cia402_emcy_is_disturbed(const struct cia402_node *node)
 {
     bool disturbed = node->guard_lost || node->consumer_lost;
@@ -79,7 +80,7 @@ void cia402_emcy_transmit(struct cia402_node *node, struct frame_sink *sink)
     const struct cia402_communication *settings = &node->settings;
     int64_t now_ns = node->board.boards->now_ns;
 
-    /* What is told while nothing may be sent is lost, but for the history */
+    /* Emergencies are lost while nothing may be sent, except for the history */
     if (node->state == CIA402_STOPPED || settings->cob_emcy & CIA402_COB_INVALID) {
         node->emergencies = 0;
         return;
@@ -101,7 +102,7 @@ void cia402_emcy_transmit(struct cia402_node *node, struct frame_sink *sink)
     }
 }
 
-/* Only 0 may be written: it empties the history. */
+/* Empties the history: only 0 may be written. */
 enum cia402_abort cia402_emcy_write_history(struct cia402_node *node,
                                             const struct cia402_entry *entry, int64_t value)
 {

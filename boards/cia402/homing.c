@@ -69,7 +69,7 @@ static const struct cia402_homing_method {
 
 _Static_assert(ARRAY_COUNT(methods) == CIA402_HOMING_METHODS, "a sub-index of 0x60e3 for each");
 
-/* NULL: none such. */
+/* Finds a method by its number; NULL: none such. */
 static const struct cia402_homing_method *cia402_homing_find(int64_t number)
 {
     for (size_t i = 0; i < ARRAY_COUNT(methods); i++) {
@@ -80,7 +80,7 @@ static const struct cia402_homing_method *cia402_homing_find(int64_t number)
     return NULL;
 }
 
-/* Whether a joint has the switches and the pulse that a method needs. */
+/* Returns whether a joint has the switches and the pulse that a method needs. */
 static bool cia402_homing_is_supported(const struct cia402_homing_method *method,
                                        const struct board_switches *switches)
 {
@@ -118,7 +118,7 @@ void cia402_homing_sample(struct cia402_axis *axis, const struct board_switches 
 
 /* ---- where it is ---- */
 
-/* Makes of a reading of the motor encoder the home position, and counts all positions from it. */
+/* Makes a reading of the motor encoder the home position, from which all positions count. */
 static void cia402_homing_take(struct cia402_axis *axis, int64_t encoder)
 {
     int64_t shift = encoder + axis->settings.home_offset - axis->home;
@@ -130,7 +130,7 @@ static void cia402_homing_take(struct cia402_axis *axis, int64_t encoder)
     axis->goal = axis->profile.position;
 }
 
-/* Index pulses so far, from a multiple of their distance on. */
+/* Returns the number of index pulses so far, from a multiple of their distance on. */
 static double cia402_homing_pulses(const struct cia402_axis *axis)
 {
     return floor(axis->motor_rad / axis->index_rad);
@@ -138,6 +138,7 @@ static double cia402_homing_pulses(const struct cia402_axis *axis)
 
 /* ---- the parts ---- */
 
+/* Enters a part of the procedure in a direction. */
 static void cia402_homing_enter(struct cia402_axis *axis, enum cia402_homing_part part,
                                 int direction)
 {
@@ -146,6 +147,7 @@ static void cia402_homing_enter(struct cia402_axis *axis, enum cia402_homing_par
     axis->homing_pulses = part == CIA402_HOMING_INDEX ? cia402_homing_pulses(axis) : 0.0;
 }
 
+/* Ends the procedure, with or without a home position. */
 static void cia402_homing_end(struct cia402_axis *axis, bool found)
 {
     axis->homing_found = found;
@@ -153,7 +155,7 @@ static void cia402_homing_end(struct cia402_axis *axis, bool found)
     cia402_homing_enter(axis, CIA402_HOMING_STOPS, 0);
 }
 
-/* The home position is at the edge that has been crossed, or at the pulse behind it. */
+/* Takes the edge that has been crossed as the home position, or looks for the pulse behind it. */
 static void cia402_homing_reach_edge(struct cia402_axis *axis,
                                      const struct cia402_homing_method *method)
 {
@@ -165,6 +167,7 @@ static void cia402_homing_reach_edge(struct cia402_axis *axis,
     }
 }
 
+/* Takes the first index pulse that the rotor passes as the home position. */
 static void cia402_homing_watch_pulse(struct cia402_axis *axis)
 {
     double pulses = cia402_homing_pulses(axis);
@@ -176,7 +179,7 @@ static void cia402_homing_watch_pulse(struct cia402_axis *axis)
     }
 }
 
-/* A limit switch in the way, which is not the one that the method looks for. */
+/* Returns whether a limit switch is in the way that the method does not look for. */
 static bool cia402_homing_is_blocked(const struct cia402_axis *axis,
                                      const struct cia402_homing_method *method)
 {
@@ -185,6 +188,7 @@ static bool cia402_homing_is_blocked(const struct cia402_axis *axis,
     return axis->homing_direction != 0 && ahead != method->input && axis->digital_inputs & ahead;
 }
 
+/* Ends a part of the procedure when its condition holds, and begins the next. */
 static void cia402_homing_watch(struct cia402_axis *axis, const struct cia402_homing_method *method)
 {
     bool on = axis->digital_inputs & method->input;

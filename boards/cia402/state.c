@@ -48,6 +48,7 @@ static const uint16_t state_bits[CIA402_STATES] = {
     [CIA402_FAULT] = 0x08,
 };
 
+/* Returns the command of a controlword. */
 static enum command controlword_command(int64_t word)
 {
     return word & CIA402_CW_FAULT_RESET           ? COMMAND_NONE
@@ -79,6 +80,7 @@ void cia402_axis_enter(struct cia402_node *node, struct cia402_axis *axis, enum 
 
 /* ---- transitions ---- */
 
+/* Begins a quick stop by its option code. */
 static void cia402_axis_stop_quickly(struct cia402_node *node, struct cia402_axis *axis)
 {
     int64_t option = axis->settings.quick_stop_option;
@@ -95,8 +97,8 @@ static void cia402_axis_stop_quickly(struct cia402_node *node, struct cia402_axi
                      option >= 5 ? CIA402_QUICK_STOP_ACTIVE : CIA402_SWITCH_ON_DISABLED);
 }
 
-/* To a state where the drive function is off, on a ramp if the option code wants one; a controlword
- * that comes again does not begin the ramp anew. */
+/* Enters a state where the drive function is off, on a ramp if the option code wants one; a
+ * repeated controlword does not restart the ramp. */
 static void cia402_axis_leave_operation(struct cia402_node *node, struct cia402_axis *axis,
                                         bool ramp, enum cia402_state state)
 {
@@ -107,6 +109,7 @@ static void cia402_axis_leave_operation(struct cia402_node *node, struct cia402_
     }
 }
 
+/* Enables operation again after a quick stop that ends in its own state. */
 static void cia402_axis_resume(struct cia402_node *node, struct cia402_axis *axis)
 {
     if (axis->settings.quick_stop_option >= 5) {
@@ -115,9 +118,11 @@ static void cia402_axis_resume(struct cia402_node *node, struct cia402_axis *axi
     }
 }
 
+/* Makes a transition by its number. */
 static void cia402_axis_make_transition(struct cia402_node *node, struct cia402_axis *axis,
                                         unsigned number)
 {
+    /* Numbers of IEC 61800-7-201 */
     switch (number) {
     case 2:
     case 6:
@@ -154,7 +159,7 @@ static void cia402_axis_make_transition(struct cia402_node *node, struct cia402_
     }
 }
 
-/* Transition 15, if the causes are gone. */
+/* Makes transition 15, if the causes of the fault are gone. */
 static void cia402_axis_reset_fault(struct cia402_node *node, struct cia402_axis *axis)
 {
     if (axis->state != CIA402_FAULT || axis->present & ~(uint32_t)WARNINGS) {
@@ -232,6 +237,7 @@ void cia402_axis_lose_connection(struct cia402_node *node, struct cia402_axis *a
     if (!cia402_axis_is_on(axis)) {
         return;
     }
+    /* The option code 0x6007: a fault, no voltage, or a quick stop */
     switch (axis->settings.abort_option) {
     case 1:
         axis->latched |= CIA402_FAULT_CONNECTION;

@@ -283,6 +283,7 @@ unsigned cia402_type_bits(enum cia402_type type)
     }
 }
 
+/* Returns whether a type has a sign. */
 static bool cia402_type_is_signed(enum cia402_type type)
 {
     return type == CIA402_I8 || type == CIA402_I16 || type == CIA402_I32;

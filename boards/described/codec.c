@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the frames of a described protocol mean: identifiers, counts and values; see the header. */
+/* Codec of the frames of a described protocol: identifiers, counts and values; see the header. */
 #include "boards/described/protocol.h"
 
 #include "boards/motor_control.h"
@@ -16,6 +16,7 @@ const char *const described_fault_names[32] = {
 
 const char *described_unit(enum described_meaning meaning)
 {
+    /* Channels of sensors */
     if (meaning >= DESCRIBED_FT_CHANNEL) {
         return meaning < DESCRIBED_FT_CHANNEL + 3 ? "N"
                : meaning < DESCRIBED_ACCELERATION ? "Nm"
@@ -25,6 +26,7 @@ const char *described_unit(enum described_meaning meaning)
                : meaning < DESCRIBED_EULER        ? "T"
                                                   : "rad";
     }
+    /* Fields of axes and boards */
     switch (meaning) {
     case DESCRIBED_TO_VOLTAGE:
     case DESCRIBED_AXIS_VOLTAGE:
@@ -113,7 +115,7 @@ int64_t described_count(const struct field *layout, const struct described_field
         return bits;
     }
     if (scaled > INT32_MAX && scaled <= UINT32_MAX) {
-        return (int64_t)(scaled + 0.5); /* of 32 bits without a sign */
+        return (int64_t)(scaled + 0.5); /* for 32 bits without a sign */
     }
     control_quantize(scaled, &count);
     return control_clamp(count, field_lowest(layout), field_highest(layout));
@@ -225,8 +227,8 @@ uint32_t described_encode(const struct described_frame *frame, unsigned number,
 
 /* ---- which frame it is ---- */
 
-/* Whether a length is one that a frame has: of repeated fields, of as many as there are; CAN FD
- * pads them to the next length that it knows. */
+/* Returns whether a frame can have a length: with repeated fields that of any number of
+ * repetitions; CAN FD pads to the next length that it knows. */
 static bool described_has_length(const struct described_frame *frame, uint8_t len)
 {
     if (frame->repeats == 1) {
@@ -273,7 +275,7 @@ enum described_match described_match_frame(const struct described_frame *frame,
     return DESCRIBED_IS;
 }
 
-/* The bits of a frame's data that are constant, and what they are. */
+/* Finds the bits of a frame's data that are constant, and their values. */
 static void described_find_constants(const struct described_frame *frame, uint8_t *mask,
                                      uint8_t *value)
 {
@@ -291,7 +293,7 @@ static void described_find_constants(const struct described_frame *frame, uint8_
     fields_encode(frame->layout, counts, value);
 }
 
-/* Whether a frame without data is both a request and another frame from the host. */
+/* Returns whether a frame without data is both a request and another frame from the host. */
 static bool described_may_be_empty(const struct described_frame *a, const struct described_frame *b)
 {
     const struct described_frame *request = a->remote ? a : b, *other = a->remote ? b : a;

@@ -15,11 +15,13 @@
 
 #include <math.h>
 
+/* Returns a target of an axis. */
 static double axis_target(const struct described_axis *axis, enum described_meaning meaning)
 {
     return axis->target[meaning - DESCRIBED_SET_POINT];
 }
 
+/* Returns the voltage of the current loop, its target within the current limit. */
 static double axis_current_law(const struct board *board, struct described_axis *axis,
                                double wanted_a)
 {
@@ -34,6 +36,7 @@ static double axis_current_law(const struct board *board, struct described_axis 
            config->bemf_v_s_rad * axis->velocity_rad_s;
 }
 
+/* Returns the voltage of the current loop for a torque. */
 static double axis_torque_law(const struct board *board, struct described_axis *axis,
                               double torque_nm)
 {
@@ -42,7 +45,7 @@ static double axis_torque_law(const struct board *board, struct described_axis *
     return axis_current_law(board, axis, constant > 0.0 ? torque_nm / constant : 0.0);
 }
 
-/* The torque that the drive gives at its current limit. */
+/* Returns the torque that the drive gives at its current limit. */
 static double axis_torque_most(const struct board *board, const struct described_axis *axis)
 {
     const struct board_axis_config *config = &board->config.axis[described_axis_index(board, axis)];
@@ -50,6 +53,7 @@ static double axis_torque_most(const struct board *board, const struct described
     return config->torque_nm_a * config->current_limit_a;
 }
 
+/* Returns the voltage of the velocity loop; that of a valve is proportional to the speed. */
 static double axis_velocity_law(const struct board *board, struct described_axis *axis,
                                 double wanted_rad_s)
 {
@@ -70,7 +74,8 @@ static double axis_velocity_law(const struct board *board, struct described_axis
                                axis->integral_nm + axis_target(axis, DESCRIBED_TO_TORQUE));
 }
 
-/* How far the motor is from the wanted position, which is kept within the joint's limits. */
+/* Returns the distance from the motor to the wanted position, which is kept within the joint's
+ * limits. */
 static double axis_position_error(const struct board *board, const struct described_axis *axis)
 {
     const struct board_axis_config *config = &board->config.axis[described_axis_index(board, axis)];
@@ -79,6 +84,7 @@ static double axis_position_error(const struct board *board, const struct descri
     return fmax(fmin(wanted, config->upper_rad), config->lower_rad) - axis->motor_rad;
 }
 
+/* Returns the voltage of a law. */
 static double axis_law_voltage(const struct board *board, struct described_axis *axis,
                                enum described_law law)
 {

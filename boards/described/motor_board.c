@@ -10,7 +10,7 @@
 #include <math.h>
 #include <string.h>
 
-#define TEMPERATURE_MAX_C 125.0 /* what the board bears where the rig gives no limit */
+#define TEMPERATURE_MAX_C 125.0 /* limit where the rig gives none */
 
 /* ---- states ---- */
 
@@ -20,11 +20,13 @@ enum described_law described_axis_law(const struct described_protocol *protocol,
     return described_state_law(protocol, axis->state, axis->law);
 }
 
+/* Returns the law in force of an axis. */
 static enum described_law axis_law(const struct board *board, const struct described_axis *axis)
 {
     return described_axis_law(described_node_of(board)->protocol, axis);
 }
 
+/* Returns whether the bridge of an axis is on. */
 static bool described_axis_runs(const struct board *board, const struct described_axis *axis)
 {
     return described_law_drives(axis_law(board, axis));
@@ -37,10 +39,11 @@ void described_axis_forget(const struct board *board, struct described_axis *axi
     axis->integral_v = axis->integral_nm = axis->voltage_v = 0.0;
     axis->overload_ms = 0.0;
 
-    /* A position is not 0 but where it is */
+    /* The target of position is the present position, not 0 */
     axis->target[DESCRIBED_TO_POSITION - DESCRIBED_SET_POINT] = axis->motor_rad - axis->zero_rad;
 }
 
+/* Enters a state; another one forgets set-points and loops. */
 static void described_axis_set_state(struct board *board, struct described_axis *axis, int state)
 {
     enum described_law before = axis_law(board, axis);
@@ -53,7 +56,8 @@ static void described_axis_set_state(struct board *board, struct described_axis 
     }
 }
 
-/* By a host: off clears a fault where no frame is there for that; nothing else leads out of it. */
+/* Enters a state that a host commands: off clears a fault where no frame exists for that;
+ * nothing else leads out of it. */
 static void described_axis_command_state(struct board *board, struct described_axis *axis,
                                          int state)
 {
@@ -67,6 +71,7 @@ static void described_axis_command_state(struct board *board, struct described_a
     }
 }
 
+/* Selects the law of the states whose law a host selects. */
 static void described_axis_select_law(struct board *board, struct described_axis *axis, int law)
 {
     enum described_law before = axis_law(board, axis);
@@ -83,6 +88,7 @@ static void described_axis_select_law(struct board *board, struct described_axis
 
 /* ---- commands ---- */
 
+/* Sets a target from a field of a frame. */
 static void described_axis_set_target(struct board *board, struct described_axis *axis,
                                       const struct described_frame *frame, size_t field,
                                       int64_t count)
@@ -110,7 +116,7 @@ static void described_axis_set_target(struct board *board, struct described_axis
     axis->target[meaning - DESCRIBED_SET_POINT] = value;
 }
 
-/* Whether the state or law that a frame commands is one that the axis has. */
+/* Returns whether the axis has the state or law that a frame commands. */
 static bool described_axis_has_law(const struct board *board, unsigned index,
                                    const struct described_frame *frame, const int64_t *values)
 {
@@ -118,6 +124,7 @@ static bool described_axis_has_law(const struct board *board, unsigned index,
     int law = described_motor_of(board)->axis[index].law, state = frame->enter;
     bool suits = true;
 
+    /* A motor has all laws, a valve none that controls a current */
     if (!board->config.axis[index].valve) {
         return true;
     }
@@ -135,7 +142,7 @@ static bool described_axis_has_law(const struct board *board, unsigned index,
     return suits;
 }
 
-/* An emergency stop latches its fault, whether the axis runs or not. */
+/* Latches the fault of an emergency stop, whether the axis runs or not. */
 static void described_axis_stop(struct board *board, struct described_axis *axis)
 {
     const uint32_t stopped = UINT32_C(1) << DESCRIBED_STOPPED;
@@ -158,7 +165,7 @@ static void described_axis_clear_faults(struct board *board, struct described_ax
     }
 }
 
-/* Sets a setting, which is not negative; what is no number leaves it. */
+/* Sets a setting, which is not negative; a value that is no number changes nothing. */
 static void described_axis_set(struct described_axis *axis, const struct field *layout,
                                const struct described_field *field, int64_t count)
 {
@@ -170,7 +177,7 @@ static void described_axis_set(struct described_axis *axis, const struct field *
     }
 }
 
-/* Settings, parameters and the reading of the position; the axis keeps its state. */
+/* Sets settings, parameters and the reading of the position; the axis keeps its state. */
 static void described_axis_configure(struct board *board, struct described_axis *axis,
                                      const struct described_frame *frame, const int64_t *values)
 {
@@ -254,7 +261,7 @@ bool described_axis_obey(struct board *board, unsigned index, const struct descr
 
 /* ---- power-up ---- */
 
-/* Settings as the file has them; limits that only the rig sets. */
+/* Resets the settings to those of the file; limits stay those of the rig. */
 static void described_axis_reset_settings(const struct described_protocol *protocol,
                                           struct described_axis *axis)
 {
@@ -270,6 +277,7 @@ static void described_axis_reset_settings(const struct described_protocol *proto
     axis->wanted_a = 0.0;
 }
 
+/* Powers up a motor board (struct board_ops). */
 static void described_motor_power_up(struct board *board)
 {
     struct described_motor *motor = described_motor_of(board);
@@ -299,6 +307,7 @@ static void described_motor_power_up(struct board *board)
 
 /* ---- sensors ---- */
 
+/* Reads the sensors of an axis. ms: time since the last sample. */
 static void described_axis_sample(struct described_axis *axis,
                                   const struct board_axis_config *config,
                                   const struct motor_sense *sense, int64_t ms)
@@ -334,6 +343,7 @@ static void described_axis_sample(struct described_axis *axis,
     }
 }
 
+/* Reads the sensors of all axes (struct board_ops). */
 static void described_motor_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct described_motor *motor = described_motor_of(board);
@@ -356,6 +366,7 @@ static void described_motor_sample(struct board *board, const struct plant_senso
 
 /* ---- faults ---- */
 
+/* Returns whether the I2t law sees an overload of an axis that runs. */
 static bool described_axis_is_over_current(const struct board *board, struct described_axis *axis)
 {
     const struct board_axis_config *config = &board->config.axis[described_axis_index(board, axis)];
@@ -368,6 +379,7 @@ static bool described_axis_is_over_current(const struct board *board, struct des
                          (double)board->boards->tick_ns / MS);
 }
 
+/* Returns whether commands of an axis have not come for the time-out. */
 static bool described_axis_is_stale(const struct board *board, const struct described_axis *axis)
 {
     int64_t own_ns = described_node_of(board)->protocol->command_timeout_ns;
@@ -377,11 +389,13 @@ static bool described_axis_is_stale(const struct board *board, const struct desc
            board->boards->now_ns - axis->command_ns > timeout_ns;
 }
 
+/* Returns the bit of a fault if it is present. */
 static uint32_t fault_if(bool present, enum described_fault fault)
 {
     return present ? UINT32_C(1) << fault : 0;
 }
 
+/* Returns the faults that an axis has now. */
 static uint32_t described_axis_present_faults(const struct board *board,
                                               struct described_axis *axis)
 {
@@ -407,6 +421,7 @@ static uint32_t described_axis_present_faults(const struct board *board,
            fault_if(board->lost_in_status, DESCRIBED_OVERFLOW);
 }
 
+/* Reacts to a time-out of commands: enters the protocol's state, or forgets the set-points. */
 static void described_axis_expire(struct board *board, struct described_axis *axis)
 {
     int state = described_node_of(board)->protocol->timeout_state;
@@ -428,6 +443,7 @@ static void described_axis_expire(struct board *board, struct described_axis *ax
     }
 }
 
+/* Finds the faults of an axis and reacts to new ones: events, counters, the fault state. */
 static void described_axis_watch_faults(struct board *board, struct described_axis *axis)
 {
     const struct described_protocol *protocol = described_node_of(board)->protocol;
@@ -459,7 +475,7 @@ static void described_axis_watch_faults(struct board *board, struct described_ax
 
 /* ---- control ---- */
 
-/* Beyond a limit only set-points that lead back are obeyed. */
+/* Stops set-points of open laws that lead further beyond a limit. */
 static void described_axis_heed_limits(const struct board *board, struct described_axis *axis)
 {
     static const enum described_meaning open[] = {DESCRIBED_TO_VOLTAGE, DESCRIBED_TO_DUTY,
@@ -479,6 +495,7 @@ static void described_axis_heed_limits(const struct board *board, struct describ
     }
 }
 
+/* Writes voltages and switches of the bridges into the command of the plant. */
 static void described_motor_drive_bridges(const struct board *board, struct plant_command *command)
 {
     for (unsigned i = 0; i < described_node_of(board)->axes; i++) {
@@ -490,6 +507,7 @@ static void described_motor_drive_bridges(const struct board *board, struct plan
     }
 }
 
+/* Runs a tick of a motor board: faults, limits and laws (struct board_ops). */
 static void described_motor_control(struct board *board, struct ms_span span,
                                     struct plant_command *command)
 {
@@ -505,6 +523,7 @@ static void described_motor_control(struct board *board, struct ms_span span,
     described_motor_drive_bridges(board, command);
 }
 
+/* Opens the bridges of a motor board (struct board_ops). */
 static void described_motor_shut_down(struct board *board, struct plant_command *command)
 {
     for (unsigned i = 0; i < described_node_of(board)->axes; i++) {
@@ -517,6 +536,7 @@ static void described_motor_shut_down(struct board *board, struct plant_command 
     described_motor_drive_bridges(board, command);
 }
 
+/* Returns whether some axis has latched a fault (struct board_ops). */
 static bool described_motor_is_faulty(const struct board *board)
 {
     for (unsigned i = 0; i < described_node_of(board)->axes; i++) {
@@ -527,6 +547,7 @@ static bool described_motor_is_faulty(const struct board *board)
     return false;
 }
 
+/* Returns the law in force of an axis, or that of faults (struct board_ops). */
 static uint8_t described_motor_mode(const struct board *board, unsigned axis)
 {
     const struct described_axis *of = &described_motor_of(board)->axis[axis];
@@ -536,7 +557,7 @@ static uint8_t described_motor_mode(const struct board *board, unsigned axis)
 
 /* ---- what its frames tell ---- */
 
-/* What an axis takes, gives and aims at; false: the meaning is another. */
+/* Computes targets, powers and settings of an axis; false: the meaning is another. */
 static bool described_axis_power(const struct board *board, const struct described_axis *axis,
                                  enum described_meaning meaning, double *value)
 {
@@ -578,6 +599,7 @@ static bool described_axis_power(const struct board *board, const struct describ
     }
 }
 
+/* Computes what a field of an axis carries (struct described_node_ops). */
 static bool described_motor_source(const struct described_node *node, unsigned index,
                                    const struct described_field *field, double *value,
                                    int64_t *count)
@@ -590,6 +612,7 @@ static bool described_motor_source(const struct described_node *node, unsigned i
         return false;
     }
     switch (field->meaning) {
+    /* Sensors */
     case DESCRIBED_MOTOR_POSITION:
         *value = axis->motor_rad - axis->zero_rad;
         return false;
@@ -627,6 +650,7 @@ static bool described_motor_source(const struct described_node *node, unsigned i
     case DESCRIBED_TEMPERATURE:
         *value = axis->temperature_c;
         return false;
+    /* State */
     case DESCRIBED_LAW:
         *count = node->protocol->nlaw ? node->protocol->law[axis->law].value : 0;
         return true;
@@ -642,11 +666,13 @@ static bool described_motor_source(const struct described_node *node, unsigned i
     }
 }
 
+/* Returns the faults of an axis (struct described_node_ops). */
 static uint32_t described_motor_faults(const struct described_node *node, unsigned axis)
 {
     return described_motor_of(&node->board)->axis[axis].faults;
 }
 
+/* Returns the state of an axis (struct described_node_ops). */
 static int described_motor_state(const struct described_node *node, unsigned axis)
 {
     return described_motor_of(&node->board)->axis[axis].state;

@@ -90,7 +90,7 @@ struct raw_described {
 
 enum { RAW_DESCRIBED_UNSIGNED, RAW_DESCRIBED_SIGNED, RAW_DESCRIBED_FLOAT };
 
-/* The schema of a whole file: fills a struct raw_described. */
+/* Schema of a whole file: fills a struct raw_described. */
 extern const struct yaml_schema described_file_schema;
 
 #endif

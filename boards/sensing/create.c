@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The sensors are created: ranges checked, delay lines and random streams laid out. */
+/* Creates the sensors: ranges checked, delay lines and random streams laid out. */
 #include "base/portable_math.h"
 #include "faults/kinds.h"
 #include "boards/sensing/private.h"
@@ -8,11 +8,13 @@
 #include <stdio.h>
 #include <string.h>
 
+/* Checks whether a number is finite and not negative. */
 static bool sensing_is_not_negative(double value)
 {
     return isfinite(value) && value >= 0.0;
 }
 
+/* Checks that the terms of a sensor's error are possible. */
 static enum error_code sensor_error_check(const struct sensor_error *e, const char *name,
                                           struct error *error)
 {
@@ -30,6 +32,7 @@ static enum error_code sensor_error_check(const struct sensor_error *e, const ch
     return ERROR_NONE;
 }
 
+/* Returns whether a sensor has no error at all. */
 static bool sensor_error_is_ideal(const struct sensor_error *e)
 {
     return e->gain_error == 0.0 && e->offset == 0.0 && e->noise_rms == 0.0 &&
@@ -37,13 +40,14 @@ static bool sensor_error_is_ideal(const struct sensor_error *e)
            e->lsb == 0.0 && e->latency_ns == 0;
 }
 
-/* Samples that a delay needs: the newest and those up to one beyond it. */
+/* Returns the number of samples that a delay needs: the newest and those up to one beyond it. */
 static size_t delay_line_length(int64_t delay_ns, int64_t tick_ns)
 {
     return delay_ns > 0 ? (size_t)((delay_ns + tick_ns - 1) / tick_ns) + 1 : 0;
 }
 
-/* A channel, with random streams that bear its name: they depend on the seed and nothing else. */
+/* Creates a channel, with random streams that bear its name: they depend on the seed and nothing
+ * else. */
 static enum error_code sensing_make_channel(struct sensing *s, size_t index, const char *name,
                                             const char *what, const struct sensor_error *from,
                                             struct arena *arena, struct error *error)
@@ -68,6 +72,7 @@ static enum error_code sensing_make_channel(struct sensing *s, size_t index, con
                          : error_set(error, ERROR_MEMORY, "no memory left for sensor %s", name);
 }
 
+/* Creates the channels of a joint and the thermal model of its winding. */
 static enum error_code sensing_make_joint(struct sensing *s, size_t j, struct arena *arena,
                                           struct error *error)
 {
@@ -109,8 +114,8 @@ static enum error_code sensing_make_joint(struct sensing *s, size_t j, struct ar
     return ERROR_NONE;
 }
 
-/* The mixing matrix of a force-torque sensor: ones on the diagonal, crosstalk as a part of the full
- * scales beside it, with random signs. */
+/* Fills the mixing matrix of a force-torque sensor: ones on the diagonal, crosstalk as a part of
+ * the full scales beside it, with random signs. */
 static enum error_code sensing_make_crosstalk(struct sensing *s, size_t f, struct error *error)
 {
     const struct sensor_ft *ft = &s->ft[f];
@@ -140,6 +145,7 @@ static enum error_code sensing_make_crosstalk(struct sensing *s, size_t f, struc
     return ERROR_NONE;
 }
 
+/* Creates the channels of a force-torque sensor. */
 static enum error_code sensing_make_ft(struct sensing *s, size_t f, struct arena *arena,
                                        struct error *error)
 {
@@ -157,6 +163,7 @@ static enum error_code sensing_make_ft(struct sensing *s, size_t f, struct arena
     return sensing_make_crosstalk(s, f, error);
 }
 
+/* Creates the channels of the inertial sensor. */
 static enum error_code sensing_make_imu(struct sensing *s, struct arena *arena, struct error *error)
 {
     const struct sensor_error *const from[] = {&s->config.gyro, &s->config.accel,
@@ -174,7 +181,7 @@ static enum error_code sensing_make_imu(struct sensing *s, struct arena *arena, 
     return ERROR_NONE;
 }
 
-/* The entry of channel k of a fault. */
+/* Adds the entry of channel k of a fault. */
 static enum error_code sensing_add_fault(struct sensing *s, const struct fault *fault, size_t k,
                                          struct arena *arena, struct error *error)
 {
@@ -193,7 +200,7 @@ static enum error_code sensing_add_fault(struct sensing *s, const struct fault *
                     : error_set(error, ERROR_MEMORY, "no memory left for fault %s", fault->name);
 }
 
-/* One entry for each channel of each fault of a sensor. */
+/* Creates one entry for each channel of each fault of a sensor. */
 static enum error_code sensing_make_faults(struct sensing *s, struct arena *arena,
                                            struct error *error)
 {
@@ -224,7 +231,7 @@ static enum error_code sensing_make_faults(struct sensing *s, struct arena *aren
     return ERROR_NONE;
 }
 
-/* All arrays by joint, force-torque sensor and channel; false without memory. */
+/* Allocates all arrays by joint, force-torque sensor and channel; returns false without memory. */
 static bool sensing_allocate(struct sensing *s, struct arena *arena)
 {
     size_t njoint = s->config.njoint, nft = s->config.nft;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Euler angles, gravity and linear acceleration from the sensors' readings. */
+/* Computes Euler angles, gravity and linear acceleration from the sensors' readings. */
 #include "boards/sensing/inertial.h"
 
 #include "base/portable_math.h"
@@ -24,11 +24,13 @@ void inertial_derive(const struct imu_sense *sense, bool fused, struct inertial_
     if (!values->oriented) {
         return;
     }
+    /* Unit length, w not negative */
     k = (q[0] < 0.0 ? -1.0 : 1.0) / sqrt(square);
     for (int i = 0; i < 4; i++) {
         values->quaternion[i] = k * q[i];
     }
     mat3_from_quaternion(values->quaternion, R);
+    /* Roll, pitch, yaw of R = Rz Ry Rx, and up in the sensor's axes, R's last row */
     values->euler_rad[0] = portable_atan2(R[7], R[8]);
     values->euler_rad[1] = -portable_asin(fmax(-1.0, fmin(1.0, R[6])));
     values->euler_rad[2] = portable_atan2(R[3], R[0]);

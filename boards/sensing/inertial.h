@@ -1,15 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What inertial boards make of their sensors, whatever they speak: from what was measured
+ * Conversions of inertial boards, whatever they speak: from what was measured
  * (boards/sensing/sensing.h) to what they tell. RT-safe.
  *
  * The orientation is the sensor's own as measured, which is the true attitude with the errors of
  * the rig's key `orientation`: no filter runs here. Everything derived follows from it:
  *
- *   Euler angles  roll, pitch, yaw with R = Rz(yaw) Ry(pitch) Rx(roll), R from the sensor's axes to
- *                 the world's, z up; pitch within +-90 degrees, the others within +-180
- *   gravity       what an accelerometer at rest reads: 9.81 m/s2 along up, in the sensor's axes
- *   linear        acceleration less gravity: 0 at rest, 9.81 m/s2 down in free fall
+ * Euler angles: roll, pitch, yaw with R = Rz(yaw) Ry(pitch) Rx(roll), R from the sensor's axes to
+ * the world's, z up; pitch within +-90 degrees, the others within +-180.
+ *
+ * Gravity: what an accelerometer at rest reads, 9.81 m/s2 along up, in the sensor's axes.
+ *
+ * Linear acceleration: acceleration less gravity, 0 at rest, 9.81 m/s2 down in free fall.
  *
  * Units: SI, rad.
  */
@@ -32,8 +34,8 @@ struct inertial_values {
 /* fused false: as if no orientation was measured. */
 void inertial_derive(const struct imu_sense *sense, bool fused, struct inertial_values *values);
 
-/* counts = value / worth, within an i16. Returns false when it had to be cut; what is no number
- * leaves counts alone and sets *bad. */
+/* Converts to counts = value / worth, within an i16. Returns false when it had to be cut; what
+ * is no number leaves counts alone and sets *bad. */
 bool inertial_quantize(double value, double worth, int64_t *counts, bool *bad);
 
 #endif

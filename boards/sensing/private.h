@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the sensors are made of: shared by their creation, which is not RT-safe, and by the chain
+/* The parts of the sensors, shared by their creation, which is not RT-safe, and by the chain
  * that reads them, which is. */
 #ifndef BOARDS_SENSING_PRIVATE_H
 #define BOARDS_SENSING_PRIVATE_H

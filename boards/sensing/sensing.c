@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The sensors are read: one chain for every channel, and what comes before it. */
+/* Reads the sensors: one chain for every channel, and what comes before it. */
 #include "boards/sensing/private.h"
 
 #include <math.h>
@@ -7,8 +7,8 @@
 
 /* ---- the chain ---- */
 
-/* What x was delay_ns ago, linear between two ticks. The newest entry of the line is line[at]; the
- * line reaches at least that far back. */
+/* Returns what x was delay_ns ago, linear between two ticks. The newest entry of the line is
+ * line[at]; the line reaches at least that far back. */
 static double delay_line_read(const double *line, size_t length, size_t at, int64_t delay_ns,
                               int64_t tick_ns)
 {
@@ -22,6 +22,7 @@ static double delay_line_read(const double *line, size_t length, size_t at, int6
     return younger + part * (line[(at + length - whole - 1) % length] - younger);
 }
 
+/* Appends x to the delay line of a channel; returns x of its latency ago. */
 static double channel_delay(struct channel *channel, double x, int64_t tick_ns, bool started)
 {
     if (channel->length == 0) {
@@ -37,7 +38,7 @@ static double channel_delay(struct channel *channel, double x, int64_t tick_ns, 
                            tick_ns);
 }
 
-/* The converter: cut to the full scale, rounded to steps of lsb. */
+/* Returns x after the converter: cut to the full scale, rounded to steps of lsb. */
 static double sensor_error_convert(const struct sensor_error *e, double x)
 {
     if (e->full_scale > 0.0) {
@@ -46,7 +47,7 @@ static double sensor_error_convert(const struct sensor_error *e, double x)
     return e->lsb > 0.0 ? e->lsb * floor(x / e->lsb + 0.5) : x;
 }
 
-/* What the sensor makes of x, in the order that boards/sensing/sensing.h gives. */
+/* Returns the sensor's reading of x, in the order that boards/sensing/sensing.h gives. */
 static double channel_measure(struct sensing *s, struct channel *channel, double x)
 {
     const struct sensor_error *e = &channel->error;
@@ -71,7 +72,7 @@ static double channel_measure(struct sensing *s, struct channel *channel, double
 
 /* ---- faults ---- */
 
-/* What a fault makes of x; last is what the channel said before. */
+/* Returns x as disturbed by a fault; last is what the channel said before. */
 static double sensor_fault_disturb(const struct sensing *s, struct sensor_fault *f, double x,
                                    double last)
 {
@@ -107,8 +108,8 @@ static double sensor_fault_disturb(const struct sensing *s, struct sensor_fault 
     }
 }
 
-/* The delay line is fed also while the fault is not active, so that it holds the past when the
- * fault begins. */
+/* Feeds the delay line of a fault also while it is not active, so that it holds the past when
+ * the fault begins. */
 static void sensor_fault_remember(struct sensor_fault *f, double x, bool started)
 {
     for (size_t i = 0; !started && i < f->length; i++) {
@@ -120,7 +121,7 @@ static void sensor_fault_remember(struct sensor_fault *f, double x, bool started
     }
 }
 
-/* One channel: the sensor, then its faults in the order of the table. */
+/* Reads one channel: the sensor, then its faults in the order of the table. */
 static double sensing_read_channel(struct sensing *s, size_t index, double x)
 {
     struct channel *channel = &s->channel[index];
@@ -144,7 +145,7 @@ static double sensing_read_channel(struct sensing *s, size_t index, double x)
 
 /* ---- the sensors ---- */
 
-/* Neither errors nor faults: the channel shows the truth. */
+/* Returns whether a channel has neither errors nor faults: it shows the truth. */
 static bool sensing_channel_is_plain(const struct sensing *s, size_t channel)
 {
     for (size_t i = 0; i < s->nfault; i++) {
@@ -155,8 +156,8 @@ static bool sensing_channel_is_plain(const struct sensing *s, size_t channel)
     return s->channel[channel].ideal;
 }
 
-/* The temperature of a winding after another tick of current_a; where it is not modelled here, what
- * the plant says: that of its own model, or 0. */
+/* Updates and returns the temperature of a winding after another tick of current_a; where it is
+ * not modeled here, what the plant says: that of its own model, or 0. */
 static double sensing_heat_winding(const struct sensing *s, size_t j,
                                    const struct motor_sense *truth)
 {
@@ -173,7 +174,7 @@ static double sensing_heat_winding(const struct sensing *s, size_t j,
     return thermal->ambient_c + state->heated_c;
 }
 
-/* The rate that an encoder's readings show, or the truth where it is ideal. */
+/* Returns the rate that an encoder's readings show, or the truth where it is ideal. */
 static double sensing_encoder_rate(const struct sensing *s, size_t channel, double now,
                                    double *last, double truth)
 {
@@ -184,6 +185,7 @@ static double sensing_encoder_rate(const struct sensing *s, size_t channel, doub
                                                 : change / (1e-9 * (double)s->config.tick_ns);
 }
 
+/* Reads the sensors of a joint: encoders with their rates, current, torque, temperature. */
 static void sensing_read_joint(struct sensing *s, size_t j, const struct motor_sense *truth)
 {
     struct motor_sense *out = &s->measured.motor[j];
@@ -191,6 +193,7 @@ static void sensing_read_joint(struct sensing *s, size_t j, const struct motor_s
     size_t link = sensing_joint_channel(j, SENSOR_LINK_ENCODER),
            motor = sensing_joint_channel(j, SENSOR_MOTOR_ENCODER);
 
+    /* An incremental encoder counts from where it stands at its start */
     if (s->joint[j].incremental && (!s->started || state->restarts)) {
         state->start_rad = truth->qm;
     }
@@ -211,6 +214,7 @@ static void sensing_read_joint(struct sensing *s, size_t j, const struct motor_s
                                           sensing_heat_winding(s, j, truth));
 }
 
+/* Reads a force-torque sensor: crosstalk, then each channel. */
 static void sensing_read_ft(struct sensing *s, size_t f, const struct ft_sense *truth)
 {
     const double x[SENSOR_FT_CHANNELS] = {truth->force_n[0],   truth->force_n[1],
@@ -233,9 +237,9 @@ static void sensing_read_ft(struct sensing *s, size_t f, const struct ft_sense *
     }
 }
 
-/* A quaternion and its opposite are one rotation: the channels get the one that is near the last,
- * for they interpolate. What they make of it has any length; 0 stays, an orientation that is not
- * known. */
+/* Reads the orientation. A quaternion and its opposite are one rotation: the channels, which
+ * interpolate, get the one near the last. Their output has any length; 0 stays 0, an unknown
+ * orientation. */
 static void sensing_read_orientation(struct sensing *s, const double truth[4])
 {
     const size_t first = SENSOR_IMU_CHANNELS - 4;
@@ -258,6 +262,7 @@ static void sensing_read_orientation(struct sensing *s, const double truth[4])
     }
 }
 
+/* Reads the inertial sensor. */
 static void sensing_read_imu(struct sensing *s, const struct imu_sense *truth)
 {
     struct imu_sense *out = &s->measured.imu;

@@ -97,13 +97,14 @@ enum error_code sensing_create(const struct sensing_config *config, struct arena
 const struct plant_sensors *sensing_sample(struct sensing *sensing, int64_t now_ns,
                                            const struct plant_sensors *truth);
 
-/* All noise (noise_rms) times a factor, 1 at the start; whether there is any at all. RT-safe. */
+/* Scales all noise (noise_rms) by a factor, 1 at the start; tells whether there is any at all.
+ * RT-safe. */
 void sensing_scale_noise(struct sensing *sensing, double factor);
 double sensing_noise_scale(const struct sensing *sensing);
 bool sensing_has_noise(const struct sensing *sensing);
 
-/* The board that counts a joint's motor encoder has restarted: an incremental one counts from where
- * it stands at the next sample. RT-safe. */
+/* Restarts the counter of a joint's motor encoder, as when its board restarts: an incremental
+ * one counts from where it stands at the next sample. RT-safe. */
 void sensing_restart_counter(struct sensing *sensing, size_t joint);
 
 #endif

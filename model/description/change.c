@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Robots made from other robots. */
+/* Makes robots from other robots: a copy, and one whose base is fixed. */
 #include "model/robot.h"
 
 #include "model/spatial.h"
 
 #include <string.h>
 
+/* Copies an array into the arena. Returns NULL when the arena is used up. */
 static void *copy_array(struct arena *arena, const void *from, size_t count, size_t size)
 {
     void *to = arena_alloc(arena, count, size);
@@ -35,7 +36,8 @@ enum error_code robot_copy(const struct robot *robot, struct arena *arena, struc
     return ERROR_NONE;
 }
 
-/* From the axes of a frame at p, turned by R, to those that R and p are given in. */
+/* Transforms a point from the axes of a frame at p, rotated by R, to those that R and p are
+ * given in. */
 static void place_point(const double R[9], const double p[3], double point[3])
 {
     double turned[3];
@@ -46,6 +48,7 @@ static void place_point(const double R[9], const double p[3], double point[3])
     }
 }
 
+/* Rotates a rotation matrix by R: rotation <- R * rotation. */
 static void place_rotation(const double R[9], double rotation[9])
 {
     double turned[9];
@@ -61,15 +64,18 @@ enum error_code robot_fix_base(struct robot *robot, const double position[3],
     double R[9];
 
     mat3_from_quaternion(quaternion, R);
+    /* The base becomes the world: all that was given in its frame moves by its pose */
     robot->floating = false;
     place_point(R, position, inertia->com);
     sym3_rotate(R, inertia->I);
+    /* Joints of the bodies that hang on the base */
     for (size_t j = 0; j < robot->njoint; j++) {
         if (robot->body[j + 1].parent == 0) {
             place_point(R, position, robot->joint[j].origin);
             place_rotation(R, robot->joint[j].rotation);
         }
     }
+    /* Frames, capsules and visuals of the base */
     for (size_t f = 0; f < robot->nframe; f++) {
         if (robot->frame[f].body == 0) {
             place_point(R, position, robot->frame[f].position);

@@ -15,11 +15,12 @@
 
 /* A unit vector, rotation or quaternion may be off by this much. */
 #define UNIT_TOLERANCE 1e-9
-/* Inertias are written with six digits or more: so far may they be from a possible one. */
+/* Relative tolerance of inertias, which are written with six digits or more. */
 #define INERTIA_TOLERANCE 1e-6
-/* What must be left of a joint's inertia when all joints behind it give way. */
+/* Least part of a joint's rigid inertia that must be left when all joints behind it give way. */
 #define SINGULAR_RATIO 1e-12
 
+/* Checks whether all numbers are finite. */
 static bool all_finite(const double *value, size_t count)
 {
     for (size_t i = 0; i < count; i++) {
@@ -30,6 +31,7 @@ static bool all_finite(const double *value, size_t count)
     return true;
 }
 
+/* Checks whether a vector or quaternion has unit length. */
 static bool is_unit(const double *value, size_t count)
 {
     double square = 0.0;
@@ -40,6 +42,7 @@ static bool is_unit(const double *value, size_t count)
     return fabs(square - 1.0) <= 2.0 * UNIT_TOLERANCE;
 }
 
+/* Checks whether a 3x3 matrix (by rows) is a rotation: orthonormal, determinant +1. */
 static bool is_rotation_matrix(const double R[9])
 {
     double third[3];
@@ -53,7 +56,7 @@ static bool is_rotation_matrix(const double R[9])
     return is_unit(R, 3) && is_unit(R + 3, 3) && fabs(vec3_dot(R, R + 3)) <= UNIT_TOLERANCE;
 }
 
-/* Principal moments of a tensor, in rising order. */
+/* Computes the principal moments of a symmetric tensor, in rising order. */
 static void principal_moments(const double I[6], double moment[3])
 {
     double mean = (I[0] + I[3] + I[5]) / 3.0;
@@ -106,7 +109,7 @@ enum error_code robot_check_inertia(const struct robot_inertia *inertia, struct 
     return ERROR_NONE;
 }
 
-/* One joint for each body but the base, parents first. */
+/* Checks that there is one joint for each body but the base, parents first. */
 static enum error_code check_tree(const struct robot *robot, struct error *error)
 {
     if (robot->nbody == 0 || robot->njoint != robot->nbody - 1) {
@@ -132,6 +135,7 @@ static enum error_code check_tree(const struct robot *robot, struct error *error
     return ERROR_NONE;
 }
 
+/* Checks the mass properties of all bodies, and those below the force-torque sensors. */
 static enum error_code check_body_inertias(const struct robot *robot, struct error *error)
 {
     for (size_t b = 0; b < robot->nbody; b++) {
@@ -148,12 +152,14 @@ static enum error_code check_body_inertias(const struct robot *robot, struct err
     return ERROR_NONE;
 }
 
+/* Checks whether the parameters of a stop are finite and not negative. */
 static bool stop_is_possible(const struct robot_stop *stop)
 {
     return isfinite(stop->stiffness) && isfinite(stop->damping) && stop->stiffness >= 0.0 &&
            stop->damping >= 0.0;
 }
 
+/* Checks whether the parameters of an electric drive are possible. */
 static bool drive_is_possible(const struct robot_sea *sea)
 {
     const double value[] = {sea->J,  sea->Dm, sea->Ks, sea->Ds, sea->N,
@@ -164,6 +170,7 @@ static bool drive_is_possible(const struct robot_sea *sea)
            sea->deflection >= 0.0 && isfinite(sea->deflection) && stop_is_possible(&sea->stop);
 }
 
+/* Checks whether the parameters of a parallel spring are possible. */
 static bool spring_is_possible(const struct robot_parallel_spring *spring)
 {
     const double value[] = {spring->k_p, spring->d_p, spring->r};
@@ -172,8 +179,10 @@ static bool spring_is_possible(const struct robot_parallel_spring *spring)
            spring->r > 0.0 && (spring->s == 1.0 || spring->s == -1.0);
 }
 
+/* Checks type, axis, place, limits, stops, drive and spring of a joint. */
 static enum error_code check_joint(const struct robot_joint *joint, struct error *error)
 {
+    /* Kinematics: type, axis and place */
     if (joint->type != JOINT_REVOLUTE && joint->type != JOINT_PRISMATIC) {
         return error_set(error, ERROR_INPUT, "unknown type %d", (int)joint->type);
     }
@@ -184,6 +193,7 @@ static enum error_code check_joint(const struct robot_joint *joint, struct error
     if (!is_rotation_matrix(joint->rotation) || !all_finite(joint->origin, 3)) {
         return error_set(error, ERROR_INPUT, "origin: expected a finite position and a rotation");
     }
+    /* Range and stops */
     if (!(joint->lower <= joint->upper) || !(joint->torque_limit >= 0.0)) {
         return error_set(error, ERROR_INPUT, "limits %g to %g, torque limit %g", joint->lower,
                          joint->upper, joint->torque_limit);
@@ -191,6 +201,7 @@ static enum error_code check_joint(const struct robot_joint *joint, struct error
     if (!stop_is_possible(&joint->stop)) {
         return error_set(error, ERROR_INPUT, "the stops need a stiffness and a damping >= 0");
     }
+    /* Actuators */
     if (joint->sea.present && !drive_is_possible(&joint->sea)) {
         return error_set(error, ERROR_INPUT,
                          "the drive needs J, L, N > 0 and no negative constant");
@@ -206,7 +217,7 @@ static enum error_code check_joint(const struct robot_joint *joint, struct error
     return ERROR_NONE;
 }
 
-/* Frames lie on bodies, sensors have frames, poses are rotations. */
+/* Checks that frames lie on bodies, sensors have frames, and poses are rotations. */
 static enum error_code check_frames(const struct robot *robot, struct error *error)
 {
     /* Frames */
@@ -245,6 +256,7 @@ static enum error_code check_frames(const struct robot *robot, struct error *err
     return ERROR_NONE;
 }
 
+/* Checks that capsules lie on bodies and have a size. */
 static enum error_code check_capsules(const struct robot *robot, struct error *error)
 {
     for (size_t c = 0; c < robot->ncapsule; c++) {
@@ -267,7 +279,7 @@ static enum error_code check_capsules(const struct robot *robot, struct error *e
     return ERROR_NONE;
 }
 
-/* A coupling by itself; "" or what is wrong with it. */
+/* Checks a coupling by itself. Returns what is wrong with it, "" when nothing is. */
 static const char *find_coupling_fault(const struct robot *robot,
                                        const struct robot_coupling *coupling)
 {
@@ -292,7 +304,7 @@ static const char *find_coupling_fault(const struct robot *robot,
     return "";
 }
 
-/* Couplings, each by itself; a follower has one leader, which follows nothing. */
+/* Checks the couplings, each by itself; a follower has one leader, which follows nothing. */
 static enum error_code check_couplings(const struct robot *robot, struct error *error)
 {
     if (robot->ncoupling > ROBOT_COUPLINGS_MAX) {
@@ -317,7 +329,8 @@ static enum error_code check_couplings(const struct robot *robot, struct error *
     return ERROR_NONE;
 }
 
-/* y = A s for the unit motion s of a joint, and s . y */
+/* Computes y = A s for the unit motion s of a joint; returns s . y, the inertia that the joint
+ * feels. */
 static double joint_inertia(const struct robot_joint *joint, const struct spatial_inertia *A,
                             struct spatial *y)
 {
@@ -331,7 +344,7 @@ static double joint_inertia(const struct robot_joint *joint, const struct spatia
     return vec3_dot(joint->axis, y->l);
 }
 
-/* A -= y y^T / d */
+/* Removes what a free joint does not resist from an articulated inertia: A -= y y^T / d. */
 static void release_joint(const struct spatial *y, double d, struct spatial_inertia *A)
 {
     for (int i = 0; i < 3; i++) {
@@ -345,7 +358,7 @@ static void release_joint(const struct spatial *y, double d, struct spatial_iner
     }
 }
 
-/* Adds a body's inertia to its parent's with the joint at position q. */
+/* Adds a body's inertia to its parent's, with the joint at position q. */
 static void hand_to_parent(const struct robot_joint *joint, double q, struct spatial_inertia A,
                            struct spatial_inertia *parent)
 {
@@ -368,7 +381,8 @@ static void hand_to_parent(const struct robot_joint *joint, double q, struct spa
     spatial_inertia_add(&A, parent);
 }
 
-/* Whether a free base can be pushed in every direction, with whole the inertia of all bodies. */
+/* Checks whether a free base accelerates under a force in every direction; whole is the inertia
+ * of all bodies, locked. */
 static bool base_is_regular(const struct spatial_inertia *A, const struct spatial_inertia *whole)
 {
     double m[6][6];
@@ -398,8 +412,8 @@ static bool base_is_regular(const struct spatial_inertia *A, const struct spatia
     return true;
 }
 
-/* Whether every joint (and a free base) accelerates under a force: the articulated inertias at a
- * pose that has nothing special, each against the rigid inertia of the same bodies. */
+/* Checks that every joint (and a free base) accelerates under a force: computes the articulated
+ * inertias in an arbitrary pose and compares each with the rigid inertia of the same bodies. */
 static enum error_code check_regular(const struct robot *robot, struct spatial_inertia *A,
                                      struct spatial_inertia *whole, struct error *error)
 {
@@ -435,6 +449,7 @@ static enum error_code check_regular(const struct robot *robot, struct spatial_i
     return ERROR_NONE;
 }
 
+/* Adds numbers to a hash, -0 as 0. */
 static uint64_t hash_doubles(uint64_t hash, const double *value, size_t count)
 {
     for (size_t i = 0; i < count; i++) {
@@ -445,12 +460,13 @@ static uint64_t hash_doubles(uint64_t hash, const double *value, size_t count)
     return hash;
 }
 
+/* Adds an integer to a hash. */
 static uint64_t hash_integer(uint64_t hash, int64_t value)
 {
     return hash_bytes(hash, &value, sizeof value);
 }
 
-/* With or without what the bodies weigh. */
+/* Returns the hash of all that the dynamics depend on, with or without the mass properties. */
 static uint64_t robot_hash(const struct robot *robot, bool masses)
 {
     uint64_t hash = HASH_START;
@@ -485,7 +501,7 @@ enum error_code robot_finish(struct robot *robot, struct error *error)
     struct spatial_inertia *scratch;
     enum error_code code;
 
-    /* What every part has to be */
+    /* Checks of every part by itself */
     if ((code = check_tree(robot, error)) || (code = check_body_inertias(robot, error)) ||
         (code = check_frames(robot, error)) || (code = check_capsules(robot, error)) ||
         (code = check_couplings(robot, error))) {
@@ -497,7 +513,7 @@ enum error_code robot_finish(struct robot *robot, struct error *error)
         }
     }
 
-    /* What all parts together have to be */
+    /* Checks of all parts together */
     scratch = calloc(2 * robot->nbody, sizeof *scratch);
     if (!scratch) {
         return error_set(error, ERROR_MEMORY, "no memory to check %s", robot->name);
@@ -508,7 +524,7 @@ enum error_code robot_finish(struct robot *robot, struct error *error)
         return code;
     }
 
-    /* What follows from them */
+    /* Derived numbers: sizes, mass, observed bodies, hashes */
     robot->nq = robot->njoint + (robot->floating ? BASE_Q_COUNT : 0);
     robot->nv = robot->njoint + (robot->floating ? BASE_V_COUNT : 0);
     robot->total_mass = 0.0;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Robots from YAML: the order of the work, the variant that is asked for, and the checks of names,
- * which refer to each other across the file, each with its place there.
+ * Loads robots from YAML: the order of the work, the variant that is asked for, and the checks of
+ * names, which refer to each other across the file, each with its place there.
  */
 #include "model/description/yaml.h"
 
@@ -11,6 +11,7 @@
 
 /* ---- names ---- */
 
+/* Returns the i-th entry of an array of named structs of stride bytes each. */
 static const struct named *named_entry(const void *array, size_t stride, size_t i)
 {
     return (const struct named *)((const char *)array + i * stride);
@@ -54,7 +55,7 @@ enum error_code robot_unknown_name(struct robot_builder *b, const struct yaml_ma
                       count);
 }
 
-/* Names are words, and no two of a list are the same. */
+/* Checks that names are words, and that no two of a list are the same. */
 static enum error_code check_named(struct robot_builder *b, const char *what, const void *array,
                                    size_t count, size_t stride)
 {
@@ -80,6 +81,7 @@ static enum error_code check_named(struct robot_builder *b, const char *what, co
 
 #define CHECK_NAMED(b, what, list, count) check_named(b, what, list, count, sizeof *(list))
 
+/* Checks the names of all lists of the file and of its variants. */
 static enum error_code check_all_names(struct robot_builder *b)
 {
     const struct robot_yaml *file = &b->file;
@@ -110,7 +112,7 @@ static enum error_code check_all_names(struct robot_builder *b)
 
 /* ---- variants ---- */
 
-/* Entries of change take the place of those of the same name in *list, or follow them. */
+/* Merges the entries of change into *list: they replace those of the same name, or follow them. */
 static enum error_code merge_named(struct robot_builder *b, void **list, size_t *count,
                                    const void *change, size_t nchange, size_t stride)
 {
@@ -130,7 +132,8 @@ static enum error_code merge_named(struct robot_builder *b, void **list, size_t 
     return ERROR_NONE;
 }
 
-/* Bodies of a variant replace those of the robot; frames, capsules and sensors may also be new. */
+/* Applies a variant: its bodies replace those of the robot; frames, capsules and sensors may
+ * also be new. */
 static enum error_code apply_variant(struct robot_builder *b, struct variant_yaml *variant)
 {
     struct robot_yaml *file = &b->file;
@@ -203,7 +206,7 @@ enum error_code robot_load(const char *path, const char *variant, struct arena *
         return robot_no_memory(&b);
     }
 
-    /* What is on its own, then what refers to what came before */
+    /* First what is on its own, then what refers to what came before */
     b.robot->name = b.file.name;
     b.robot->file = b.file.mark.file;
     b.robot->source_hash = b.file.hash;
@@ -218,7 +221,7 @@ enum error_code robot_load(const char *path, const char *variant, struct arena *
         return code;
     }
 
-    /* What only the whole shows */
+    /* Last the checks of the whole */
     if (robot_finish(b.robot, error)) {
         return error_prefix(error, "%.200s", b.file.mark.file);
     }

@@ -48,7 +48,7 @@ struct limits_yaml {
 /* A stop comes back with this time constant, s, where the file says nothing of it. */
 #define STOP_RETURNS 1e-3
 
-/* Which of the numbers of a stop, for each type of joint. */
+/* The numbers of a stop, for each type of joint. */
 enum stop_parameter { STOP_STIFFNESS, STOP_DAMPING, STOP_PARAMETERS };
 
 struct stops_yaml {
@@ -93,7 +93,7 @@ enum drive_parameter {
     PARAMETER_COUNT,
 };
 
-/* Torque of cogging or angle of the gear's error. */
+/* A sine of the cogging torque or of the gear's angle error. */
 struct harmonic_yaml {
     struct yaml_mark mark;
     double per_turn, amplitude, phase;
@@ -310,14 +310,14 @@ extern const struct yaml_schema robot_file_schema;
 /* The same of a drive's file: struct drive_file_yaml. */
 extern const struct yaml_schema drive_file_schema;
 
-/* Key of a drive's parameter in the file. */
+/* Returns the key of a drive's parameter in the file. */
 const char *robot_drive_key(enum drive_parameter parameter);
 
-/* The same of a hydraulic drive's, and of a rating. */
+/* Return the keys of a hydraulic drive's parameter, and of a rating. */
 const char *robot_hydraulic_key(enum hydraulic_parameter parameter);
 const char *robot_rating_key(enum drive_rating rating);
 
-/* What is being built and what every step of that needs. */
+/* The robot that is being built and what every step of that needs. */
 struct robot_builder {
     struct robot_yaml file;
     struct robot *robot;
@@ -325,7 +325,7 @@ struct robot_builder {
     struct error *error;
 };
 
-/* Index of name in an array of named structs, each of stride bytes, or -1. */
+/* Returns the index of name in an array of named structs, each of stride bytes, or -1. */
 int find_named_entry(const void *array, size_t count, size_t stride, const char *name);
 
 /* Sets the error "found unknown WHAT", with the nearest of the names that there are, or that of an
@@ -335,47 +335,48 @@ enum error_code robot_unknown_name(struct robot_builder *b, const struct yaml_ma
                                    size_t count, size_t stride);
 enum error_code robot_no_memory(struct robot_builder *b);
 
-/* Mass properties of a body; refused at mark where no body has such. */
+/* Builds the mass properties of a body; refuses at mark those that no body has. */
 enum error_code robot_build_inertia(struct robot_builder *b, const struct yaml_mark *mark,
                                     double mass, const double com[3], const double I[6],
                                     struct robot_inertia *inertia);
 
-/* The kind of a drive by its keys; DRIVE_UNSAID: it has none. */
+/* Returns the kind of a drive by its keys; DRIVE_UNSAID: it has none. */
 enum drive_kind robot_drive_kind(const struct drive_yaml *drive);
 
 /* Fills what drive leaves out from the file of the catalogue that it names, if it does. Keys of
  * both kinds are refused. */
 enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *drive);
 
-/* A variant's drive goes before the robot's own, which is of the same kind. */
+/* Merges a variant's drive into the robot's own, which must be of the same kind; the variant's
+ * numbers go first. */
 enum error_code robot_change_drive(struct robot_builder *b, struct drive_yaml *change);
 
 /* Refuses two hydraulic drives of the robot's own, by its keys drive and hydraulic. */
 enum error_code robot_check_own_drives(struct robot_builder *b);
 
-/* The drive of a joint, if it has one: what the joint does not say, the robot's own drive of its
- * kind does. The joint's range is known. */
+/* Builds the drive of a joint, if it has one: what the joint does not say, the robot's own drive
+ * of its kind does. The joint's range is known. */
 enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *given,
                                   struct robot_joint *joint);
 
-/* The same of a hydraulic drive. */
+/* Builds a hydraulic drive of a joint in the same way. */
 enum error_code robot_build_hydraulic(struct robot_builder *b, const struct joint_yaml *given,
                                       struct robot_joint *joint);
 
-/* A hydraulic drive of the catalogue, without a triangle. */
+/* Builds a hydraulic drive of the catalogue, without a triangle. */
 enum error_code robot_build_cylinder(struct robot_builder *b, const struct drive_yaml *drive,
                                      struct robot_hydraulic *cylinder);
 
-/* The supply of all of them. */
+/* Builds the supply of all hydraulic drives. */
 enum error_code robot_build_hydraulic_supply(struct robot_builder *b);
 
-/* The effects of a joint's drive, from the joint's or else from the robot's own drive: NULL if
- * there are none. given's mark is where a message about them stands. */
+/* Builds the effects of a joint's drive, from the joint's or else from the robot's own drive:
+ * NULL if there are none. given's mark is where a message about them stands. */
 enum error_code robot_build_effects(struct robot_builder *b, const struct drive_yaml *given,
                                     struct robot_sea *sea);
 
-/* Bodies and joints, in the order of the joints; then couplings, frames, capsules, visuals,
- * sensors, poses. */
+/* Build the parts of the robot: bodies and joints, in the order of the joints; then couplings,
+ * frames, capsules, visuals, sensors, poses. */
 enum error_code robot_build_tree(struct robot_builder *b);
 enum error_code robot_build_couplings(struct robot_builder *b);
 enum error_code robot_build_frames(struct robot_builder *b);

@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Joints of a robot file that follow others. */
+/* Builds the couplings of a robot file: joints that follow others. */
 #include "model/description/yaml.h"
 
 #include <math.h>
 
-/* Nearer to 0 a joint follows nothing; a fine lead screw moves 1e-4 m/rad. */
+/* Least absolute multiplier. Nearer to 0 a joint follows nothing; a fine lead screw has 1e-4
+ * m/rad. */
 #define LEAST_MULTIPLIER 1e-6
 
-/* The joint of a name. */
+/* Finds the joint of a name. */
 static enum error_code find_coupled_joint(struct robot_builder *b, const char *name,
                                           const struct yaml_mark *mark, int *joint)
 {
@@ -17,7 +18,7 @@ static enum error_code find_coupled_joint(struct robot_builder *b, const char *n
                                             sizeof *b->file.joint);
 }
 
-/* The couplings before this one: each joint follows one, and no leader follows. */
+/* Checks a coupling against those before it: each joint follows one, and no leader follows. */
 static enum error_code check_chain(struct robot_builder *b, size_t i)
 {
     const struct coupling_yaml *given = &b->file.coupling[i];
@@ -50,7 +51,7 @@ static enum error_code check_chain(struct robot_builder *b, size_t i)
     return ERROR_NONE;
 }
 
-/* The two joints, and what one may be to the other. */
+/* Finds the two joints of a coupling and checks what one may be to the other. */
 static enum error_code build_coupled_joints(struct robot_builder *b, size_t i)
 {
     const struct coupling_yaml *given = &b->file.coupling[i];
@@ -76,7 +77,7 @@ static enum error_code build_coupled_joints(struct robot_builder *b, size_t i)
     return check_chain(b, i);
 }
 
-/* Its numbers, in the units of the follower: the keys say which they are. */
+/* Takes the numbers of a coupling, in the units of the follower, which the keys name. */
 static enum error_code build_coupling_numbers(struct robot_builder *b,
                                               const struct coupling_yaml *given,
                                               struct robot_coupling *coupling)

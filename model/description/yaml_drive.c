@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Drives of a robot file: what the catalogue gives, what the robot and its variant give for all
- * joints, what a joint gives itself, and the drive that comes of it.
+ * Builds the drives of a robot file: what the catalogue gives, what the robot and its variant give
+ * for all joints, what a joint gives itself, and the drive that comes of it.
  */
 #include "base/config.h"
 #include "model/description/yaml.h"
@@ -16,7 +16,7 @@
 static const char *const kind_word[] = {
     [DRIVE_ELECTRIC] = "an electric drive", [DRIVE_HYDRAULIC] = "a hydraulic drive"};
 
-/* The first key of that kind, where it stands; NULL: there is none. */
+/* Returns the first key of that kind, and where it stands; NULL when there is none. */
 static const char *drive_find_key(const struct drive_yaml *drive, enum drive_kind kind,
                                   const struct yaml_mark **mark)
 {
@@ -49,7 +49,7 @@ enum drive_kind robot_drive_kind(const struct drive_yaml *drive)
                                                           : DRIVE_UNSAID;
 }
 
-/* A drive has no keys but those of that kind, which it has from what is told. */
+/* Refuses a drive that has keys of the other kind than the one that from names. */
 static enum error_code refuse_other_kind(struct robot_builder *b, const struct drive_yaml *drive,
                                          enum drive_kind kind, const char *from)
 {
@@ -62,7 +62,7 @@ static enum error_code refuse_other_kind(struct robot_builder *b, const struct d
                : ERROR_NONE;
 }
 
-/* Keys of both kinds in one mapping. */
+/* Refuses keys of both kinds in one mapping. */
 static enum error_code refuse_mixed_keys(struct robot_builder *b, const struct drive_yaml *drive)
 {
     const enum drive_kind kind = robot_drive_kind(drive);
@@ -77,7 +77,7 @@ static enum error_code refuse_mixed_keys(struct robot_builder *b, const struct d
 
 /* ---- merging ---- */
 
-/* What change gives goes before what drive does. */
+/* Merges change into drive; the numbers of change go first. */
 static void merge_drive(const struct drive_yaml *change, struct drive_yaml *drive)
 {
     for (enum drive_parameter i = 0; i < PARAMETER_COUNT; i++) {
@@ -136,7 +136,7 @@ enum error_code robot_check_own_drives(struct robot_builder *b)
 
 /* ---- the catalogue ---- */
 
-/* A drive of the catalogue has ratings of its kind, and no triangle. */
+/* Checks that a drive of the catalogue has ratings of its kind, and no triangle. */
 static enum error_code check_drive_file(struct robot_builder *b, const struct drive_file_yaml *file)
 {
     const struct drive_yaml *drive = &file->drive;
@@ -169,6 +169,7 @@ static enum error_code check_drive_file(struct robot_builder *b, const struct dr
     return code;
 }
 
+/* Reads and checks a file of the catalogue. */
 static enum error_code read_drive_file(struct robot_builder *b, const char *path,
                                        struct drive_file_yaml *file)
 {
@@ -177,8 +178,8 @@ static enum error_code read_drive_file(struct robot_builder *b, const char *path
     return code ? code : check_drive_file(b, file);
 }
 
-/* Whether a file is there (F_OK) or may be read (R_OK); what the system could not find out is an
- * error. */
+/* Finds out whether a file exists (mode F_OK) or may be read (R_OK); what the system could not
+ * find out is an error. */
 static enum error_code drive_file_exists(struct robot_builder *b, const char *path, int mode,
                                          bool *there)
 {
@@ -188,8 +189,8 @@ static enum error_code drive_file_exists(struct robot_builder *b, const char *pa
                : error_set_file(b->error, errno, path, "cannot be looked for");
 }
 
-/* The file that a drive is from: a path from the robot's folder, or a name: of the folder drives
- * beside that, which goes first, or of the configuration trees. */
+/* Finds the file of a drive: a path from the robot's folder, or a name, first in the folder
+ * drives beside that, then in the configuration trees. */
 static enum error_code find_drive_file(struct robot_builder *b, const struct drive_yaml *drive,
                                        const char **path)
 {
@@ -253,7 +254,7 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
         return code;
     }
 
-    /* What stands beside the name goes before what the file gives */
+    /* Numbers beside the name go before those of the file */
     taken = file.drive;
     taken.mark = drive->mark;
     taken.file = drive->file;
@@ -265,10 +266,11 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
 
 /* ---- a joint's drive ---- */
 
-/* Where the file gives a spring's room, but not its stop, that is so many times as stiff. */
+/* Stiffness of a spring's stop as a multiple of the spring's, where the file gives its room
+ * alone. */
 #define SPRING_STOP_TIMES 20.0
 
-/* The stop of a drive's spring from the drive's parameters. */
+/* Builds the stop of a drive's spring from the drive's parameters. */
 static enum error_code build_spring_stop(struct robot_builder *b, const struct joint_yaml *given,
                                          const double value[PARAMETER_COUNT],
                                          const bool said[PARAMETER_COUNT], struct robot_sea *sea)
@@ -291,7 +293,7 @@ static enum error_code build_spring_stop(struct robot_builder *b, const struct j
     return ERROR_NONE;
 }
 
-/* An electric drive: each parameter from the joint's drive, or else from the robot's. */
+/* Builds an electric drive: each parameter from the joint's drive, or else from the robot's. */
 static enum error_code build_electric(struct robot_builder *b, const struct joint_yaml *given,
                                       struct robot_sea *sea)
 {
@@ -299,6 +301,7 @@ static enum error_code build_electric(struct robot_builder *b, const struct join
     bool said[PARAMETER_COUNT];
     enum error_code code;
 
+    /* Only the parameters before the deflection are required */
     for (enum drive_parameter i = 0; i < PARAMETER_COUNT; i++) {
         const struct drive_yaml *from = given->drive.given[i] ? &given->drive : &b->file.drive;
 
@@ -313,6 +316,7 @@ static enum error_code build_electric(struct robot_builder *b, const struct join
         }
         value[i] = from->value[i];
     }
+    /* The paper's constants, then what goes beyond them */
     *sea = (struct robot_sea){.present = true,
                               .J = value[PARAMETER_J],
                               .Dm = value[PARAMETER_DM],
@@ -335,6 +339,7 @@ enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *gi
     enum drive_kind kind;
     enum error_code code;
 
+    /* At most one drive, on a joint that turns */
     if (given->has_drive && given->has_hydraulic) {
         return yaml_error(b->error, &given->hydraulic.mark,
                           "found a hydraulic drive on driven joint \"%s\", expected none",
@@ -350,6 +355,7 @@ enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *gi
                           "found a drive on prismatic joint \"%s\", expected none: drives turn",
                           given->name);
     }
+    /* The kind is that of the joint's keys, else of the robot's own drive */
     code = robot_take_drive(b, &given->drive);
     if (code) {
         return code;

@@ -1,16 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What drives do beside the paper's equations, from a robot file: all of it is off unless given. */
+/* Builds the effects of drives beside the paper's equations from a robot file: all of them are
+ * off unless given. */
 #include "model/drives/effects.h"
 #include "model/description/yaml.h"
 
 #include <math.h>
 
-/* Copper, 1/K at 25 degree C (IEC 60034-1: 1/(234.5 + 25)); where a file gives no number. */
+/* Temperature coefficient of copper, 1/K at 25 degree C (IEC 60034-1: 1/(234.5 + 25)); where a
+ * file gives no number. */
 #define COPPER_PER_K 0.00385
 
-/* The air, where a file does not say. */
+/* Temperature of the air, where a file does not say. */
 #define AMBIENT_C 25.0
 
+/* Copies the sines of a list, ROBOT_HARMONICS at most. */
 static enum error_code build_harmonics(struct robot_builder *b, const struct harmonic_yaml *given,
                                        size_t count, struct robot_harmonic *harmonic, size_t *made)
 {
@@ -27,7 +30,7 @@ static enum error_code build_harmonics(struct robot_builder *b, const struct har
     return ERROR_NONE;
 }
 
-/* The numbers, each from where it is given. */
+/* Fills the numbers of the effects, with defaults where none is given. */
 static void fill_drive_effects(const double value[PARAMETER_COUNT],
                                const bool said[PARAMETER_COUNT], struct robot_effects *effects)
 {
@@ -51,7 +54,7 @@ static void fill_drive_effects(const double value[PARAMETER_COUNT],
     effects->diode = value[PARAMETER_DIODE];
 }
 
-/* Keys that mean nothing without another. */
+/* Refuses keys that mean nothing without another. */
 static enum error_code check_effect_keys(struct robot_builder *b, const struct yaml_mark *mark,
                                          const bool said[PARAMETER_COUNT])
 {
@@ -96,7 +99,8 @@ enum error_code robot_build_effects(struct robot_builder *b, const struct drive_
     enum error_code code;
     struct error why;
 
-    /* Each number from the joint's drive, or else from the robot's; is there one at all? */
+    /* Each number from the joint's drive, or else from the robot's; no effects when there is
+     * none at all */
     for (enum drive_parameter i = PARAMETER_COULOMB; i < PARAMETER_COUNT; i++) {
         const struct drive_yaml *from = given->given[i] ? given : own;
 
@@ -113,7 +117,7 @@ enum error_code robot_build_effects(struct robot_builder *b, const struct drive_
         return code;
     }
 
-    /* The effects, in a memory of their own: without them a drive carries nothing of them */
+    /* The effects have memory of their own: without them a drive carries nothing of them */
     effects = arena_alloc(b->arena, 1, sizeof *effects);
     if (!effects) {
         return robot_no_memory(b);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Frames, capsules, sensors and poses of a robot file. */
+/* Builds the frames, capsules, sensors and poses of a robot file. */
 #include "base/portable_math.h"
 #include "base/vec3.h"
 #include "model/coupling.h"
@@ -62,6 +62,7 @@ enum error_code robot_build_capsules(struct robot_builder *b)
     return ERROR_NONE;
 }
 
+/* Finds the frame of a sensor by name. */
 static enum error_code find_sensor_frame(struct robot_builder *b, const char *name,
                                          const struct yaml_mark *mark, int *frame)
 {
@@ -102,7 +103,7 @@ enum error_code robot_build_sensors(struct robot_builder *b)
     return ERROR_NONE;
 }
 
-/* Positions of the joints of one type. */
+/* Takes the positions (rad or m) of the joints of one type, within their limits. */
 static enum error_code build_joint_positions(struct robot_builder *b, enum joint_type type,
                                              const struct yaml_real_entry *entry, size_t count,
                                              double *position)
@@ -131,7 +132,7 @@ static enum error_code build_joint_positions(struct robot_builder *b, enum joint
     return ERROR_NONE;
 }
 
-/* What a pose says of a joint, or NULL. */
+/* Returns what a pose says of a joint, or NULL. */
 static const struct yaml_real_entry *find_position(const struct pose_yaml *pose, const char *joint)
 {
     for (size_t i = 0; i < pose->njoint_rad; i++) {
@@ -147,7 +148,7 @@ static const struct yaml_real_entry *find_position(const struct pose_yaml *pose,
     return NULL;
 }
 
-/* Joints that a pose does not name stand at zero, if they can, or follow. */
+/* Checks that joints which a pose does not name can stand at zero, or follow. */
 static enum error_code check_unnamed_joints(struct robot_builder *b, const struct pose_yaml *given)
 {
     for (size_t j = 0; j < b->robot->njoint; j++) {
@@ -165,8 +166,8 @@ static enum error_code check_unnamed_joints(struct robot_builder *b, const struc
     return ERROR_NONE;
 }
 
-/* Followers stand where their leaders want them, within their limits; a pose may name them, but not
- * put them elsewhere. */
+/* Moves followers to where their leaders want them, within their limits. A pose may name them,
+ * but not put them elsewhere. */
 static enum error_code align_followers(struct robot_builder *b, const struct pose_yaml *given,
                                        double *position)
 {
@@ -178,6 +179,7 @@ static enum error_code align_followers(struct robot_builder *b, const struct pos
     }
     memcpy(aligned, position, robot->njoint * sizeof *aligned);
     coupling_align(robot, aligned);
+    /* Compare what the pose says, and the limits, with the aligned positions */
     for (size_t i = 0; i < robot->ncoupling; i++) {
         const int j = robot->coupling[i].follower;
         const struct robot_joint *joint = &robot->joint[j];
@@ -204,7 +206,7 @@ static enum error_code align_followers(struct robot_builder *b, const struct pos
     return ERROR_NONE;
 }
 
-/* Quaternion wxyz of Rz(yaw) Ry(pitch) Rx(roll). */
+/* Computes the quaternion wxyz of Rz(yaw) Ry(pitch) Rx(roll). */
 static void quaternion_from_rpy(const double rpy[3], double quaternion[4])
 {
     double cr = portable_cos(0.5 * rpy[0]), sr = portable_sin(0.5 * rpy[0]);
@@ -217,6 +219,7 @@ static void quaternion_from_rpy(const double rpy[3], double quaternion[4])
     quaternion[3] = cr * cp * sy - sr * sp * cy;
 }
 
+/* Builds a pose: base, joints, followers. */
 static enum error_code build_pose(struct robot_builder *b, const struct pose_yaml *given,
                                   struct robot_pose *pose)
 {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Hydraulic drives and their supply from a robot file. */
+/* Builds the hydraulic drives and their supply from a robot file. */
 #include "model/hydraulics/hydraulic.h"
 #include "model/description/yaml.h"
 
@@ -8,12 +8,13 @@
 /* Speed about which friction changes its sign, m/s, where the file does not say. */
 #define FRICTION_SPEED 0.01
 
-/* Oil in manifold and hoses, of the accumulator's volume, where the file does not say. */
+/* Volume of oil in manifold and hoses as a part of the accumulator's, where the file does not
+ * say. */
 #define LINE_SHARE 0.1
 
 static const double pi = 3.14159265358979323846;
 
-/* What the numbers of the file mean. */
+/* Computes areas and constants of a cylinder and its valve out of the numbers of the file. */
 static void fill_cylinder(const double value[HYDRAULIC_PARAMETERS],
                           const bool said[HYDRAULIC_PARAMETERS], struct robot_hydraulic *cylinder)
 {
@@ -43,7 +44,7 @@ static void fill_cylinder(const double value[HYDRAULIC_PARAMETERS],
     };
 }
 
-/* What is wrong with a drive whose key is missing: of the joint of that name, NULL: of a file. */
+/* Refuses a hydraulic drive whose key is missing: that of a joint by name, or of a file (NULL). */
 static enum error_code refuse_missing_key(struct robot_builder *b, const struct drive_yaml *drive,
                                           enum hydraulic_parameter key, const char *joint)
 {
@@ -61,8 +62,8 @@ static enum error_code refuse_missing_key(struct robot_builder *b, const struct 
                               robot_hydraulic_key(key));
 }
 
-/* Each parameter from the joint, or else from the robot; without a joint's name those of a drive of
- * the catalogue, which has no triangle. */
+/* Builds a cylinder: each parameter from the joint, or else from the robot. Without a joint's
+ * name it is a drive of the catalogue, which has no triangle. */
 static enum error_code build_cylinder(struct robot_builder *b, const struct drive_yaml *drive,
                                       const char *joint, struct robot_hydraulic *cylinder)
 {

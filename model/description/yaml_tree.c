@@ -1,12 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Bodies and joints of a robot file: the tree, with parallel springs, in the order of joints. */
+/* Builds the bodies and joints of a robot file: the tree, with parallel springs, in the order of
+ * joints. */
 #include "base/vec3.h"
 #include "model/description/yaml.h"
 
 #include <math.h>
 #include <string.h>
 
-/* An axis written with this many digits is unit length; it is normalized. */
+/* Tolerance of an axis's length: one that is written with six digits counts as a unit vector and
+ * is normalized. */
 #define AXIS_TOLERANCE 1e-6
 
 enum error_code robot_build_inertia(struct robot_builder *b, const struct yaml_mark *mark,
@@ -24,6 +26,7 @@ enum error_code robot_build_inertia(struct robot_builder *b, const struct yaml_m
     return ERROR_NONE;
 }
 
+/* Builds a body of the tree from the entry at in the file. */
 static enum error_code build_tree_body(struct robot_builder *b, int at, int parent,
                                        struct robot_body *body)
 {
@@ -35,7 +38,7 @@ static enum error_code build_tree_body(struct robot_builder *b, int at, int pare
                                &body->inertia);
 }
 
-/* The joint that moves the body of this name, or -1. */
+/* Returns the joint that moves the body of this name, or -1. */
 static int joint_that_moves(const struct robot_yaml *file, const char *body)
 {
     for (size_t j = 0; j < file->njoint; j++) {
@@ -46,7 +49,7 @@ static int joint_that_moves(const struct robot_yaml *file, const char *body)
     return -1;
 }
 
-/* The parent of joint j is a body that no joint before j moves: says why. */
+/* Refuses joint j, whose parent no joint before it moves, and says why. */
 static enum error_code refuse_parent(struct robot_builder *b, size_t j)
 {
     const struct robot_yaml *file = &b->file;
@@ -82,7 +85,7 @@ static enum error_code refuse_parent(struct robot_builder *b, size_t j)
                       file->joint[joint_that_moves(file, joint->parent)].mark.line);
 }
 
-/* Finds the body that joint j moves; it is no other joint's, and not the base. */
+/* Finds the body that joint j moves; checks that it is no other joint's, and not the base. */
 static enum error_code check_joint_child(struct robot_builder *b, size_t j, int *at)
 {
     const struct robot_yaml *file = &b->file;
@@ -109,7 +112,7 @@ static enum error_code check_joint_child(struct robot_builder *b, size_t j, int 
     return ERROR_NONE;
 }
 
-/* The unit vector of the axis, free of what its digits left. */
+/* Takes the axis of a joint, normalized. */
 static enum error_code build_joint_axis(struct robot_builder *b, const struct joint_yaml *given,
                                         struct robot_joint *joint)
 {
@@ -125,7 +128,7 @@ static enum error_code build_joint_axis(struct robot_builder *b, const struct jo
     return ERROR_NONE;
 }
 
-/* Limits in the units of the joint: the keys say which they are. */
+/* Takes the limits of a joint in its units, which the keys name. */
 static enum error_code build_limits(struct robot_builder *b, const struct joint_yaml *given,
                                     struct robot_joint *joint)
 {
@@ -151,11 +154,12 @@ static enum error_code build_limits(struct robot_builder *b, const struct joint_
     return ERROR_NONE;
 }
 
-/* A stop gives way by this, rad or m, under the joint's torque or force limit, where the file says
- * nothing of it. */
+/* Compression of a stop (rad or m) under the joint's torque or force limit, where the file does
+ * not give its stiffness. */
 #define STOP_GIVES 5e-4
 
-/* The stops at the ends of the range: what the joint does not say, the robot's own stops do. */
+/* Builds the stops at the ends of the range: what the joint does not say, the robot's own stops
+ * do. */
 static enum error_code build_stops(struct robot_builder *b, const struct joint_yaml *given,
                                    struct robot_joint *joint)
 {
@@ -188,6 +192,7 @@ static enum error_code build_stops(struct robot_builder *b, const struct joint_y
     return ERROR_NONE;
 }
 
+/* Builds the parallel spring of a joint, if it has one. */
 static enum error_code build_spring(struct robot_builder *b, const struct joint_yaml *given,
                                     struct robot_parallel_spring *spring)
 {
@@ -214,6 +219,7 @@ static enum error_code build_spring(struct robot_builder *b, const struct joint_
     return ERROR_NONE;
 }
 
+/* Builds joint j and the body that it moves. */
 static enum error_code build_joint(struct robot_builder *b, size_t j)
 {
     struct joint_yaml *given = &b->file.joint[j];

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the bodies of a robot file look like. */
+/* Builds the visuals: what the bodies of a robot file look like. */
 #include "base/count.h"
 #include "base/vec3.h"
 #include "model/description/yaml.h"
@@ -44,6 +44,7 @@ static enum error_code check_visual_keys(struct robot_builder *b, const struct v
     return ERROR_NONE;
 }
 
+/* Builds a visual and finds its body and its mesh file. */
 static enum error_code build_visual(struct robot_builder *b, const struct visual_yaml *given,
                                     struct robot_visual *visual)
 {

@@ -6,7 +6,7 @@
 
 #include <math.h>
 
-/* How far the spring is into its stop, rad. */
+/* Returns how far the spring is into its stop, rad, with the sign of the deflection. */
 static double spring_stop_depth(const struct robot_sea *sea, double deflection)
 {
     return sea->stop.stiffness > 0.0 ? stop_depth(-sea->deflection, sea->deflection, deflection)
@@ -79,7 +79,7 @@ double sea_energy(const struct robot_sea *sea, const struct sea_state *state, do
            stop_energy(&sea->stop, spring_stop_depth(sea, deflection));
 }
 
-/* Extension x = p - r s q of the parallel spring, m; it pulls while x < 0. */
+/* Returns the extension x = p - r s q of the parallel spring, m; it pulls while x < 0. */
 static double parallel_spring_extension(const struct robot_parallel_spring *spring, double p,
                                         double q)
 {

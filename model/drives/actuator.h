@@ -19,7 +19,7 @@ struct sea_state {
     double I;   /* A */
 };
 
-/* tau of eq. (3), N m on the link, with what the spring's stop adds. */
+/* Returns tau of eq. (3), N m on the link, with what the spring's stop adds. */
 double sea_torque(const struct robot_sea *sea, const struct sea_state *state, double q, double qd);
 
 /* The linear law that holds around a deflection qm - q with that rate: tau = Ks (qm - q) +
@@ -29,11 +29,12 @@ struct sea_spring {
 };
 struct sea_spring sea_spring_at(const struct robot_sea *sea, double deflection, double rate);
 
-/* The deflection at which the drive carries tau at rest; tau within reach of spring or stop. */
+/* Returns the deflection (rad) at which the drive carries tau at rest; tau within reach of
+ * spring or stop. */
 double sea_deflection(const struct robot_sea *sea, double tau);
 
-/* Time derivatives by eqs (2) and (4). bridge_on false: no current flows and I' = 0 (the caller has
- * set I to zero when the bridge opened). V in volts at the terminals. */
+/* Computes the time derivatives by eqs (2) and (4). bridge_on false: no current flows and I' = 0
+ * (the caller has set I to zero when the bridge opened). V in volts at the terminals. */
 void sea_derivative(const struct robot_sea *sea, const struct sea_state *state, double q, double qd,
                     double V, bool bridge_on, struct sea_state *derivative);
 
@@ -48,28 +49,32 @@ struct sea_power {
 void sea_power(const struct robot_sea *sea, const struct sea_state *state, double q, double qd,
                double V, struct sea_power *power);
 
-/* Stored energy, J: L I^2/2, J qm'^2/2, Ks (qm - q)^2/2, and that of the spring's stop. */
+/* Returns the stored energy, J: L I^2/2, J qm'^2/2, Ks (qm - q)^2/2, and that of the spring's
+ * stop. */
 double sea_energy(const struct robot_sea *sea, const struct sea_state *state, double q);
 
-/* Force of the parallel spring along x, eq. (5), N: k_p x + d_p x' while x < 0, else 0. As in the
- * paper the damper acts on the way back too, so a fast release can give a positive force. Its power
- * balance: force p' = joint torque q' + rate of k_p x^2/2 (while x < 0) + d_p x'^2 (likewise). */
+/* Returns the force of the parallel spring along x, eq. (5), N: k_p x + d_p x' while x < 0, else
+ * 0. As in the paper the damper acts on the way back too, so a fast release can give a positive
+ * force. Its power balance: force p' = joint torque q' + rate of k_p x^2/2 (while x < 0) + d_p
+ * x'^2 (likewise). */
 double parallel_spring_force(const struct robot_parallel_spring *spring, double p, double pd,
                              double q, double qd);
 
-/* Joint torque of the parallel spring, eq. (5): s r times its force; p in m and its rate in m/s. */
+/* Returns the joint torque of the parallel spring, eq. (5): s r times its force; p in m and its
+ * rate in m/s. */
 double parallel_spring_torque(const struct robot_parallel_spring *spring, double p, double pd,
                               double q, double qd);
 
-/* Its torque at the end of an implicit Euler step of h seconds that begins at p, q with the rates
- * pd, qd is torque - extra qdd. Slack stays slack for the step. */
+/* Linearizes the parallel spring for an implicit Euler step of h seconds that begins at p, q
+ * with the rates pd, qd: its torque at the end is torque - extra qdd. Slack stays slack for the
+ * step. */
 void parallel_spring_step(const struct robot_parallel_spring *spring, double p, double pd, double q,
                           double qd, double h, double *torque, double *extra);
 
-/* Stored energy of the parallel spring, J. */
+/* Returns the stored energy of the parallel spring, J. */
 double parallel_spring_energy(const struct robot_parallel_spring *spring, double p, double q);
 
-/* Heat of the parallel spring's damper, W. */
+/* Returns the loss of the parallel spring's damper, W. */
 double parallel_spring_damping(const struct robot_parallel_spring *spring, double p, double pd,
                                double q, double qd);
 

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Matrix exponential of a drive less the identity, by scaling, Taylor's series and doubling: with
- * E = exp(M t) - 1 doubling the time is E <- 2 E + E E. Without the identity small changes keep
- * their digits: of a rotor that is held fast (an inertia of 1e30) the angle changes by zero.
+ * Computes the matrix exponential of a drive less the identity, by scaling, Taylor's series and
+ * doubling: with E = exp(M t) - 1 doubling the time is E <- 2 E + E E. Without the identity small
+ * changes keep their digits: of a rotor that is held fast (an inertia of 1e30) the angle changes by
+ * zero.
  */
 #include "model/drives/drive_flow.h"
 
@@ -18,7 +19,7 @@ enum { FLOW_STATES = 3 };
 
 typedef double flow_matrix[FLOW_STATES][FLOW_INPUTS];
 
-/* The system's matrix times t. */
+/* Fills M with the system's matrix times t, for the states deflection, motor speed and current. */
 static void flow_fill_matrix(const struct robot_sea *sea, bool bridge_on, double t, flow_matrix M)
 {
     const double inertia = t / sea->J, winding = bridge_on ? t / sea->L : 0.0;
@@ -32,6 +33,7 @@ static void flow_fill_matrix(const struct robot_sea *sea, bool bridge_on, double
     memcpy(M, filled, sizeof filled);
 }
 
+/* Returns the row-sum norm of a matrix. */
 static double flow_norm(flow_matrix M)
 {
     double norm = 0.0;
@@ -47,7 +49,7 @@ static double flow_norm(flow_matrix M)
     return norm;
 }
 
-/* C = A B, where the rows of r and V in B are zero. */
+/* Computes C = A B, where the rows of r and V in B are zero. */
 static void flow_multiply(flow_matrix A, flow_matrix B, flow_matrix C)
 {
     for (int i = 0; i < FLOW_STATES; i++) {
@@ -57,7 +59,7 @@ static void flow_multiply(flow_matrix A, flow_matrix B, flow_matrix C)
     }
 }
 
-/* A flow from the changes of deflection, speed and current: the motor's angle moves by the
+/* Fills a flow from the changes of deflection, speed and current: the motor's angle moves by the
  * deflection's change and the joint's way. */
 static void flow_take(flow_matrix E, double t, struct drive_flow *flow)
 {

@@ -23,8 +23,8 @@ enum drive_flow_input {
     FLOW_DEFLECTION, /* qm - q at the begin, rad */
     FLOW_SPEED,      /* qm' at the begin, rad/s */
     FLOW_CURRENT,    /* I at the begin, A */
-    FLOW_RATE,       /* of the joint, held, rad/s */
-    FLOW_VOLTAGE,    /* at the terminals, held, V */
+    FLOW_RATE,       /* rate of the joint, held, rad/s */
+    FLOW_VOLTAGE,    /* voltage at the terminals, held, V */
     FLOW_INPUTS
 };
 
@@ -35,18 +35,18 @@ struct drive_flow {
     double qm[FLOW_INPUTS], qmd[FLOW_INPUTS], I[FLOW_INPUTS];
 };
 
-/* The flow of a drive over t seconds, t > 0, its error at rounding for any stiffness. bridge_on
- * false: the current stays what it is. About 1,500 products. */
+/* Computes the flow of a drive over t seconds, t > 0, its error at rounding for any stiffness.
+ * bridge_on false: the current stays what it is. About 1,500 products. */
 void drive_flow_make(const struct robot_sea *sea, bool bridge_on, double t,
                      struct drive_flow *flow);
 
-/* The same by a step of t seconds of the implicit Euler scheme, and scale times its change: for
- * drives whose rotor swings on its spring too fast for the step. */
+/* Computes the same by a step of t seconds of the implicit Euler scheme, and scale times its
+ * change: for drives whose rotor swings on its spring too fast for the step. */
 void drive_flow_make_implicit(const struct robot_sea *sea, bool bridge_on, double t, double scale,
                               struct drive_flow *flow);
 
-/* The state after the flow's time, from the state and the joint's position q now, the joint's rate
- * qd and the voltage V held. */
+/* Returns the state after the flow's time, from the state and the joint's position q now, the
+ * joint's rate qd and the voltage V held. */
 static inline struct sea_state drive_flow_advance(const struct drive_flow *flow,
                                                   const struct sea_state *state, double q,
                                                   double qd, double V)

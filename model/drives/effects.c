@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Laws of what a real drive does beside the paper's equations, one drive at a time. */
+/* Laws of a real drive beside the paper's equations, one drive at a time. */
 #include "model/drives/effects.h"
 
 #include "base/portable_math.h"
@@ -10,11 +10,12 @@
 /* Temperature that R, Kt and Kw of a robot file hold at, degree C. */
 #define REFERENCE_C 25.0
 
-/* What a motor keeps of its torque constant however hot it is. */
+/* Least part of its torque constant that a motor keeps however hot it is. */
 #define KT_LEAST 0.1
 
 /* ---- functions of the motor's angle ---- */
 
+/* Returns the sum of sines of the motor's angle qm (rad at the link; N rotor turns each). */
 static double sum_harmonics(const struct robot_harmonic *harmonic, size_t count, double N,
                             double qm)
 {
@@ -27,7 +28,7 @@ static double sum_harmonics(const struct robot_harmonic *harmonic, size_t count,
     return sum;
 }
 
-/* Their derivative by qm. */
+/* Returns the derivative of that sum by qm. */
 static double slope_harmonics(const struct robot_harmonic *harmonic, size_t count, double N,
                               double qm)
 {
@@ -46,12 +47,13 @@ double effects_deflection(const struct robot_sea *sea, double qm, double q)
     return qm - q + sum_harmonics(sea->effects->error, sea->effects->nerror, sea->N, qm);
 }
 
+/* Returns 1 + e', the gear's local ratio at the motor's angle. */
 static double gear_slope(const struct robot_sea *sea, double qm)
 {
     return 1.0 + slope_harmonics(sea->effects->error, sea->effects->nerror, sea->N, qm);
 }
 
-/* c = -dW/dqm */
+/* Returns the energy W of the cogging torque, J: c = -dW/dqm. */
 static double cogging_energy(const struct robot_sea *sea, double qm)
 {
     double energy = 0.0;
@@ -67,7 +69,7 @@ static double cogging_energy(const struct robot_sea *sea, double qm)
 
 /* ---- spring behind the play, friction, temperature ---- */
 
-/* How far the spring is bent, rad: the deflection beyond the play. */
+/* Returns how far the spring is bent, rad: the deflection beyond the play. */
 static double spring_bend(const struct robot_sea *sea, double deflection)
 {
     double play = 0.5 * sea->effects->backlash;
@@ -75,19 +77,20 @@ static double spring_bend(const struct robot_sea *sea, double deflection)
     return fabs(deflection) > play ? deflection - copysign(play, deflection) : 0.0;
 }
 
+/* Returns how far the bent spring is into its stop, rad. */
 static double bend_depth(const struct robot_sea *sea, double bend)
 {
     return sea->stop.stiffness > 0.0 ? stop_depth(-sea->deflection, sea->deflection, bend) : 0.0;
 }
 
-/* A spring that is broken (Ks = 0) has no hysteresis either. */
+/* Returns whether the spring has hysteresis; a broken one (Ks = 0) has none. */
 static bool has_hysteresis(const struct robot_sea *sea)
 {
     return sea->effects->hysteresis > 0.0 && sea->Ks > 0.0;
 }
 
-/* tau_s at a bend that changes at a rate, and *elastic, the part of it that is stored. Tooth flanks
- * that touch at one side only push. */
+/* Computes the spring's torque tau_s (N m) at a bend that changes at a rate, and *elastic, the
+ * part of it that is stored. Tooth flanks that touch at one side only push. */
 static double spring_push(const struct robot_sea *sea, double bend, double rate, double *elastic)
 {
     double depth = bend_depth(sea, bend), torque;
@@ -108,6 +111,7 @@ struct gear_state {
     double slope, rate, torque; /* 1 + e', d', tau */
 };
 
+/* Computes deflection rate and torque of gear and spring in a state. */
 static struct gear_state find_gear(const struct robot_sea *sea, const struct effects_state *state,
                                    double q, double qd)
 {
@@ -148,7 +152,7 @@ double effects_resistance(const struct robot_sea *sea, double winding_c)
                : sea->R;
 }
 
-/* What is left of Kt and Kw. */
+/* Returns the part that is left of Kt and Kw at a housing temperature, degree C. */
 static double magnet_strength(const struct robot_sea *sea, double housing_c)
 {
     const struct robot_thermal *thermal = &sea->effects->thermal;
@@ -166,6 +170,8 @@ double effects_hysteresis(const struct robot_sea *sea, double z, double way, dou
     if (!has_hysteresis(sea) || way == 0.0) {
         return has_hysteresis(sea) ? z : 0.0;
     }
+    /* The exact solution of Dahl's equation over a way in one direction; the loss is the work
+     * less what is stored */
     goal = copysign(sea->effects->hysteresis, way);
     part = -portable_expm1(-sigma * fabs(way) / sea->effects->hysteresis);
     end = z + (goal - z) * part;
@@ -175,7 +181,7 @@ double effects_hysteresis(const struct robot_sea *sea, double z, double way, dou
 
 /* ---- the equations ---- */
 
-/* Torque on the rotor but for its own friction, N m. */
+/* Returns the torque on the rotor but for its own friction, N m. */
 static double rotor_load(const struct robot_sea *sea, const struct effects_state *state,
                          const struct gear_state *gear)
 {
@@ -221,7 +227,7 @@ struct effects_mode effects_find_mode(const struct robot_sea *sea,
     return mode;
 }
 
-/* Rates of the temperatures under a heating power, W. */
+/* Computes the rates of both temperatures (K/s) under a heating power, W. */
 static void warm_rates(const struct robot_thermal *thermal, double power,
                        const struct effects_state *state, struct effects_state *rate)
 {
@@ -285,7 +291,7 @@ void effects_warm(const struct robot_sea *sea, double heat, double t, struct eff
         return;
     }
 
-    /* (1 - t/2 A) change = t rate, A of two rows */
+    /* Trapezoidal rule, (1 - t/2 A) change = t rate, solved for two rows by Cramer's rule */
     warm_rates(thermal, heat / t, state, &rate);
     b = -0.5 * t / (thermal->winding_k_w * thermal->winding_j_k);
     a = 1.0 - b;
@@ -360,6 +366,7 @@ double effects_motor_rest(const struct robot_sea *sea, double q, double tau)
 
 /* ---- what is possible ---- */
 
+/* Checks whether a list of sines is possible. */
 static bool harmonics_are_possible(const struct robot_harmonic *harmonic, size_t count)
 {
     for (size_t i = 0; i < count && count <= ROBOT_HARMONICS; i++) {
@@ -371,9 +378,10 @@ static bool harmonics_are_possible(const struct robot_harmonic *harmonic, size_t
     return count <= ROBOT_HARMONICS;
 }
 
-/* Largest |e'| of the gear's error, beyond which it would not turn on evenly. */
+/* Largest |e'| of the gear's error: a steeper one would not turn on evenly. */
 #define STEEPEST_ERROR 0.5
 
+/* Checks whether the gear's error is less steep than STEEPEST_ERROR. */
 static bool gear_is_possible(const struct robot_sea *sea)
 {
     const struct robot_effects *effects = sea->effects;
@@ -385,6 +393,7 @@ static bool gear_is_possible(const struct robot_sea *sea)
     return steep <= STEEPEST_ERROR;
 }
 
+/* Checks whether the thermal model has all of its constants, or none. */
 static bool thermal_is_possible(const struct robot_thermal *thermal)
 {
     if (thermal->winding_k_w == 0.0) {
@@ -399,6 +408,7 @@ enum error_code effects_check(const struct robot_sea *sea, struct error *error)
 {
     const struct robot_effects *effects = sea->effects;
 
+    /* Friction falls from breakaway to Coulomb's */
     if (!(effects->coulomb >= 0.0 && effects->breakaway >= effects->coulomb) ||
         (effects->breakaway > effects->coulomb && !(effects->stribeck > 0.0))) {
         return error_set(error, ERROR_INPUT,
@@ -406,12 +416,14 @@ enum error_code effects_check(const struct robot_sea *sea, struct error *error)
                          "rad/s, expected no less at rest, and a Stribeck speed between two",
                          effects->coulomb, effects->breakaway, effects->stribeck);
     }
+    /* Hysteresis has a torque and a stiffness */
     if (!(effects->backlash >= 0.0) || !(effects->hysteresis >= 0.0) ||
         (effects->hysteresis > 0.0) != (effects->hysteresis_stiffness > 0.0)) {
         return error_set(error, ERROR_INPUT,
                          "found hysteresis of %g N m with %g N m/rad, expected both or none",
                          effects->hysteresis, effects->hysteresis_stiffness);
     }
+    /* Sines of gear and cogging */
     if (!harmonics_are_possible(effects->error, effects->nerror) ||
         !harmonics_are_possible(effects->cogging, effects->ncogging) || !gear_is_possible(sea)) {
         return error_set(error, ERROR_INPUT,
@@ -420,6 +432,7 @@ enum error_code effects_check(const struct robot_sea *sea, struct error *error)
                          "no more than %g",
                          ROBOT_HARMONICS, STEEPEST_ERROR);
     }
+    /* Winding and housing, then the bridge */
     if (!thermal_is_possible(&effects->thermal)) {
         return error_set(error, ERROR_INPUT,
                          "found a winding that warms up without two resistances to heat and two "

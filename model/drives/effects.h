@@ -30,51 +30,51 @@ struct effects_state {
     double winding_c, housing_c;
 };
 
-/* What the bridge does with the winding. */
+/* State of the bridge as the winding sees it. */
 struct effects_bridge {
     bool conducts;  /* false: no current can flow */
     double voltage; /* V, on the average over its switching */
-    double hold;    /* V_h: of dead time, or of supply and diodes when it is off */
+    double hold;    /* V_h: voltage lost to dead time, or to supply and diodes when it is off */
     double diodes;  /* the part of it that heats diodes */
 };
 
-/* Which way rotor and current move; 0 = held at zero. */
+/* Signs of the rotor's and the current's motion; 0 = held at zero. */
 struct effects_mode {
     int slide, flow;
 };
 
-/* The mode that follows from a state. */
+/* Returns the mode that follows from a state. */
 struct effects_mode effects_find_mode(const struct robot_sea *sea,
                                       const struct effects_state *state, double q, double qd,
                                       const struct effects_bridge *bridge);
 
-/* Time derivatives in a mode. */
+/* Computes the time derivatives in a mode. */
 void effects_derivative(const struct robot_sea *sea, const struct effects_state *state, double q,
                         double qd, const struct effects_bridge *bridge,
                         const struct effects_mode *mode, struct effects_state *derivative);
 
-/* Whether the numbers of effects are possible for a drive; the error says which are not. */
+/* Checks whether the numbers of effects are possible for a drive; the error says which are not. */
 enum error_code effects_check(const struct robot_sea *sea, struct error *error);
 
-/* tau on the link, N m. */
+/* Returns tau on the link, N m. */
 double effects_torque(const struct robot_sea *sea, const struct effects_state *state, double q,
                       double qd);
 
-/* The current's alone, A/s. */
+/* Returns the derivative of the current alone, A/s. */
 double effects_current_rate(const struct robot_sea *sea, const struct effects_state *state,
                             const struct effects_bridge *bridge, const struct effects_mode *mode);
 
-/* d, rad. */
+/* Returns the deflection d, rad. */
 double effects_deflection(const struct robot_sea *sea, double qm, double q);
 
-/* F at a speed, N m. */
+/* Returns the gear's friction F at a speed, N m (Coulomb and Stribeck). */
 double effects_friction(const struct robot_sea *sea, double speed);
 
-/* R of a winding, ohm. */
+/* Returns the resistance R of a winding, ohm, at its temperature in degree C. */
 double effects_resistance(const struct robot_sea *sea, double winding_c);
 
-/* z after the deflection has changed by way in one direction; *loss gets what that turned into
- * heat, J. */
+/* Returns z after the deflection has changed by way in one direction; *loss gets what that
+ * turned into heat, J. */
 double effects_hysteresis(const struct robot_sea *sea, double z, double way, double *loss);
 
 /* Power balance in a mode, W: electrical (what the supply gives) = bridge (heat of diodes) + joule
@@ -87,19 +87,20 @@ void effects_power(const struct robot_sea *sea, const struct effects_state *stat
                    double qd, const struct effects_bridge *bridge, const struct effects_mode *mode,
                    struct effects_power *power);
 
-/* The first three of them alone, without the motor's angle. */
+/* Computes the first three of them alone, without the motor's angle. */
 void effects_power_current(const struct robot_sea *sea, const struct effects_state *state,
                            const struct effects_bridge *bridge, const struct effects_mode *mode,
                            struct effects_power *power);
 
-/* Stored energy, J: as sea_energy, with that of hysteresis and cogging. Heat is not stored. */
+/* Returns the stored energy, J: as sea_energy, with that of hysteresis and cogging. Heat is not
+ * stored. */
 double effects_energy(const struct robot_sea *sea, const struct effects_state *state, double q);
 
-/* Temperatures after t seconds in which the winding took heat, J (trapezoidal rule). */
+/* Updates the temperatures by t seconds in which the winding took heat, J (trapezoidal rule). */
 void effects_warm(const struct robot_sea *sea, double heat, double t, struct effects_state *state);
 
-/* qm at which the drive carries tau at rest, without hysteresis, with the joint at q; for any
- * drive. */
+/* Returns the motor's angle qm at which the drive carries tau at rest, without hysteresis, with
+ * the joint at q; for any drive. */
 double effects_motor_rest(const struct robot_sea *sea, double q, double tau);
 
 #endif

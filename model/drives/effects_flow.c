@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Drives with effects through a span, part by part: modes, flows and what happens at events. */
+/* Advances drives with effects through a span, part by part: modes, flows and events. */
 #include "model/drives/effects_flow.h"
 
 #include "base/portable_math.h"
 
 #include <math.h>
 
-/* Angle that a rotor may swing on its spring within a part, rad, to be taken exactly. */
+/* Largest angle that a rotor swings on its spring within a part, rad, for the flow to be exact. */
 #define SWING_RESOLVED 0.5
 
-/* Stiffness of a linear drive without a spring, N m/rad: it must not be zero, and is nothing. */
+/* Stiffness of a linear drive without a spring, N m/rad: not zero, and negligible. */
 #define LEAST_STIFFNESS 1e-6
 
 void effects_linear_make(const struct robot_sea *sea, struct effects_linear *linear)
@@ -42,11 +42,13 @@ void effects_flow_make(const struct effects_linear *linear, double t, struct eff
     }
 }
 
-/* What acts on a drive beyond the linear one. */
+/* Loads on a drive beyond those of the linear one: N m, V. */
 struct extra_load {
     double torque, voltage;
 };
 
+/* Computes the loads on a drive beyond those of the linear one, from the difference of both
+ * derivatives. */
 static struct extra_load find_extra_load(const struct effects_span *span, double q,
                                          enum effects_law law, const struct effects_mode *mode,
                                          const struct effects_state *state)
@@ -61,7 +63,7 @@ static struct extra_load find_extra_load(const struct effects_span *span, double
                                .voltage = linear->L * (rate.sea.I - plain.I)};
 }
 
-/* The linear drive under such a load: a torque is a shift of what its spring is bent by. */
+/* Advances the linear drive under such a load: a torque shifts the spring's deflection. */
 static struct sea_state flow_loaded(const struct effects_span *span, double q, enum effects_law law,
                                     const struct effects_mode *mode, const struct sea_state *begin,
                                     const struct extra_load *extra)
@@ -71,7 +73,8 @@ static struct sea_state flow_loaded(const struct effects_span *span, double q, e
                               span->bridge.voltage + extra->voltage);
 }
 
-/* Hysteresis once the deflection has changed from that at begin's place. */
+/* Advances the hysteresis by the change of the deflection since the begin; adds its loss to
+ * work. */
 static void follow_hysteresis(const struct effects_span *span, double deflection, double q_end,
                               const struct effects_state *begin, struct effects_state *end,
                               struct effects_power *work)
@@ -89,7 +92,8 @@ static void follow_hysteresis(const struct effects_span *span, double deflection
     }
 }
 
-/* The current of a rotor at rest after t seconds. */
+/* Returns the current of a rotor at rest after t seconds (exact solution of the winding's
+ * equation). */
 static double flow_winding(const struct effects_span *span, const struct effects_mode *mode,
                            const struct effects_state *state, double I, double t)
 {
@@ -102,7 +106,8 @@ static double flow_winding(const struct effects_span *span, const struct effects
     return R > 0.0 ? I - (voltage / R - I) * portable_expm1(-R * t / L) : I + t * voltage / L;
 }
 
-/* A rotor that moves, as if it did so to the part's end. */
+/* Advances a rotor that moves, as if it did so to the part's end: the loads are the means of
+ * those at both ends (predictor and corrector). */
 static void slide_rotor(const struct effects_span *span, double q, double deflection, double h,
                         const struct effects_mode *mode, const struct effects_state *begin,
                         struct effects_state *end)
@@ -119,7 +124,8 @@ static void slide_rotor(const struct effects_span *span, double q, double deflec
     end->sea = flow_loaded(span, q, law, mode, &begin->sea, &first);
 }
 
-/* A rotor that came to rest on its way to end: where it is instead. */
+/* Corrects the end of a part in which the rotor came to rest: it stops where its speed, linear
+ * in time, is zero, and stays or turns back. */
 static void stop_rotor(const struct effects_span *span, double q, double deflection, double h,
                        const struct effects_state *begin, struct effects_state *end)
 {
@@ -135,7 +141,7 @@ static void stop_rotor(const struct effects_span *span, double q, double deflect
     q += part * h * span->qd;
     follow_hysteresis(span, deflection, q, begin, &there, NULL);
 
-    /* And whether it stays */
+    /* Whether it stays: then only the winding goes on; else it speeds up in the rest of the part */
     mode = effects_find_mode(span->sea, &there, q, span->qd, &span->bridge);
     if (mode.slide == 0 || v0 == 0.0) {
         there.sea.I = flow_winding(span, &mode, &there, there.sea.I, rest);
@@ -148,14 +154,15 @@ static void stop_rotor(const struct effects_span *span, double q, double deflect
     end->sea = there.sea;
 }
 
-/* What happened in a part. */
+/* Events of a part. */
 struct part_events {
     bool any;
-    bool current;        /* it came to zero; then: */
-    double charge, heat; /* that had flown by then, C, and what it did to the winding, J */
+    bool current;        /* the current came to zero; then: */
+    double charge, heat; /* charge that had flowed by then, C, and heat of the winding, J */
 };
 
-/* The integral over t seconds of a current that begins at I under that voltage. */
+/* Returns the charge (C) that flows in t seconds in a winding that begins at I under that
+ * voltage. */
 static double flow_charge(double I, double voltage, double R, double L, double t)
 {
     const double goal = voltage / R;
@@ -164,8 +171,8 @@ static double flow_charge(double I, double voltage, double R, double L, double t
                    : I * t + 0.5 * voltage / L * t * t;
 }
 
-/* A current that came to zero on its way to end, at an even speed of the rotor: what it is instead,
- * and what a rotor that moves has by the current that was not. */
+/* Corrects the end of a part in which the current came to zero, at an even speed of the rotor:
+ * the current, and the motion of the rotor without the current that did not flow. */
 static void stop_current(const struct effects_span *span, double q_end, double h,
                          const struct effects_mode *mode, const struct effects_state *begin,
                          struct effects_state *end, struct part_events *events)
@@ -176,7 +183,7 @@ static void stop_current(const struct effects_span *span, double q_end, double h
     struct effects_mode next;
     double voltage, stop, rest;
 
-    /* What drives the current down, and when it is zero */
+    /* The voltage that drives the current down, and the time at which it is zero */
     still.sea.I = 0.0;
     effects_derivative(span->sea, &still, q_end, span->qd, &span->bridge, mode, &rate);
     voltage = L * rate.sea.I;
@@ -205,12 +212,14 @@ static void stop_current(const struct effects_span *span, double q_end, double h
 
 /* ---- accounts ---- */
 
+/* Returns the value in the middle of a part, of the cubic through both ends and their rates. */
 static double middle_value(double x0, double x1, double rate0, double rate1, double h)
 {
     return 0.5 * (x0 + x1) + 0.125 * h * (rate0 - rate1);
 }
 
-/* Adds weight times the powers; friction of the gear and hysteresis have their own account. */
+/* Adds weight times the powers to work; friction of the gear and hysteresis are accounted for
+ * elsewhere. */
 static void add_power(const struct effects_span *span, double q, const struct effects_mode *mode,
                       const struct effects_state *state, double weight, struct effects_power *work)
 {
@@ -228,7 +237,7 @@ static void add_power(const struct effects_span *span, double q, const struct ef
     work->spring_damping += weight * power.spring_damping;
 }
 
-/* What a current that came to zero has done. */
+/* Adds the works of a current that came to zero in the part. */
 static void account_charge(const struct effects_span *span, const struct effects_mode *mode,
                            const struct part_events *events, struct effects_power *work)
 {
@@ -240,8 +249,8 @@ static void account_charge(const struct effects_span *span, const struct effects
     work->joule += events->heat;
 }
 
-/* The works of a part by Simpson's rule over the cubic through its ends, or in a part with an event
- * by the line through them; friction's by its force times the way. */
+/* Adds the works of a part by Simpson's rule over the cubic through its ends, or in a part with
+ * an event over the line through them; friction's by its force times the way. */
 static void account_part(const struct effects_span *span, double q, double h,
                          const struct part_events *events, const struct effects_mode *mode,
                          const struct effects_state *begin, const struct effects_state *end,
@@ -251,10 +260,12 @@ static void account_part(const struct effects_span *span, double q, double h,
     struct effects_state rate0 = {{0}, 0, 0, 0}, rate1 = rate0, middle = *begin;
     struct effects_state from = *begin, to = *end;
 
+    /* A current with an event has its own account; the rest is without it */
     if (events->current) {
         from.sea.I = to.sea.I = 0.0;
         account_charge(span, mode, events, work);
     }
+    /* Rates at both ends make the cubic */
     if (!events->any && span->all_powers) {
         effects_derivative(span->sea, &from, q, span->qd, &span->bridge, mode, &rate0);
         effects_derivative(span->sea, &to, q_end, span->qd, &span->bridge, mode, &rate1);
@@ -262,6 +273,7 @@ static void account_part(const struct effects_span *span, double q, double h,
         rate0.sea.I = effects_current_rate(span->sea, &from, &span->bridge, mode);
         rate1.sea.I = effects_current_rate(span->sea, &to, &span->bridge, mode);
     }
+    /* Simpson's rule: 1, 4, 1 */
     middle.sea.qm = middle_value(from.sea.qm, to.sea.qm, rate0.sea.qm, rate1.sea.qm, h);
     middle.sea.qmd = middle_value(from.sea.qmd, to.sea.qmd, rate0.sea.qmd, rate1.sea.qmd, h);
     middle.sea.I = middle_value(from.sea.I, to.sea.I, rate0.sea.I, rate1.sea.I, h);
@@ -275,7 +287,7 @@ static void account_part(const struct effects_span *span, double q, double h,
     }
 }
 
-/* One part; deflection is that at its begin, and then at its end. */
+/* Advances one part; deflection is that at its begin, and then at its end. */
 static void advance_part(const struct effects_span *span, double q, double h, double *deflection,
                          struct effects_state *state, struct effects_power *work)
 {
@@ -284,6 +296,7 @@ static void advance_part(const struct effects_span *span, double q, double h, do
     struct effects_state end = *state;
     struct part_events events = {.any = false};
 
+    /* The rotor first, then the current, each with its event */
     if (mode.slide == 0) {
         end.sea.I = flow_winding(span, &mode, state, state->sea.I, h);
     } else {

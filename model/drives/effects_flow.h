@@ -37,8 +37,8 @@ struct effects_flow {
     struct drive_flow of[EFFECTS_LAWS][2];
 };
 
-/* Flows of a span of t seconds. Beyond a swing that is resolved they are those of implicit Euler.
- * */
+/* Computes the flows of a span of t seconds; those of implicit Euler where the rotor's swing is
+ * not resolved. */
 void effects_flow_make(const struct effects_linear *linear, double t, struct effects_flow *flow);
 
 /* What is held over a span. */
@@ -47,12 +47,12 @@ struct effects_span {
     const struct effects_linear *linear;
     const struct effects_flow *flow;
     struct effects_bridge bridge;
-    double qd;       /* of the joint */
+    double qd;       /* rate of the joint, rad/s */
     bool all_powers; /* account for all, not just for those of the current */
 };
 
-/* Takes a drive whose joint is at q through a span; adds the integrals of its powers, J, to work,
- * NULL = no account, and then no temperatures change either. */
+/* Advances a drive whose joint is at q through a span; adds the integrals of its powers, J, to
+ * work, NULL = no account, and then no temperatures change either. */
 void effects_advance(const struct effects_span *span, double q, struct effects_state *state,
                      struct effects_power *work);
 

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The bus of the bridges. */
+/* Equations and steps of the bus of the bridges. */
 #include "model/drives/supply.h"
 
 #include <math.h>
 
-/* Parts of a step, and Newton's steps in each: quadratic, from a start that is near. */
+/* Parts of a step, and Newton steps in each: the convergence is quadratic, from a near start. */
 enum { SUPPLY_PARTS = 16, NEWTON_STEPS = 8 };
 
 void supply_rates(const struct supply_bus *bus, double source_v, double ohm, double power,
@@ -29,8 +29,9 @@ void supply_switch_chopper(const struct supply_bus *bus, double state[SUPPLY_STA
     }
 }
 
-/* The voltage in the middle of a part of h seconds that begins at V: the root m of 2 C (m - V) m =
- * h (source - losses) - energy, whose left side is the change of C V^2/2. */
+/* Computes the voltage in the middle of a part of h seconds that begins at V, by Newton's
+ * method: the root m of 2 C (m - V) m = h (source - losses) - energy, whose left side is the
+ * change of C V^2/2. */
 static double find_middle(const struct supply_bus *bus, double source_v, double ohm, double energy,
                           double h, double V, double conductance)
 {
@@ -62,7 +63,7 @@ void supply_advance(const struct supply_bus *bus, double source_v, double ohm, d
         const double chopper = h * conductance * m * m, loss = h * ohm * I * I;
         const double given = h * source_v * I;
 
-        /* What a drained bus lacks comes from the source */
+        /* At the least voltage the source gives what the bus lacks */
         work[0] += m > 0.5 * (V + SUPPLY_LEAST_V) ? given
                                                   : stored + energy / SUPPLY_PARTS + chopper + loss;
         work[1] += loss;

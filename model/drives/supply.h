@@ -15,7 +15,7 @@
 
 struct supply_bus {
     double capacitance_f; /* 0 = there is no bus, the supply is the source */
-    double on_v, off_v;   /* of the chopper; on_v 0 = there is none */
+    double on_v, off_v;   /* voltages of the chopper; on_v 0 = there is none */
     double brake_ohm;
 };
 
@@ -26,23 +26,23 @@ enum supply_part { SUPPLY_VOLTAGE, SUPPLY_CHOPPING, SUPPLY_STATE };
  * the source gives what is missing. */
 #define SUPPLY_LEAST_V 1.0
 
-/* W, and its time derivative of the voltage. */
+/* Powers, W, and the rate of the voltage. */
 struct supply_rates {
     double source, source_loss, chopper;
     double voltage; /* V/s */
 };
 
-/* The rates while the bridges take that power; ohm > 0. */
+/* Computes the rates while the bridges take that power, W; ohm > 0. */
 void supply_rates(const struct supply_bus *bus, double source_v, double ohm, double power,
                   const double state[SUPPLY_STATE], struct supply_rates *rates);
 
 /* Switches the chopper as the voltage says. */
 void supply_switch_chopper(const struct supply_bus *bus, double state[SUPPLY_STATE]);
 
-/* Takes the bus through t seconds in which the bridges take that energy, J, at an even power:
- * implicit midpoint rule in a fixed number of parts, between which the chopper switches. Adds the
- * energies of source and losses, J, to work, in the order of struct supply_rates. The balance
- * C V^2/2 = source - losses - energy holds to rounding. */
+/* Advances the bus by t seconds in which the bridges take that energy, J, at an even power:
+ * implicit midpoint rule in a fixed number of parts, between which the chopper switches. Adds
+ * the energies of source and losses, J, to work, in the order of struct supply_rates. The
+ * balance C V^2/2 = source - losses - energy holds to rounding. */
 void supply_advance(const struct supply_bus *bus, double source_v, double ohm, double energy,
                     double t, double state[SUPPLY_STATE], double work[3]);
 

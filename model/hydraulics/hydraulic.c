@@ -1,19 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Servo valve and cylinder, one at a time. */
+/* Laws of servo valve and cylinder, one at a time. */
 #include "model/hydraulics/hydraulic.h"
 
 #include "base/portable_math.h"
 
 #include <math.h>
 
-/* Below this difference of pressures the flow of a port is linear in it, Pa (laminar). */
+/* Pressure difference below which the flow of a port is linear in it, Pa (laminar). */
 #define LAMINAR_PA 1e5
 
 /* Parts of a span, and steps of Newton's method in a stage, of which two or three are the rule. */
 enum { SPAN_PARTS = 4, NEWTON_STEPS = 20 };
 
-/* Each of those steps squares what is left, over LAMINAR_PA: after one as small as this it is
- * rounding. */
+/* Step that ends Newton's method, Pa: each step squares the error over LAMINAR_PA, so that after
+ * one as small as this it is rounding. */
 #define NEWTON_END_PA 1e-2
 
 /* Coefficient of the scheme, 1 - 1/sqrt(2). */
@@ -21,7 +21,8 @@ enum { SPAN_PARTS = 4, NEWTON_STEPS = 20 };
 
 /* ---- geometry, friction ---- */
 
-/* The triangle with that angle between its sides. */
+/* Computes the distance between the cylinder's pins (m) by the law of cosines, and its
+ * derivative by the joint's angle, *lever (m/rad). */
 static double find_pin_distance(const struct robot_hydraulic *cylinder, double sine, double cosine,
                                 double *lever)
 {
@@ -57,6 +58,8 @@ double hydraulic_speed_constant(const struct robot_hydraulic *cylinder,
     double lever, out, in;
 
     hydraulic_length(cylinder, 0.5 * (lower + upper), &lever);
+    /* Speeds without load out and in: both ports in series across the supply, with the areas'
+     * ratio */
     out = cylinder->K * sqrt(drop * A1 / cubes);
     in = cylinder->K * sqrt(drop * A2 / cubes);
     return cylinder->valve_v * fabs(lever) / (0.5 * (out + in));
@@ -89,6 +92,7 @@ enum error_code hydraulic_check(const struct robot_hydraulic *cylinder, double l
     return ERROR_NONE;
 }
 
+/* Returns the friction at piston speed v, N, and its slope against v. */
 static double cylinder_friction(const struct robot_hydraulic *cylinder, double v, double *slope)
 {
     const double c = cylinder->coulomb_speed, root = sqrt(v * v + c * c);
@@ -109,7 +113,7 @@ double hydraulic_torque(const struct robot_hydraulic *cylinder, const double *st
 
 /* ---- chambers and flows ---- */
 
-/* The less and the greater of two numbers, without the call that NaN costs in C's. */
+/* Return the less and the greater of two numbers, without the call that NaN costs in C's. */
 static inline double take_less(double x, double y)
 {
     return x < y ? x : y;
@@ -120,8 +124,8 @@ static inline double take_more(double x, double y)
     return x > y ? x : y;
 }
 
-/* Volumes of both chambers at a length. A joint beyond its stop presses no volume away that is not
- * there. */
+/* Computes the volumes of both chambers (m3) at a length between the pins. A joint beyond its
+ * stop displaces no volume. */
 static void cylinder_volumes(const struct robot_hydraulic *cylinder, double length, double V[2])
 {
     const double x = take_less(take_more(length - cylinder->closed, 0.0), cylinder->stroke);
@@ -130,7 +134,8 @@ static void cylinder_volumes(const struct robot_hydraulic *cylinder, double leng
     V[1] = cylinder->dead + cylinder->A2 * (cylinder->stroke - x);
 }
 
-/* Energy in a volume of oil at a pressure: beta (exp(p/beta) - 1) - p, to the third order. */
+/* Returns the energy of oil at a pressure, J for each m3: beta (exp(p/beta) - 1) - p, to the
+ * third order. */
 static double oil_energy(double beta, double p)
 {
     return p * p / (2.0 * beta) * (1.0 + p / (3.0 * beta));
@@ -145,7 +150,7 @@ double hydraulic_energy(const struct robot_hydraulic *cylinder, const double *st
            V[1] * oil_energy(cylinder->beta, state[HYDRAULIC_P2]);
 }
 
-/* f and its slope. */
+/* Returns f(dp) of a port and its slope. */
 static double orifice_root(double dp, double *slope)
 {
     const double square = dp * dp + LAMINAR_PA * LAMINAR_PA, quarter = sqrt(sqrt(square));
@@ -162,6 +167,7 @@ struct chamber_flows {
     int fed;                 /* the chamber that the supply is open to */
 };
 
+/* Computes the flows into both chambers (m3/s) at the pressures p and an opening of the spool. */
 static void find_chamber_flows(const struct robot_hydraulic *cylinder, double spool,
                                const struct hydraulic_port *port, const double p[2],
                                struct chamber_flows *flows)
@@ -171,6 +177,8 @@ static void find_chamber_flows(const struct robot_hydraulic *cylinder, double sp
     const double suck = cylinder->K / sqrt(LAMINAR_PA);
 
     flows->fed = spool > 0.0 ? 0 : 1;
+    /* One chamber is open to the supply, the other one to the return; either sucks oil back
+     * below the return's pressure */
     for (int i = 0; i < 2; i++) {
         const double from = i == flows->fed ? port->supply : port->back;
         double slope;
@@ -184,7 +192,7 @@ static void find_chamber_flows(const struct robot_hydraulic *cylinder, double sp
     flows->leak = flows->leak_slope * (p[0] - p[1]);
 }
 
-/* Flows at pressures that are a little step further. */
+/* Updates the flows to pressures that are a small step further, by their slopes. */
 static void follow_chamber_flows(const double step[2], struct chamber_flows *flows)
 {
     for (int i = 0; i < 2; i++) {
@@ -194,7 +202,7 @@ static void follow_chamber_flows(const double step[2], struct chamber_flows *flo
     flows->leak += flows->leak_slope * (step[0] - step[1]);
 }
 
-/* Powers of those flows with the piston at speed v. */
+/* Computes the powers of those flows, W, with the piston at speed v, m/s. */
 static void find_hydraulic_power(const struct robot_hydraulic *cylinder,
                                  const struct chamber_flows *flows,
                                  const struct hydraulic_port *port, const double p[2], double v,
@@ -218,7 +226,7 @@ static void find_hydraulic_power(const struct robot_hydraulic *cylinder,
     power->drawn = drawn;
 }
 
-/* Rates of both pressures; V of the chambers, v of the piston. */
+/* Computes the rates of both pressures, Pa/s; V of the chambers, v of the piston. */
 static void find_pressure_rates(const struct robot_hydraulic *cylinder,
                                 const struct chamber_flows *flows, const double V[2], double v,
                                 double rate[2])
@@ -231,17 +239,19 @@ static void find_pressure_rates(const struct robot_hydraulic *cylinder,
 
 /* ---- the spool ---- */
 
+/* Returns the opening that the spool goes to, -1 to 1. */
 static double spool_target(const struct robot_hydraulic *cylinder,
                            const struct hydraulic_port *port)
 {
     return take_more(-1.0, take_less(1.0, port->voltage / cylinder->valve_v + port->shift));
 }
 
-/* What t seconds make of the spool and its rate, exactly: a damped oscillation about the target. */
+/* The exact motion of the spool in t seconds: a damped oscillation about the target. */
 struct spool_motion {
     double M[2][2]; /* of how far it is off, and of its rate */
 };
 
+/* Computes the exact motion of the spool in t seconds (damped oscillator). */
 static struct spool_motion find_spool_motion(const struct robot_hydraulic *cylinder, double t)
 {
     const double zeta = cylinder->valve_damping, decay = zeta * cylinder->valve_w;
@@ -255,6 +265,7 @@ static struct spool_motion find_spool_motion(const struct robot_hydraulic *cylin
          {-shrink * (decay * decay + w * w) / w * sine, shrink * (cosine - decay / w * sine)}}};
 }
 
+/* Advances the spool's opening and rate by such a motion. */
 static void advance_spool(const struct spool_motion *motion, double target, double *state)
 {
     const double off = state[HYDRAULIC_SPOOL] - target, rate = state[HYDRAULIC_SPOOL_RATE];
@@ -287,7 +298,7 @@ void hydraulic_derive(const struct robot_hydraulic *cylinder, const double *stat
 
 /* ---- through a span ---- */
 
-/* The matrix 1 - h J of both pressures' rates. */
+/* Fills the matrix 1 - h J of both pressures' rates. */
 static void fill_stage_matrix(const struct robot_hydraulic *cylinder,
                               const struct chamber_flows *flows, const double V[2], double h,
                               double M[2][2])
@@ -301,6 +312,7 @@ static void fill_stage_matrix(const struct robot_hydraulic *cylinder,
     }
 }
 
+/* Solves two linear equations M x = b by Cramer's rule. */
 static void solve_two(double M[2][2], const double b[2], double x[2])
 {
     const double det = M[0][0] * M[1][1] - M[0][1] * M[1][0];
@@ -309,12 +321,12 @@ static void solve_two(double M[2][2], const double b[2], double x[2])
     x[1] = (M[0][0] * b[1] - M[1][0] * b[0]) / det;
 }
 
-/* Where the joint is in a span: the triangle's angle, the lever and the chambers. */
+/* The joint's place in a span: the triangle's angle, the lever and the chambers. */
 struct span_place {
     double sine, cosine, lever, V[2];
 };
 
-/* Turns the place on by an angle, of which sine and cosine are given. */
+/* Rotates the place by an angle, of which sine and cosine are given. */
 static void turn_place(const struct robot_hydraulic *cylinder, double sine, double cosine,
                        struct span_place *place)
 {
@@ -326,8 +338,9 @@ static void turn_place(const struct robot_hydraulic *cylinder, double sine, doub
         cylinder, find_pin_distance(cylinder, place->sine, place->cosine, &place->lever), place->V);
 }
 
-/* One stage of h seconds from the pressures base: p becomes those at the stage, flows theirs, and
- * bend, the pressures' derivatives against the joint's rate, is taken along with them. */
+/* Solves one stage of h seconds from the pressures base by Newton's method: p becomes those at
+ * the stage, flows theirs. bend, the pressures' derivatives against the joint's rate, is
+ * advanced along with them. */
 static void solve_pressure_stage(const struct robot_hydraulic *cylinder,
                                  const struct hydraulic_port *port, const struct span_place *place,
                                  double spool, const double base[2], double h, double p[2],
@@ -350,13 +363,14 @@ static void solve_pressure_stage(const struct robot_hydraulic *cylinder,
             break;
         }
     }
+    /* The flows after the last step; the derivatives by the same matrix */
     follow_chamber_flows(step, flows);
     begin[0] -= h * cylinder->beta / V[0] * cylinder->A1 * lever;
     begin[1] += h * cylinder->beta / V[1] * cylinder->A2 * lever;
     solve_two(M, begin, bend);
 }
 
-/* Adds weight times the powers at a stage to the works. */
+/* Adds weight times the powers at a stage to work. */
 static void account_stage_power(const struct robot_hydraulic *cylinder,
                                 const struct chamber_flows *flows,
                                 const struct hydraulic_port *port, const double p[2], double v,
@@ -415,6 +429,7 @@ void hydraulic_advance(const struct robot_hydraulic *cylinder, const struct hydr
             }
         }
     }
+    /* The slope of the torque against the rate: pressures and friction */
     if (slope) {
         cylinder_friction(cylinder, place.lever * port->qd, &damping);
         *slope = take_less(0.0, place.lever * (cylinder->A1 * bend[0] - cylinder->A2 * bend[1] -
@@ -443,6 +458,8 @@ bool hydraulic_rest_loaded(const struct robot_hydraulic *cylinder,
     hydraulic_length(cylinder, q, &lever);
     force = torque / lever;
     hydraulic_rest(cylinder, s, free);
+    /* Share the force between both chambers; where one pressure reaches its limit the other
+     * takes the rest */
     p2 = free[HYDRAULIC_P2] - 0.5 * force / cylinder->A2;
     p2 = take_less(take_more(p2, s->back), s->pressure);
     p1 = (force + p2 * cylinder->A2) / cylinder->A1;

@@ -32,13 +32,13 @@ enum hydraulic_part {
     HYDRAULIC_STATE,
 };
 
-/* What the joint and the rest of the machine are to a cylinder. */
+/* What a cylinder sees of the joint and of the rest of the machine. */
 struct hydraulic_port {
-    double q, qd;        /* of the joint */
-    double voltage;      /* of the valve, V */
+    double q, qd;        /* position and rate of the joint, rad, rad/s */
+    double voltage;      /* voltage of the valve, V */
     double supply, back; /* pressures of supply and return, Pa */
-    double shift;        /* of the spool's middle, of its full opening */
-    double leak;         /* past the piston beside the cylinder's own leakage, m3/s per Pa */
+    double shift;        /* shift of the spool's middle, relative to its full opening */
+    double leak;         /* leakage past the piston beside the cylinder's own, m3/s per Pa */
     bool stuck;          /* the spool stays where it is */
 };
 
@@ -50,49 +50,49 @@ struct hydraulic_power {
     double in, mechanical, orifice, leakage, friction, drawn;
 };
 
-/* Length between the pins, m, and its derivative dx/dq, m/rad. */
+/* Returns the length between the pins, m, and computes its derivative dx/dq, m/rad. */
 double hydraulic_length(const struct robot_hydraulic *cylinder, double q, double *lever);
 
-/* The sign of dx/dq over a joint's range, 1 or -1: the way a positive voltage has to push the
- * piston for the joint to turn positively. */
+/* Returns the sign of dx/dq over a joint's range, 1 or -1: the way a positive voltage has to
+ * push the piston for the joint to turn positively. */
 double hydraulic_direction(const struct robot_hydraulic *cylinder, double lower, double upper);
 
-/* Voltage for each rad/s at which the joint turns without load in the middle of that range, the
- * mean of both ways, V s/rad. */
+/* Returns the voltage for each rad/s at which the joint turns without load in the middle of that
+ * range, the mean of both ways, V s/rad. */
 double hydraulic_speed_constant(const struct robot_hydraulic *cylinder,
                                 const struct robot_hydraulic_supply *supply, double lower,
                                 double upper);
 
-/* Whether the triangle is possible for a joint of that range; the error says what is not. */
+/* Checks whether the triangle is possible for a joint of that range; the error says what is not. */
 enum error_code hydraulic_check(const struct robot_hydraulic *cylinder, double lower, double upper,
                                 struct error *error);
 
-/* tau on the joint, N m. */
+/* Returns tau on the joint, N m. */
 double hydraulic_torque(const struct robot_hydraulic *cylinder, const double *state, double q,
                         double qd);
 
-/* Energy of the oil that is pressed in the chambers, J. */
+/* Returns the energy of the compressed oil in the chambers, J. */
 double hydraulic_energy(const struct robot_hydraulic *cylinder, const double *state, double q);
 
-/* Time derivatives of the state; power may be NULL. */
+/* Computes the time derivatives of the state; power may be NULL. */
 void hydraulic_derive(const struct robot_hydraulic *cylinder, const double *state,
                       const struct hydraulic_port *port, double *derivative,
                       struct hydraulic_power *power);
 
-/* Takes the state through t seconds in which the joint moves at the constant rate qd from q: the
+/* Advances the state by t seconds in which the joint moves at the constant rate qd from q: the
  * spool exactly, the pressures in a fixed number of parts by the scheme of docs/integrator.md
- * (order 2, L-stable). Adds the works to power. slope: of the torque at the end against qd, never
- * positive. power and slope may be NULL. */
+ * (order 2, L-stable). Adds the works to power. slope: of the torque at the end against qd,
+ * never positive. power and slope may be NULL. */
 void hydraulic_advance(const struct robot_hydraulic *cylinder, const struct hydraulic_port *port,
                        double t, double *state, struct hydraulic_power *power, double *slope);
 
-/* Pressures at rest without force on the joint, between supply and return. */
+/* Computes the pressures at rest without force on the joint, between supply and return. */
 void hydraulic_rest(const struct robot_hydraulic *cylinder, const struct robot_hydraulic_supply *s,
                     double *state);
 
-/* Pressures at rest with that torque on the joint, the same way from those without as far as supply
- * and return let them; false, and the state as it was, where no pressures between the two give it.
- */
+/* Computes the pressures at rest with that torque on the joint, both changed alike from those
+ * without as far as supply and return let them. Returns false, with the state as it was, where
+ * no pressures between the two give it. */
 bool hydraulic_rest_loaded(const struct robot_hydraulic *cylinder,
                            const struct robot_hydraulic_supply *s, double q, double torque,
                            double *state);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The supply of hydraulic joints. */
+/* Equations and steps of the supply of hydraulic joints. */
 #include "model/hydraulics/supply.h"
 
 #include "base/portable_math.h"
@@ -17,6 +17,7 @@
 #define STALL_RATIO 1.5
 #define STALL_SHARE 0.1
 
+/* Returns the volume of the accumulator's gas at a pressure, m3. */
 static double gas_volume(const struct robot_hydraulic_supply *s, double pressure)
 {
     return s->accumulator * portable_pow(s->precharge / pressure, 1.0 / GAS_EXPONENT);
@@ -27,7 +28,7 @@ bool hydraulic_supply_is_empty(const struct robot_hydraulic_supply *s, double pr
     return s->accumulator > 0.0 && pressure <= s->precharge;
 }
 
-/* How fast a flow that is not drawn lifts the pressure, Pa/s. */
+/* Returns how fast a flow that is not drawn lifts the pressure, Pa/s. */
 static double supply_pressure_rate(const struct robot_hydraulic_supply *s, bool empty,
                                    double pressure, double flow)
 {
@@ -35,11 +36,12 @@ static double supply_pressure_rate(const struct robot_hydraulic_supply *s, bool 
                  : flow * GAS_EXPONENT * pressure / gas_volume(s, pressure);
 }
 
-/* Flows of the supply at a pressure, m3/s, and how much less flows in for each Pa more. */
+/* Flows of the supply at a pressure, m3/s, and the slope of the net inflow against it, negated. */
 struct supply_flows {
     double pump, relief, leak, slope;
 };
 
+/* Computes the flows of pump, relief valve and leak at a pressure, in a condition. */
 static struct supply_flows find_supply_flows(const struct robot_hydraulic_supply *s,
                                              const struct hydraulic_supply_condition *condition,
                                              double pressure)
@@ -59,7 +61,7 @@ static struct supply_flows find_supply_flows(const struct robot_hydraulic_supply
     return flows;
 }
 
-/* Adds what those flows do at a pressure in t seconds. */
+/* Adds the works of those flows at a pressure in t seconds. */
 static void account_supply_flows(const struct supply_flows *flows, double pressure, double t,
                                  struct hydraulic_supply_power *work)
 {
@@ -107,17 +109,19 @@ double hydraulic_supply_advance(const struct robot_hydraulic_supply *s,
     }
     flows = find_supply_flows(s, condition, held);
     account_supply_flows(&flows, held, t, work);
+    /* Linearly implicit Euler step; the flows of an empty one are already those at its end */
     rate = supply_pressure_rate(s, empty, pressure,
                                 flows.pump - flows.relief - flows.leak - drawn / t);
     stiff = empty ? 0.0 : supply_pressure_rate(s, false, pressure, flows.slope);
     end = pressure + t * rate / (1.0 + t * stiff);
 
-    /* Past precharge the rest of the volume meets the other stiffness */
+    /* Beyond precharge the rest of the volume meets the other stiffness */
     if (empty != hydraulic_supply_is_empty(s, end)) {
         end = s->precharge + (end - s->precharge) /
                                  supply_pressure_rate(s, empty, s->precharge, 1.0) *
                                  supply_pressure_rate(s, !empty, s->precharge, 1.0);
     }
+    /* At the return's pressure the pump draws from the tank */
     if (end < s->back) {
         work->pump += s->back * (s->back - end) / supply_pressure_rate(s, true, s->back, 1.0);
         end = s->back;

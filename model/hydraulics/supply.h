@@ -24,25 +24,26 @@ struct hydraulic_supply_power {
     double pump, relief, leak;
 };
 
-/* The rate of its pressure while that flow is drawn, Pa/s. power may be NULL. */
+/* Returns the rate of its pressure while that flow is drawn, Pa/s. power may be NULL. */
 double hydraulic_supply_derive(const struct robot_hydraulic_supply *s,
                                const struct hydraulic_supply_condition *condition, double pressure,
                                double drawn, struct hydraulic_supply_power *power);
 
-/* Whether the accumulator holds no oil, so that the pressure follows what is drawn at once:
- * hydraulic_supply_advance needs what the valves draw at the pressure it ends at. */
+/* Returns whether the accumulator holds no oil, so that the pressure follows what is drawn at
+ * once: hydraulic_supply_advance needs what the valves draw at the pressure it ends at. */
 bool hydraulic_supply_is_empty(const struct robot_hydraulic_supply *s, double pressure);
 
-/* The pressure t seconds later, with that volume drawn evenly while the valves saw the pressure
- * held, which is that at the start (linearly implicit), or of an empty accumulator that at the end
- * (implicit): then the result is held itself where held is the solution, more above it, less below.
- * Adds to work. */
+/* Returns the pressure t seconds later, with that volume drawn evenly while the valves saw the
+ * pressure held, which is that at the start (linearly implicit), or of an empty accumulator that
+ * at the end (implicit): then the result is held itself where held is the solution, more above
+ * it, less below. Adds to work. */
 double hydraulic_supply_advance(const struct robot_hydraulic_supply *s,
                                 const struct hydraulic_supply_condition *condition, double pressure,
                                 double held, double drawn, double t,
                                 struct hydraulic_supply_power *work);
 
-/* Energy of the accumulator's gas and of the oil that is pressed below precharge, J. */
+/* Returns the energy of the accumulator's gas and of the oil that is compressed below precharge,
+ * J. */
 double hydraulic_supply_energy(const struct robot_hydraulic_supply *s, double pressure);
 
 #endif

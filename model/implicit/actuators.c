@@ -16,12 +16,13 @@
 #include <math.h>
 #include <string.h>
 
-/* Angle that a rotor may swing on its spring within a stage, rad, to be taken exactly. */
+/* Largest angle that a rotor swings on its spring within a stage, rad, for the flow to be exact. */
 #define SWING_RESOLVED 0.5
 
 /* Parts that a span is divided into for the accounts: two applications of Simpson's rule. */
 enum { ACCOUNT_PARTS = 4 };
 
+/* Returns the flow of drive d for a law of its spring, a level of the step and a span. */
 static const struct drive_flow *drive_flow_of(const struct plant *plant, size_t d,
                                               enum spring_law law, int level,
                                               enum implicit_span span)
@@ -29,9 +30,10 @@ static const struct drive_flow *drive_flow_of(const struct plant *plant, size_t 
     return &plant->implicit->flows[d]->of[law][plant->bridge_on[d]][level][span];
 }
 
-/* The flows of a step of h seconds. Both are exact where the rotor's swing on its spring is
- * resolved; else they are those of the scheme itself, L-stable together with the link: implicit
- * Euler through the stage, and the change up to the base as much again as (1 - gamma)/gamma. */
+/* Computes the flows of a step of h seconds. Both are exact where the rotor's swing on its
+ * spring is resolved; else they are those of the scheme itself, L-stable together with the link:
+ * implicit Euler through the stage, and the change up to the base as much again as (1 -
+ * gamma)/gamma. */
 static void make_step_flows(const struct robot_sea *sea, bool bridge_on, double h,
                             struct drive_flow flow[SPANS])
 {
@@ -46,7 +48,7 @@ static void make_step_flows(const struct robot_sea *sea, bool bridge_on, double 
     }
 }
 
-/* All flows of a drive, for the configuration's step and its parts. */
+/* Computes all flows of a drive, for the configuration's step and its parts. */
 static void make_drive_flows(const struct robot_sea *sea, double h, struct drive_flows *flows)
 {
     struct robot_sea pressed = *sea;
@@ -87,7 +89,7 @@ void implicit_refresh_drive(struct plant *plant, size_t d)
 
 /* ---- drives ---- */
 
-/* Where a flow takes a drive whose spring follows law, the joint moving at rate from q. */
+/* Returns where a flow takes a drive whose spring follows law, the joint moving at rate from q. */
 static struct sea_state flow_drive(const struct plant *plant, size_t d, enum spring_law law,
                                    const struct drive_flow *flow, const struct sea_state *drive,
                                    double q, double rate)
@@ -103,8 +105,8 @@ static struct sea_state flow_drive(const struct plant *plant, size_t d, enum spr
     return drive_flow_advance(flow, drive, q + shift, rate, plant->voltage[d]);
 }
 
-/* The law that holds in a span: the stop's where the free spring would come to press it, and the
- * stop then pushes and does not pull. */
+/* Returns the law that holds in a span: the stop's where the free spring would come to press it,
+ * and the stop then pushes and does not pull. */
 static enum spring_law find_spring_law(const struct plant *plant, size_t d, enum implicit_span span,
                                        const struct sea_state *drive, double q, double rate)
 {
@@ -163,8 +165,8 @@ void implicit_linearize_drive(struct plant *plant, size_t d)
     im->extra[j] -= slope * im->stage_h;
 }
 
-/* Whether all joints end the stage within their ranges, with the accelerations a or, NULL, at the
- * rates that they have. */
+/* Returns whether all joints end the stage within their ranges, with the accelerations a or,
+ * NULL, at the rates that they have. */
 static bool joints_stay_within(const struct plant *plant, const double *a)
 {
     const struct implicit *im = plant->implicit;
@@ -182,7 +184,7 @@ static bool joints_stay_within(const struct plant *plant, const double *a)
     return true;
 }
 
-/* The end stops that the joints press at the stage. */
+/* Adds the end stops that the joints press at the stage to torque and extra. */
 static void linearize_stops(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -287,7 +289,8 @@ static void account_drive(const struct plant *plant, size_t d, const struct sea_
     work[WORK_SPRING_DAMPING] += weight * power.spring_damping;
 }
 
-/* The integrals of its powers over a span, from the exact states at its quarters (Simpson). */
+/* Adds the integrals of a drive's powers over a span, from the exact states at its quarters
+ * (Simpson's rule). */
 static void account_span(struct plant *plant, size_t d, enum spring_law law,
                          enum implicit_span span, struct sea_state drive, double q, double qd)
 {

@@ -10,7 +10,7 @@
 
 #include <math.h>
 
-/* The flows of a drive with effects, for the configuration's step and its parts. */
+/* Computes the flows of a drive with effects, for the configuration's step and its parts. */
 static void make_effect_flows(const struct robot_sea *sea, double h, struct implicit_effects *made)
 {
     effects_linear_make(sea, &made->linear);
@@ -47,6 +47,7 @@ void implicit_refresh_effects(struct plant *plant, size_t d)
     }
 }
 
+/* Returns what is held over a span of drive d, its joint moving at rate. */
 static struct effects_span effect_span_of(const struct plant *plant, size_t d,
                                           enum implicit_span span, double rate)
 {

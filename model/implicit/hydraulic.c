@@ -11,7 +11,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Of the pressure of an empty supply, and the work that it may take; five or six are the rule. */
+/* Tolerance of the pressure of an empty supply, and the steps that its solution may take; five
+ * or six are the rule. */
 #define SUPPLY_TOLERANCE_PA 1e3
 enum { SUPPLY_STEPS = 12 };
 
@@ -41,7 +42,8 @@ void implicit_linearize_hydraulics(struct plant *plant)
     }
 }
 
-/* What the cylinders draw in t seconds of the joints' rates from a supply of that pressure. */
+/* Returns the volume (m3) that the cylinders draw in t seconds of the joints' rates from a
+ * supply of that pressure. */
 static double draw_at_pressure(const struct plant *plant, double supply, double t,
                                const double *rates)
 {
@@ -62,7 +64,8 @@ static double draw_at_pressure(const struct plant *plant, double supply, double 
     return drawn;
 }
 
-/* How far above a pressure the empty supply ends that the valves draw from at that pressure. */
+/* Returns how far (Pa) the end pressure of an empty supply is above the pressure held that its
+ * valves draw at. */
 static double supply_excess(const struct plant *plant, double held, double t, const double *rates)
 {
     struct hydraulic_supply_power unused = {0};
@@ -73,8 +76,9 @@ static double supply_excess(const struct plant *plant, double held, double t, co
            held;
 }
 
-/* The pressure at which an empty supply ends: the more it is the more is drawn, so that one between
- * the return's and precharge is the solution, or an end (regula falsi, after Illinois). */
+/* Returns the pressure at which an empty supply ends (regula falsi, Illinois variant): the
+ * higher it is the more is drawn, so that there is one solution between the return's pressure
+ * and precharge, or one of these is. */
 static double solve_empty_supply(const struct plant *plant, double t, const double *rates)
 {
     const struct robot_hydraulic_supply *s = &plant->config.robot->hydraulic_supply;
@@ -82,6 +86,7 @@ static double solve_empty_supply(const struct plant *plant, double t, const doub
     double below = supply_excess(plant, low, t, rates), above;
     int side = 0;
 
+    /* The end is one of the bounds */
     if (below <= 0.0) {
         return low;
     }
@@ -89,6 +94,8 @@ static double solve_empty_supply(const struct plant *plant, double t, const doub
     if (above >= 0.0) {
         return high;
     }
+    /* The secant's root replaces the bound of its sign; a bound that stays twice is weighted by
+     * half */
     for (int k = 0; k < SUPPLY_STEPS && high - low > SUPPLY_TOLERANCE_PA; k++) {
         double excess;
 

@@ -59,13 +59,13 @@
 #define JUMP_QUARTER 0.02
 #define JUMP_SIXTEENTH 0.1
 
-/* The one nearer to zero, or zero. */
+/* Returns the number nearer to zero, or zero when the signs differ (minmod). */
 static double smaller_slope(double x, double y)
 {
     return x * y <= 0.0 ? 0.0 : fabs(x) < fabs(y) ? x : y;
 }
 
-/* The power of contact and pushes at the stage that was solved, over weight seconds. */
+/* Adds the power of contact and pushes at the stage that was solved, over weight seconds. */
 static void account_stage(struct plant *plant, double weight)
 {
     struct implicit *im = plant->implicit;
@@ -74,7 +74,7 @@ static void account_stage(struct plant *plant, double weight)
     im->work[WORK_PUSH] += weight * im->load.push;
 }
 
-/* The first stage: u_1 and slope from the begin; base becomes that of the second. */
+/* Solves the first stage: u_1 and slope from the begin; base becomes that of the second. */
 static enum error_code take_first_stage(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -110,7 +110,7 @@ static enum error_code take_first_stage(struct plant *plant)
     return ERROR_NONE;
 }
 
-/* The second stage: state becomes that at the end of the step, trend what it foretells. */
+/* Solves the second stage: state becomes that at the end of the step, trend what it foretells. */
 static enum error_code take_second_stage(struct plant *plant)
 {
     const double further = (1.0 - IMPLICIT_GAMMA) / IMPLICIT_GAMMA;
@@ -140,7 +140,7 @@ static enum error_code take_second_stage(struct plant *plant)
     return ERROR_NONE;
 }
 
-/* One part of a step, of h seconds. */
+/* Takes one part of a step, of h seconds. */
 static enum error_code take_part(struct plant *plant, enum implicit_level level, double h)
 {
     struct implicit *im = plant->implicit;
@@ -153,6 +153,7 @@ static enum error_code take_part(struct plant *plant, enum implicit_level level,
     memset(im->work, 0, sizeof im->work);
     memcpy(im->begin, plant->state, plant->at.bristle * sizeof *im->begin);
     implicit_get_rates(plant, im->begin, im->u_begin);
+    /* Both stages, then the constraints and the accounts of the end */
     if ((code = take_first_stage(plant)) || (code = take_second_stage(plant))) {
         return code;
     }
@@ -177,7 +178,7 @@ enum error_code implicit_step(struct plant *plant, double h)
     enum error_code code;
     int parts;
 
-    /* In one, if nothing strikes */
+    /* In one piece, if nothing strikes */
     implicit_hold_lanes(plant);
     memcpy(im->trend_begin, im->trend, bytes);
     code = take_part(plant, LEVEL_WHOLE, h);
@@ -185,7 +186,7 @@ enum error_code implicit_step(struct plant *plant, double h)
         return code;
     }
 
-    /* Else again in parts */
+    /* Else again in parts, from the state at the begin */
     level = im->jump <= JUMP_SIXTEENTH ? LEVEL_QUARTER : LEVEL_SIXTEENTH;
     parts = level == LEVEL_QUARTER ? 4 : 16;
     memcpy(plant->state, plant->last_good, plant->at.count * sizeof *plant->state);

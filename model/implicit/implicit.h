@@ -13,10 +13,10 @@
 /* Most pairs in touch that a step takes into account. */
 enum { IMPLICIT_TANGENTS = PLANT_PATCHES };
 
-/* Scratch for plant, in arena; NULL when there is no room. Not RT-safe. */
+/* Allocates the scratch for plant in the arena; returns NULL when there is no room. Not RT-safe. */
 struct implicit *implicit_create(const struct plant *plant, struct arena *arena);
 
-/* What follows from the parameters of the drives, once they are known. Not RT-safe. */
+/* Computes what follows from the parameters of the drives, once they are known. Not RT-safe. */
 void implicit_prepare_drives(struct plant *plant);
 
 /* The same for drive d after its parameters have changed, in some 50,000 products; back to its own

@@ -11,10 +11,10 @@
 
 #include <math.h>
 
-/* A bridge state that no drive has: its lanes are to be filled. */
+/* A bridge state that no drive has: its lane is to be filled. */
 enum { BRIDGE_UNKNOWN = -1 };
 
-/* The drive of a lane; the last one stands in the lanes that are left over. */
+/* Returns the drive of a lane; the last one stands in the lanes that are left over. */
 static size_t lane_drive(const struct plant *plant, size_t group, int lane)
 {
     const size_t d = DRIVE_LANES * group + (size_t)lane;
@@ -22,6 +22,7 @@ static size_t lane_drive(const struct plant *plant, size_t group, int lane)
     return d < plant->ndrive ? d : plant->ndrive - 1;
 }
 
+/* Returns the number of groups of drives side by side. */
 static size_t count_groups(const struct plant *plant)
 {
     return (plant->ndrive + DRIVE_LANES - 1) / DRIVE_LANES;
@@ -29,6 +30,7 @@ static size_t count_groups(const struct plant *plant)
 
 /* ---- what holds over a step ---- */
 
+/* Copies a drive's flow into its lane. */
 static void fill_lane_flow(const struct drive_flow *flow, int lane, struct drive_lane_flow *lanes)
 {
     lanes->t[lane] = flow->t;
@@ -39,8 +41,8 @@ static void fill_lane_flow(const struct drive_flow *flow, int lane, struct drive
     }
 }
 
-/* A drive's parameters, its flows, and what it adds to the joint's inertia: the slope of its
- * spring's torque against the rate at the stage, times the stage. */
+/* Fills a drive's lane: its parameters, its flows, and what it adds to the joint's inertia, the
+ * slope of its spring's torque against the rate at the stage, times the stage. */
 static void fill_lane(const struct plant *plant, size_t d, int lane, struct drive_group *group)
 {
     const struct robot_sea *sea = &plant->sea[d];
@@ -80,6 +82,7 @@ void implicit_hold_lanes(struct plant *plant)
         bool stale = false;
 
         group->V = (drive_lanes){plant->voltage[d[0]], plant->voltage[d[1]]};
+        /* A group is filled anew when a bridge of its drives has switched */
         for (int l = 0; l < DRIVE_LANES; l++) {
             stale |= im->lane_bridge[d[l]] != plant->bridge_on[d[l]];
         }
@@ -98,6 +101,7 @@ struct lane_state {
     drive_lanes qm, qmd, I;
 };
 
+/* Returns the state of a group's drives after a flow, with their joints at rate. */
 static struct lane_state advance_lanes(const struct drive_group *group,
                                        const struct drive_lane_flow *flow, drive_lanes rate)
 {
@@ -112,7 +116,8 @@ static struct lane_state advance_lanes(const struct drive_group *group,
     return end;
 }
 
-/* The drives whose springs cannot come to their stops within a span, and that have no effects. */
+/* Returns a mask of the drives whose springs cannot come to their stops within a span, and that
+ * have no effects. */
 static drive_lanes_mask find_free_lanes(const struct drive_group *group,
                                         const struct drive_lane_flow *flow, drive_lanes rate)
 {
@@ -123,7 +128,7 @@ static drive_lanes_mask find_free_lanes(const struct drive_group *group,
     return (drive_lanes_mask)(twist + flow->t * speed < group->room);
 }
 
-/* Takes the state of a group's drives from base; returns the rates of their joints. */
+/* Loads the state of a group's drives from base; returns the rates of their joints. */
 static drive_lanes take_lanes(const struct plant *plant, const size_t d[DRIVE_LANES],
                               struct drive_group *group)
 {
@@ -184,6 +189,7 @@ void implicit_advance_drives(struct plant *plant, enum implicit_span span, const
         const drive_lanes_mask is_free =
             span == SPAN_STAGE ? group->is_free : find_free_lanes(group, flow, rate);
 
+        /* Drives that are not free, or accounted for, go one by one */
         for (int l = 0; l < DRIVE_LANES && DRIVE_LANES * g + (size_t)l < plant->ndrive; l++) {
             double *y = im->base + plant_drive_offset(plant, d[l]);
 

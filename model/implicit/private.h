@@ -16,7 +16,7 @@
 #include "model/implicit/implicit.h"
 #include "model/spatial.h"
 
-/* Share of its room within which a spring does not come to its stop in a span. */
+/* Part of its room within which a spring counts as far from its stop in a span. */
 #define STOP_NEAR 0.8
 
 /* The scheme's coefficient, 1 - 1/sqrt(2). */
@@ -27,12 +27,12 @@ enum pair_side { PAIR_A, PAIR_B };
 
 /* A pair of surfaces in contact. World frame, about center. */
 struct active_pair {
-    int index;   /* of the pair in the contact configuration */
+    int index;   /* index of the pair in the contact configuration */
     int body[2]; /* by side: its contact body, -1 = the world */
     double center[3];
     struct spatial_inertia A; /* h (D + h K), h that of the stage */
     struct spatial point;     /* relative acceleration that leads to where it is linearized */
-    struct spatial beyond;    /* of the stage beyond that */
+    struct spatial beyond;    /* relative acceleration of the stage beyond that */
     struct spatial decrease;  /* of the wrench on b from there to the stage: A times beyond */
 };
 
@@ -55,7 +55,7 @@ struct drive_flows {
     struct drive_flow of[SPRING_LAWS][2][FLOW_LEVELS][SPANS];
 };
 
-/* Drives side by side: the registers of the plain instruction set. */
+/* Drives side by side in a vector register of the baseline instruction set. */
 enum { DRIVE_LANES = 2 };
 typedef double drive_lanes __attribute__((vector_size(DRIVE_LANES * sizeof(double))));
 typedef long long drive_lanes_mask __attribute__((vector_size(DRIVE_LANES * sizeof(long long))));
@@ -173,13 +173,13 @@ static inline bool implicit_is_free(const struct plant *plant, int contact)
     return (size_t)plant->config.contact_body[contact] >= plant->config.robot->nbody;
 }
 
-/* A contact body that its forces can move. */
+/* Returns whether forces can move a contact body. */
 static inline bool implicit_moves(const struct plant *plant, int contact)
 {
     return contact >= 0 && (!plant->clamped || implicit_is_free(plant, contact));
 }
 
-/* From the body's origin to a point, world frame. */
+/* Computes the vector from the body's origin to a point, world frame. */
 static inline void implicit_arm(const struct plant *plant, int contact, const double center[3],
                                 double arm[3])
 {
@@ -214,7 +214,7 @@ static inline void add_contact_wrench(struct plant *plant, int contact, const st
  * leads to: fills slope and u. Returns the contact engine's failure, if any. */
 enum error_code implicit_solve_stage(struct plant *plant);
 
-/* The rates of a state, and back into it. */
+/* Read the rates out of a state, and write them back into it. */
 void implicit_get_rates(const struct plant *plant, const double *state, double *u);
 void implicit_set_rates(const struct plant *plant, const double *u, double *state);
 
@@ -230,9 +230,9 @@ void implicit_linearize_actuators(struct plant *plant);
  * are thrown past; true when there are some, so that the stage has to be solved again. */
 bool implicit_revise_stops(struct plant *plant);
 
-/* Takes drives and pretensions of base through a span, with the joints at the rates of u from the
- * positions in base, and as implicit_linearize_actuators has found base; adds the drives' powers to
- * work. */
+/* Advances drives and pretensions of base through a span, with the joints at the rates of u from
+ * the positions in base, and as implicit_linearize_actuators has found base; adds the drives'
+ * powers to work. */
 void implicit_advance_actuators(struct plant *plant, enum implicit_span span, const double *u);
 
 /* The same of one drive, whatever holds for it: adds to torque and extra; takes it through a span
@@ -298,8 +298,8 @@ enum error_code implicit_linearize_contact(struct plant *plant);
 /* Hands contact_inertia over to the dynamics: fills added. */
 void implicit_add_contact_inertia(struct plant *plant);
 
-/* The wrenches at the stage and their power, from those at the point and the accelerations a;
- * raises jump. */
+/* Computes the wrenches at the stage and their power, from those at the point and the
+ * accelerations a; raises jump. */
 void implicit_end_contact(struct plant *plant);
 
 /* ---- bristles: bristle.c ---- */
@@ -314,7 +314,7 @@ void implicit_advance_bristles(struct plant *plant, double h);
  * torque, added, contact_inertia, active and plant->ext. */
 void implicit_solve(struct plant *plant);
 
-/* What accelerations a mean at the origins of the contact bodies that are touched, world frame. */
+/* Computes the accelerations of the touched contact bodies' origins that a means, world frame. */
 void implicit_contact_accelerations(struct plant *plant, const double *a, struct spatial *twist);
 
 #endif

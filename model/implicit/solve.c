@@ -9,15 +9,15 @@
 
 #include <string.h>
 
-/* Bounds of the conjugate gradients: steps, and the share of the first residual that is left
+/* Bounds of the conjugate gradients: steps, and the part of the first residual that may be left
  * (squared, in the norm of P^-1). */
 enum { COUPLING_STEPS = 16 };
 #define COUPLING_LEFT 1e-8
 
-/* Of the free bodies' gyroscopic moments. */
+/* Iterations of the free bodies' gyroscopic moments. */
 enum { GYROSCOPIC_PASSES = 3 };
 
-/* Sums over the contact bodies that are touched. */
+/* Returns the sum of f . x over the contact bodies that are touched. */
 static double inner_product(const struct implicit *im, const struct spatial *f,
                             const struct spatial *x)
 {
@@ -31,7 +31,7 @@ static double inner_product(const struct implicit *im, const struct spatial *f,
     return sum;
 }
 
-/* y = x + scale y */
+/* Computes y = x + scale y over the contact bodies that are touched. */
 static void scale_and_add(const struct implicit *im, double scale, const struct spatial *x,
                           struct spatial *y)
 {
@@ -45,8 +45,9 @@ static void scale_and_add(const struct implicit *im, double scale, const struct 
     }
 }
 
-/* Euler's moment of a free body, taken where it leads to: I w' = moment - w x I w with w at the
- * stage, by fixed-point iteration, each pass nearer by the factor h |w|, h that of the stage. */
+/* Computes Euler's moment of a free body where it leads to: I w' = moment - w x I w with w at
+ * the stage, by fixed-point iteration. Each pass reduces the error by the factor h |w|, h that
+ * of the stage. */
 static void find_gyroscopic_moment(struct plant *plant, size_t b)
 {
     struct implicit *im = plant->implicit;
@@ -69,8 +70,8 @@ static void find_gyroscopic_moment(struct plant *plant, size_t b)
     }
 }
 
-/* The free bodies' own systems, in their frames about their centers of mass: Newton's and Euler's
- * laws with the inertias that contact adds. */
+/* Prepares the free bodies' own systems, in their frames about their centers of mass: Newton's
+ * and Euler's laws with the inertias that contact adds. */
 static void prepare_free_bodies(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -115,7 +116,7 @@ static void prepare_free_bodies(struct plant *plant)
     }
 }
 
-/* The accelerations of the tree alone become those with its joint couplings. */
+/* Corrects the accelerations of the tree alone to those with its joint couplings. */
 static void solve_couplings(struct plant *plant, bool first, double *a)
 {
     if (plant->config.robot->ncoupling > 0) {
@@ -126,8 +127,8 @@ static void solve_couplings(struct plant *plant, bool first, double *a)
     }
 }
 
-/* a = P^-1 (right-hand side + w), with wrenches w on the contact bodies; NULL = none, which has to
- * come first in a stage. */
+/* Solves a = P^-1 (right-hand side + w), with wrenches w on the contact bodies; NULL = none,
+ * which has to come first in a stage. */
 static void solve_uncoupled(struct plant *plant, const struct spatial *w, double *a)
 {
     struct implicit *im = plant->implicit;
@@ -202,7 +203,7 @@ void implicit_contact_accelerations(struct plant *plant, const double *a, struct
     }
 }
 
-/* w += scale C a, given a at the contact bodies. */
+/* Computes w += scale C a, given a at the contact bodies (twist). */
 static void add_coupling(struct plant *plant, double scale, const struct spatial *twist,
                          struct spatial *w)
 {
@@ -215,6 +216,8 @@ static void add_coupling(struct plant *plant, double scale, const struct spatial
             !implicit_moves(plant, pair->body[PAIR_B])) {
             continue;
         }
+        /* Each side feels the other's acceleration at the pair's center, through the pair's
+         * inertia A */
         for (int side = PAIR_A; side <= PAIR_B; side++) {
             int self = pair->body[side], other = pair->body[PAIR_B - side];
             struct spatial at, f;
@@ -229,7 +232,8 @@ static void add_coupling(struct plant *plant, double scale, const struct spatial
     }
 }
 
-/* z = P^-1 r, also as accelerations of the contact bodies; returns their product with r. */
+/* Computes z = P^-1 r, also as accelerations of the contact bodies; returns their product with
+ * r. */
 static double apply_preconditioner(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -241,8 +245,8 @@ static double apply_preconditioner(struct plant *plant)
     return inner_product(im, im->r, im->twist_z);
 }
 
-/* im->a from the solution of P to that of P + C, by conjugate gradients. Residuals are wrenches on
- * the contact bodies, as C makes nothing else; so is s = P p, and w = (P + C) p. */
+/* Corrects im->a from the solution of P to that of P + C, by conjugate gradients. Residuals are
+ * wrenches on the contact bodies, as C makes nothing else; so is s = P p, and w = (P + C) p. */
 static void solve_coupled(struct plant *plant)
 {
     struct implicit *im = plant->implicit;

@@ -9,16 +9,18 @@
 #include <math.h>
 #include <string.h>
 
-/* Of joints that strike their stops, m. */
+/* Lever of joints that strike their stops, m: turns their jumps into those of a body. */
 #define STRIKE_LEVER 0.1
 
 /* ---- rates ---- */
 
+/* Returns the index of a free body's rates among all rates. */
 static size_t free_rate(const struct plant *plant, size_t b, enum free_acceleration_part part)
 {
     return plant->config.robot->nv + FREE_ACCELERATIONS * b + (size_t)part;
 }
 
+/* Returns the index of a free body's part in the state. */
 static size_t free_state(const struct plant *plant, size_t b, enum plant_free_part part)
 {
     return plant->at.free + PLANT_FREE_STATE * b + (size_t)part;
@@ -64,7 +66,8 @@ void implicit_set_rates(const struct plant *plant, const double *u, double *stat
 
 /* ---- positions ---- */
 
-/* quaternion <- quaternion exp(h w / 2), w in the body frame. */
+/* Rotates a quaternion by h seconds of angular velocity: quaternion <- quaternion exp(h w / 2),
+ * w in the body frame. */
 static void turn_quaternion_in_body(const double w[3], double h, double quaternion[4])
 {
     double angle = h * sqrt(vec3_dot(w, w));
@@ -99,8 +102,8 @@ void implicit_move(const struct plant *plant, const double *u, double h, double 
 
 /* ---- the stage ---- */
 
-/* The rate of the robot's base at the point that its frame's rotation alone makes, w x v, in the
- * base frame. */
+/* Computes the rate of the base's velocity that its frame's rotation alone makes at the point, w
+ * x v, in the base frame. */
 static void find_base_transport(const struct plant *plant, double transport[3])
 {
     const double *v = plant->implicit->point + plant->at.v;
@@ -108,9 +111,9 @@ static void find_base_transport(const struct plant *plant, double transport[3])
     vec3_cross(v + BASE_V_ANGULAR, v + BASE_V_LINEAR, transport);
 }
 
-/* The point, and the acceleration that leads to it from the base state in the coordinates of a:
- * with linear parts in the bodies' frames there, and for the robot's base the derivative in the
- * moving frame. */
+/* Computes the point, and the acceleration that leads to it from the base state in the
+ * coordinates of a: linear parts in the bodies' frames there, and for the robot's base the
+ * derivative in the moving frame. */
 static void find_point(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -139,7 +142,7 @@ static void find_point(struct plant *plant)
     }
 }
 
-/* The slope of the rates: a with linear parts in the world frame. */
+/* Computes the slope of the rates: a with linear parts in the world frame. */
 static void find_slope(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -163,7 +166,7 @@ static void find_slope(struct plant *plant)
     }
 }
 
-/* What is a strike on a body is one on a joint at its stop, seen at a lever's end. */
+/* Raises jump for joints that strike their stops, as a body at a lever's end would. */
 static void raise_jump_at_stops(struct plant *plant)
 {
     struct implicit *im = plant->implicit;

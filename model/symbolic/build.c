@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A generated module as a shared library: written, compiled, sealed and found again in a folder. */
+/* Builds a generated module as a shared library: written, compiled, sealed and found again in a
+ * folder. */
 #include "model/symbolic/symbolic.h"
 
 #include "base/count.h"
@@ -19,7 +20,7 @@ extern char **environ;
 
 enum { BUILD_PATH = 576 };
 
-/* Names the library; machines of several architectures may share a home folder. */
+/* Writes the path of the library; machines of several architectures may share a home folder. */
 static enum error_code build_name(const struct robot *robot, const struct symbolic_options *options,
                                   const char *folder, char path[BUILD_PATH], struct error *error)
 {
@@ -36,7 +37,7 @@ static enum error_code build_name(const struct robot *robot, const struct symbol
                : error_set(error, ERROR_INPUT, "the folder name %s is too long", folder);
 }
 
-/* Code is run from the folder: nobody but this user and root may write there. */
+/* Checks that nobody but this user and root may write to the folder, since code is run from it. */
 static enum error_code build_check_folder(const char *folder, struct error *error)
 {
     struct stat status;
@@ -59,8 +60,8 @@ static enum error_code build_check_folder(const char *folder, struct error *erro
 
 /* ---- the compiler ---- */
 
-/* Starts it with the source as its standard input, by a name under which the source can include
- * itself. Returns 0 or an errno. */
+/* Starts the compiler with the source as its standard input, by a name under which the source
+ * can include itself. Returns 0 or an errno. */
 static int build_start_compiler(const char *level, int source, const char *output, pid_t *pid)
 {
     const char *const arguments[] = {"cc",
@@ -125,6 +126,7 @@ static enum error_code build_compile(const char *level, int source, const char *
 
 /* ---- the module ---- */
 
+/* Loads a library and finds its module, in the variant for this CPU. */
 static enum error_code build_load(const struct robot *robot, const char *path,
                                   struct symbolic_library *library, struct error *error)
 {
@@ -182,6 +184,7 @@ enum error_code symbolic_find(const struct robot *robot, const struct symbolic_o
     if (code) {
         return code;
     }
+    /* It has to exist, in a folder that is safe, and to be as it was left */
     if (access(path, F_OK)) {
         return error_set(error, ERROR_UNSUPPORTED, "there is no module of %s in %s", robot->name,
                          folder);

@@ -9,7 +9,8 @@
 #include "dynamics/builtin.inc"
 #undef MODULE
 
-/* The first that fits, among those with mass properties as inputs or those without. */
+/* Returns the first module that fits, among those with mass properties as inputs or those
+ * without; NULL when there is none. */
 static const struct dynamics_module *find_builtin(const struct robot *robot, bool inputs)
 {
     static const struct dynamics_module *(*const entry[])(void) = {

@@ -5,12 +5,12 @@
 
 #include "model/symbolic/symbolic.h"
 
-/* The built-in module for robot: made from it, else one that takes mass properties as inputs and
- * was made from a robot that differs in nothing else, else NULL. RT-safe. */
+/* Returns the built-in module for robot: made from it, else one that takes mass properties as
+ * inputs and was made from a robot that differs in nothing else, else NULL. RT-safe. */
 const struct dynamics_module *symbolic_builtin(const struct robot *robot);
 
-/* The same, but only a module that was made from robot, of up to one in a hundred fewer operations.
- * RT-safe. */
+/* Returns only a module that was made from robot, which has up to one in a hundred fewer
+ * operations. RT-safe. */
 const struct dynamics_module *symbolic_builtin_exact(const struct robot *robot);
 
 #endif

@@ -16,13 +16,13 @@ enum { CHUNK = 65536 };
 /* The last bytes of a module. */
 struct seal {
     char mark[8];
-    uint64_t size; /* of what stands before */
-    uint64_t hash; /* of that */
+    uint64_t size; /* bytes before the seal */
+    uint64_t hash; /* their hash */
 };
 
 static const char seal_mark[8] = "hil-seal";
 
-/* Hashes the first size bytes; false when there are fewer. */
+/* Computes the hash of the first size bytes of a file; returns false when there are fewer. */
 static bool seal_hash_file(int descriptor, uint64_t size, uint64_t *hash)
 {
     char chunk[CHUNK];

@@ -14,7 +14,7 @@
 /* Appends the seal to a library and writes both to the disk. */
 enum error_code seal_write(const char *path, struct error *error);
 
-/* Whether the file is there and is what was sealed. */
+/* Returns whether the file is there and is what was sealed. */
 bool seal_is_whole(const char *path);
 
 #endif

@@ -16,7 +16,7 @@
 
 enum { SYMBOLIC_FUNCTIONS = 7, SYMBOLIC_SYMBOL = 64 };
 
-/* What a function costs. Lanes count each; sines and cosines stand apart. */
+/* The cost of a function. Lanes count each; sines and cosines are counted apart. */
 struct symbolic_count {
     const char *function;
     size_t add, multiply, divide;
@@ -41,7 +41,7 @@ struct symbolic_options {
 enum error_code symbolic_generate(const struct robot *robot, const struct symbolic_options *options,
                                   FILE *file, struct symbolic_report *report, struct error *error);
 
-/* The name of the module's external function. */
+/* Writes the name of the module's external function. */
 void symbolic_symbol(const struct robot *robot, char symbol[SYMBOLIC_SYMBOL]);
 
 /* A module that was compiled apart. */
@@ -68,15 +68,15 @@ enum error_code symbolic_find(const struct robot *robot, const struct symbolic_o
 /* Unloads; nothing of the module may be in use. Safe on a zeroed library. */
 void symbolic_close(struct symbolic_library *library);
 
-/* Of a module's variants the widest that instruction_set_used() allows. */
+/* Returns the widest of a module's variants that instruction_set_used() allows. */
 const struct dynamics_module *dynamics_module_used(const struct dynamics_module *module);
 
-/* Whether a module computes the dynamics of robot: it was made from it, or takes its mass
- * properties as inputs and was made from one that differs in nothing else. RT-safe. */
+/* Returns whether a module computes the dynamics of robot: it was made from it, or takes its
+ * mass properties as inputs and was made from one that differs in nothing else. RT-safe. */
 bool dynamics_module_fits(const struct dynamics_module *module, const struct robot *robot);
 
-/* The module as an implementation of robot's dynamics; refused when it was made from another robot
- * or by another generator. Memory from arena; the module must outlive it. */
+/* Makes the module an implementation of robot's dynamics; refuses one that was made from another
+ * robot or by another generator. Memory from arena; the module must outlive it. */
 enum error_code dynamics_generated(const struct robot *robot, const struct dynamics_module *module,
                                    struct arena *arena, struct dynamics *out, struct error *error);
 
