@@ -5,7 +5,13 @@
  * Positions and velocities are those of the rotor on the link side of the gear. The velocity loop
  * gives a voltage directly: v = kw w_ref + kp e + ki int e dt with the back-EMF kw, in proportion
  * to which the factory tunes it; a motor whose time constant J R / (Kt Kw) is a few milliseconds
- * needs no current loop below it. The position loop adds its error times a gain to the velocity.
+ * needs no current loop below it. The position loop adds its error times a gain g to the velocity.
+ *
+ * The modes by position have an integral gain ki of their own, since an integral makes the motor
+ * yield to what swings it. With w_ref = -g theta the real part of voltage over speed is
+ * kw + kp - ki g / w^2, negative below w = sqrt(ki g / (kw + kp)): what stands on springs and sways
+ * more slowly than that is rocked until it falls.
+ *
  * The winding's resistance bounds the voltage, so that the current stays within its limit. The
  * current loop of the torque modes is that of boards/motor_control.h.
  */
@@ -142,16 +148,16 @@ void cia402_axis_take_set_point(struct cia402_axis *axis, int64_t before)
 
 /* ---- loops ---- */
 
-/* Returns the voltage of the velocity loop: back-EMF, PI and torque offset, bounded by current
- * and supply. */
+/* Returns the voltage of the velocity loop: back-EMF, PI with the integral gain ki (mV/rad) and
+ * torque offset, bounded by current and supply. */
 static double cia402_axis_velocity_law(struct cia402_axis *axis,
                                        const struct board_axis_config *config, double velocity,
-                                       double supply_v)
+                                       int64_t ki, double supply_v)
 {
     const struct cia402_axis_settings *p = &axis->settings;
     double kw = (double)p->current_gain[2] * 1e-3, now = axis->velocity_rad_s;
     double error = velocity * CIA402_POSITION_RAD - now;
-    double step = (double)p->velocity_gain[1] * 1e-3 * error * STEP_S;
+    double step = (double)ki * 1e-3 * error * STEP_S;
     double rated_a = (double)axis->rated_current_ma * 1e-3, limit_v = supply_v;
     double offset_v = (double)axis->torque_offset * 1e-3 * rated_a * config->winding_ohm;
     double v = kw * velocity * CIA402_POSITION_RAD + (double)p->velocity_gain[0] * 1e-3 * error +
@@ -182,7 +188,8 @@ static double cia402_axis_position_law(struct cia402_axis *axis,
     double error = axis->profile.position - (double)axis->position;
 
     axis->position_demand = cia402_counts(axis->profile.position, 1.0);
-    return cia402_axis_velocity_law(axis, config, axis->profile.velocity + gain * error, supply_v);
+    return cia402_axis_velocity_law(axis, config, axis->profile.velocity + gain * error,
+                                    axis->settings.velocity_gain[2], supply_v);
 }
 
 /* Returns the voltage of the current loop for a torque. */
@@ -283,6 +290,7 @@ static double cia402_axis_lead_back(struct cia402_axis *axis, double wanted)
 static double cia402_axis_step_mode(struct cia402_axis *axis,
                                     const struct board_axis_config *config, double supply_v)
 {
+    int64_t ki = axis->settings.velocity_gain[1];
     double velocity;
 
     switch (axis->mode) {
@@ -301,11 +309,11 @@ static double cia402_axis_step_mode(struct cia402_axis *axis,
     case CIA402_PROFILE_VELOCITY:
         cia402_axis_step_profile_velocity(axis);
         velocity = cia402_axis_lead_back(axis, axis->profile.velocity);
-        return cia402_axis_velocity_law(axis, config, velocity, supply_v);
+        return cia402_axis_velocity_law(axis, config, velocity, ki, supply_v);
     case CIA402_CYCLIC_VELOCITY:
         velocity = (double)(axis->target_velocity + axis->velocity_offset);
         velocity = cia402_axis_lead_back(axis, cia402_axis_bound_velocity(axis, velocity));
-        return cia402_axis_velocity_law(axis, config, velocity, supply_v);
+        return cia402_axis_velocity_law(axis, config, velocity, ki, supply_v);
 
     /* By torque or voltage */
     case CIA402_TORQUE:

@@ -25,6 +25,11 @@ enum {
 #define VELOCITY_KP 1.0
 #define VELOCITY_KI 40.0
 
+/* Of the velocity loop in the modes by position: what stands on springs and sways with 4.5 rad/s or
+ * faster is not rocked (modes.c); a load is taken over in some 2 s, and moves the rotor by
+ * load R / (Kt 2 kw g) until then, 2 mrad for 4 N m of COMAN's */
+#define POSITION_KI 1.0
+
 /* A valve takes the speed at once; what it covers when closed is found within 0.5 s */
 #define VALVE_VELOCITY_KI 2.0
 
@@ -68,6 +73,7 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
     if (config->valve) {
         p->current_gain[2] = cia402_counts(config->bemf_v_s_rad, 1e-3);
         p->velocity_gain[1] = cia402_counts(VALVE_VELOCITY_KI * config->bemf_v_s_rad, 1e-3);
+        p->velocity_gain[2] = p->velocity_gain[1];
         axis->rated_torque_mnm = cia402_counts(config->torque_full_scale_nm, 1e-3);
         axis->supported_modes &= ~TORQUE_MODES;
         return;
@@ -81,6 +87,7 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
         p->current_gain[2] = cia402_counts(config->bemf_v_s_rad, 1e-3);
         p->velocity_gain[0] = cia402_counts(VELOCITY_KP * config->bemf_v_s_rad, 1e-3);
         p->velocity_gain[1] = cia402_counts(VELOCITY_KI * config->bemf_v_s_rad, 1e-3);
+        p->velocity_gain[2] = cia402_counts(POSITION_KI * config->bemf_v_s_rad, 1e-3);
     }
 }
 

@@ -283,7 +283,7 @@ struct cia402_axis_settings {
     int64_t interpolation_ms, interpolation_exponent;
     int64_t timeout_ms, current_limit_ma, temperature_limit_c;
     int64_t current_gain[3];  /* mV/A, mV/(A s), mV s/rad */
-    int64_t velocity_gain[2]; /* mV s/rad, mV/rad */
+    int64_t velocity_gain[3]; /* mV s/rad, mV/rad, mV/rad in the modes by position */
     int64_t position_gain;    /* 1/s, in 0.1 */
     int64_t mode;
 };

@@ -10,10 +10,15 @@ static const struct {
     uint16_t index;
     uint8_t sub;
 } rows[] = {
-    {"current_kp", "mV/A", 0x4014, 1},    {"current_ki", "mV/(A s)", 0x4014, 2},
-    {"back_emf", "mV s/rad", 0x4014, 3},  {"velocity_kp", "mV s/rad", 0x4015, 1},
-    {"velocity_ki", "mV/rad", 0x4015, 2}, {"position_kp", "0.1/s", 0x4016, 0},
-    {"current_limit", "mA", 0x4012, 0},   {"temperature_limit", "degree C", 0x4013, 0},
+    {"current_kp", "mV/A", 0x4014, 1},
+    {"current_ki", "mV/(A s)", 0x4014, 2},
+    {"back_emf", "mV s/rad", 0x4014, 3},
+    {"velocity_kp", "mV s/rad", 0x4015, 1},
+    {"velocity_ki", "mV/rad", 0x4015, 2},
+    {"position_ki", "mV/rad", 0x4015, 3},
+    {"position_kp", "0.1/s", 0x4016, 0},
+    {"current_limit", "mA", 0x4012, 0},
+    {"temperature_limit", "degree C", 0x4013, 0},
 };
 
 /* Returns the highest value of a limit that the board's configuration allows. */

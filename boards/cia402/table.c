@@ -132,7 +132,7 @@ const struct cia402_object cia402_objects[] = {
      125, OPTION(temperature_limit_c), cia402_axis_write_limit},
     {0x4014, 1, 3, CIA402_OF_AXIS, CIA402_I32, CIA402_RW, "Current loop gain", NO_UNIT, 0, 0,
      GAIN_MAX, OPTION(current_gain), cia402_axis_write_when_off},
-    {0x4015, 1, 2, CIA402_OF_AXIS, CIA402_I32, CIA402_RW, "Velocity loop gain", NO_UNIT, 0, 0,
+    {0x4015, 1, 3, CIA402_OF_AXIS, CIA402_I32, CIA402_RW, "Velocity loop gain", NO_UNIT, 0, 0,
      GAIN_MAX, OPTION(velocity_gain), cia402_axis_write_when_off},
     {0x4016, 0, 1, CIA402_OF_AXIS, CIA402_I32, CIA402_RW, "Position loop gain", "1/s", 0.1, 400, 0,
      GAIN_MAX, OPTION(position_gain), cia402_axis_write_when_off},

@@ -82,7 +82,7 @@ def motor_complaints(device, bus):
         "TorqueMax": rig_number("torque_full_scale_nm"),
         "motorOverloadCurrents": rig_number("current_limit_a") * 1000,
         "motorPwmLimit": PWM_FULL_SCALE, "Shifts": 8, "Zeros": 0,
-        "POS_PIDS/kp": 600, "POS_PIDS/kd": 1000, "POS_PIDS/ki": 0, "POS_PIDS/shift": 8,
+        "POS_PIDS/kp": 400, "POS_PIDS/kd": 1000, "POS_PIDS/ki": 0, "POS_PIDS/shift": 8,
         "TRQ_PIDS/kp": 80, "TRQ_PIDS/kd": 0, "TRQ_PIDS/ki": 0, "TRQ_PIDS/shift": 8,
         **{f"{group}/{name}": value for group in ("POS_PIDS", "TRQ_PIDS") for name, value in
            (("maxOutput", PWM_FULL_SCALE), ("maxInt", PWM_FULL_SCALE), ("ko", 0),

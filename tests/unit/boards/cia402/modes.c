@@ -209,6 +209,28 @@ static void cyclic_position_follows_a_sine(void **state)
     bench_stop(&motor.bench);
 }
 
+/* What sways on the motor at 1 Hz must lose work to it, or it grows; a load is taken over */
+static void a_held_position_damps_what_sways(void **state)
+{
+    struct motor motor;
+    double taken_j = 0.0;
+
+    (void)state;
+    enable(&motor, 8);
+    for (int t = 0; t < 10000; t++) {
+        motor.load_nm = 10.0 * sin(2.0 * M_PI * t * 1e-3);
+        turn(&motor, 1);
+        taken_j += t < 5000 ? 0.0 : -motor.load_nm * motor.velocity * 1e-3;
+    }
+    /* Torque over speed is z = 2 b - 40 b / w^2 - j (81 b / w - J w) with b = Kw^2 / R; the work of
+     * five cycles is 5/2 (10 / |z|)^2 Re z */
+    assert_near(taken_j, 0.0586, 0.006);
+    motor.load_nm = 20.0;
+    turn(&motor, 10000);
+    assert_near(motor.angle, 0.0, 1e-3);
+    bench_stop(&motor.bench);
+}
+
 static void a_stale_cyclic_position_is_approached_slowly(void **state)
 {
     struct motor motor;
@@ -352,6 +374,7 @@ int main(void)
         TEST(cyclic_velocity_follows_at_once_with_its_offset),
         TEST(the_motor_s_speed_bounds_a_velocity),
         TEST(cyclic_position_follows_a_sine),
+        TEST(a_held_position_damps_what_sways),
         TEST(a_stale_cyclic_position_is_approached_slowly),
         TEST(torque_follows_its_slope_and_the_cyclic_one_at_once),
         TEST(voltage_mode_is_the_bridge_and_leads_back_beyond_limits),
