@@ -79,8 +79,12 @@ enum error_code viewer_end(struct viewer *viewer, const struct viewer_end *end, 
 
 void client_tell_end(struct viewer *viewer, struct viewer_client *client)
 {
-    if (client->mode != CLIENT_SOCKET || client->right == RIGHT_NONE || client->end_told ||
-        !client_send_message(viewer, client, WEBSOCKET_TEXT, viewer->end, viewer->end_size)) {
+    if (client->mode != CLIENT_SOCKET || client->right == RIGHT_NONE || client->end_told) {
+        return;
+    }
+    /* A page that came when all was over has seen no event yet */
+    client_send_events(viewer, client);
+    if (!client_send_message(viewer, client, WEBSOCKET_TEXT, viewer->end, viewer->end_size)) {
         return;
     }
     client->end_told = true;

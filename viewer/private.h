@@ -269,6 +269,9 @@ size_t viewer_visual_source(const struct robot *robot, size_t visual);
 
 enum error_code viewer_create_state(struct viewer *viewer, struct error *error);
 
+/* Sends the events since those that the client was sent last. */
+void client_send_events(struct viewer *viewer, struct viewer_client *client);
+
 /* Sends what is due to every client that watches. */
 void viewer_send_states(struct viewer *viewer);
 

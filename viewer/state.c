@@ -345,8 +345,7 @@ static void client_send_state(struct viewer *viewer, struct viewer_client *clien
 
 /* ---- events ---- */
 
-/* Sends the events since those that the client was sent last. */
-static void client_send_events(struct viewer *viewer, struct viewer_client *client)
+void client_send_events(struct viewer *viewer, struct viewer_client *client)
 {
     for (;;) {
         struct viewer_event event;

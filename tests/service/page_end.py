@@ -47,7 +47,17 @@ def judge_stay():
             ("/recording/../recording/signals.csv", bearer))]
         check(found == [401, 404, 404], "and nothing else", found)
         late = Page(run.port, run.look, stay=True)
-        check(told(late)[0] == end, "who comes late is told too")
+        seen = []
+        late.until(lambda message: seen.append(message) or (
+            isinstance(message, dict) and message.get("type") == "end"))
+        events = [message for message in seen[:-1]
+                  if isinstance(message, dict) and message.get("type") == "event"]
+        check(seen[-1] == end and events, "who comes late is told too, after what has happened",
+              len(events))
+        late.send({"id": 7, "cmd": "series", "signals": ["q_RKneeSag_rad"], "from_s": 0,
+                   "to_s": 0.5, "points": 1000})
+        rows = late.until(lambda message: isinstance(message, bytes) and message[0] == 3)
+        check(len(rows) > 500 * 12, "and has the curves from before", len(rows))
         refused = late.ask("send", bus="torso", frame_id=1, data="")
         check(refused["code"] in ("ended", "right"), "nothing can be done any more", refused)
         check("state hash" in run.text(), "the summary is printed before the wait")
@@ -128,7 +138,7 @@ def judge_tokens():
 
 
 def main():
-    print("1..23")
+    print("1..24")
     os.environ["XDG_STATE_HOME"] = os.path.join(WORK.name, "state")
     judge_stay()
     judge_stop("SIGTERM")

@@ -3,6 +3,7 @@
 import { readSeries, readState, readTrace } from './wire.js';
 
 const AGAIN_MS = 1500;
+const KEPT = new Set(['watch', 'series']); // answered by the server, after the end of the run too
 
 export class Link extends EventTarget {
   #socket = null;
@@ -50,9 +51,12 @@ export class Link extends EventTarget {
     if (!refused) setTimeout(() => this.connect(), AGAIN_MS);
   }
 
-  #refuseWaiting(text) {
-    for (const { reject } of this.#waiting.values()) reject(new Error(text));
-    this.#waiting.clear();
+  #refuseWaiting(text, but = new Set()) {
+    for (const [id, { cmd, reject }] of this.#waiting) {
+      if (but.has(cmd)) continue;
+      this.#waiting.delete(id);
+      reject(new Error(text));
+    }
   }
 
   #take(data) {
@@ -72,7 +76,7 @@ export class Link extends EventTarget {
     } else if (message.type === 'event') {
       this.#tell('event', message);
     } else if (message.type === 'end') {
-      this.#refuseWaiting('the run has ended');
+      this.#refuseWaiting('the run has ended', KEPT);
       this.#tell('end', message);
     } else {
       this.#answer(message);
@@ -97,7 +101,7 @@ export class Link extends EventTarget {
     if (!this.open) return Promise.reject(new Error('there is no connection'));
     const id = ++this.#number;
     this.#socket.send(JSON.stringify({ id, cmd, ...keys }));
-    return new Promise((resolve, reject) => this.#waiting.set(id, { resolve, reject }));
+    return new Promise((resolve, reject) => this.#waiting.set(id, { cmd, resolve, reject }));
   }
 
   /** Changes what the server sends. */
