@@ -251,15 +251,19 @@ static void walks_sideways_and_turns(void **state)
     assert_true(turn.yaw > 1.1 && turn.yaw < 2.2);
 }
 
-/* Telemetry every 4 ms, voltages every millisecond. */
-static void walks_through_boards_of_the_icub_family(void **state)
+/* iCub's telemetry every 4 ms, 2FOC's and CANopen's every millisecond; voltages every millisecond. */
+static void walks_through_boards_of_every_family(void **state)
 {
-    struct walk w = {"coman-imu", "walk", 13, .forward_m_s = 0.1};
+    static const char *const rigs[] = {"coman-imu", "coman-foc-imu", "coman-cia402-imu"};
 
     (void)state;
-    perform(&w);
-    expect_upright(&w);
-    assert_true(w.end[0] > 0.5);
+    for (size_t i = 0; i < ARRAY_COUNT(rigs); i++) {
+        struct walk w = {rigs[i], "walk", 13, .forward_m_s = 0.15};
+
+        perform(&w);
+        expect_upright(&w);
+        assert_true(w.end[0] > 0.8);
+    }
 }
 
 /* 5 degrees up, level, 5 degrees down; a rough bump of 9 cm with side slopes; a mat that yields.
@@ -400,7 +404,7 @@ int main(void)
         cmocka_unit_test(walks_faster),
         cmocka_unit_test(walks_backward_on_buses_with_flexible_data_rate),
         cmocka_unit_test(walks_sideways_and_turns),
-        cmocka_unit_test(walks_through_boards_of_the_icub_family),
+        cmocka_unit_test(walks_through_boards_of_every_family),
         cmocka_unit_test(walks_over_uneven_ground),
         cmocka_unit_test(walks_as_the_larger_robot),
         cmocka_unit_test(walks_on_when_it_is_pushed),
