@@ -251,7 +251,7 @@ static void walks_sideways_and_turns(void **state)
     assert_true(turn.yaw > 1.1 && turn.yaw < 2.2);
 }
 
-/* iCub's telemetry every 4 ms, 2FOC's and CANopen's every millisecond; voltages every millisecond. */
+/* iCub sends every 4 ms, 2FOC and CANopen drives every millisecond; voltages every millisecond. */
 static void walks_through_boards_of_every_family(void **state)
 {
     static const char *const rigs[] = {"coman-imu", "coman-foc-imu", "coman-cia402-imu"};
