@@ -15,7 +15,8 @@ ROOT = pathlib.Path(os.environ.get("HIL_SOURCE_DIR") or pathlib.Path(__file__).p
 
 # Low to high. FOLDER: what its files may include of the tree, as regular expressions of whole
 # paths. A folder has the rule of the longest name here that it begins with; NAME/* is that of the
-# sub-rooms of NAME. dynamics/ is written by the build, and so are embedded texts (manual/).
+# sub-rooms of NAME. dynamics/ is written by the build, and so are embedded texts (manual/) and
+# the list of protocols (list/).
 BELOW_SIM = (r"(base|canbus|contact|model|model/\w+|faults|boards|boards/\w+|tasks|rt|rig)/[^/]*"
              r"|canbus/wire/[^/]*|rt/recording/[^/]*")
 RULES = {
@@ -25,10 +26,10 @@ RULES = {
     "contact": r"(base|contact)/[^/]*",
     "model": r"(base|model|model/\w+)/[^/]*|contact/(contact|mesh)\.h|dynamics/builtin\.inc",
     "faults": r"(base|faults)/[^/]*",
-    "boards": r"(base|faults|boards)/[^/]*|canbus/frame\.h|model/plant_io\.h",
+    "boards": r"(base|faults|boards)/[^/]*|canbus/frame\.h|model/plant_io\.h|list/protocols\.h",
     "boards/*": r"(base|faults|boards|boards/\w+)/[^/]*|canbus/frame\.h|model/plant_io\.h"
                 r"|manual/[^/]*",
-    "tasks": r"(base|canbus|tasks)/[^/]*|boards/\w+/protocol\.h",
+    "tasks": r"(base|canbus|tasks)/[^/]*|boards/\w+/protocol\.h|list/protocols\.h",
     "rt": r"(base|canbus|rt|rt/recording)/[^/]*",
     "tools": r"(base|contact|tools)/[^/]*",
     "rig": BELOW_SIM,

@@ -56,13 +56,13 @@ static void capabilities_are_listed_in_words(void **state)
 
     (void)state;
     assert_string_equal(protocols_list(offsetof(struct protocol, external), text, sizeof text),
-                        "icub, foc or compact");
+                        "icub, compact or foc");
     assert_string_equal(protocols_list(offsetof(struct protocol, padded), text, sizeof text),
                         "icub or foc");
     assert_string_equal(protocols_list(offsetof(struct protocol, spare_axes), text, sizeof text),
                         "icub");
     assert_string_equal(protocols_list(offsetof(struct protocol, external), brief, sizeof brief),
-                        "icub, f");
+                        "icub, c");
 }
 
 static void a_mode_that_a_board_reports_has_a_name(void **state)

@@ -162,6 +162,8 @@ static void the_controller_is_told_the_drives_of_foc_axes(void **state)
 
 static void a_personality_has_its_own_addresses_axes_and_boards(void **state)
 {
+    char message[160];
+
     (void)state;
     refused("  - {name: left, interface: can0, personality: foc,\n"
             "     boards: [{kind: motor, address: 5, axes: [hip]}]}\n",
@@ -176,9 +178,14 @@ static void a_personality_has_its_own_addresses_axes_and_boards(void **state)
             "     boards: [{kind: torque, address: 15, joints: [hip]}]}\n",
             "29:15: found a torque board on a bus with personality compact, expected none: its "
             "motor boards report the torques");
-    refused("  - {name: left, interface: can0, personality: pdo, boards: []}\n",
-            "28:48: found \"pdo\", expected icub, foc, compact, cia402 or "
-            "described");
+    strcpy(message, "28:48: found \"pdo\", expected ");
+    for (const struct word *word = protocol_words; word->word; word++) {
+        snprintf(message + strlen(message), sizeof message - strlen(message), "%s%s", word->word,
+                 !word[1].word   ? ""
+                 : !word[2].word ? " or "
+                                 : ", ");
+    }
+    refused("  - {name: left, interface: can0, personality: pdo, boards: []}\n", message);
 }
 
 /* TPDO 4, SDO, and what is free */
@@ -207,12 +214,16 @@ static void lockstep_ids_keep_clear_of_cia402_nodes(void **state)
     }
 }
 
-static void fd_belongs_to_compact_and_has_a_data_bitrate(void **state)
+static void fd_belongs_to_some_protocols_and_has_a_data_bitrate(void **state)
 {
+    char list[80], message[160];
+
     (void)state;
-    refused(
-        "  - {name: left, interface: can0, fd: true, data_bitrate: 2000000, boards: []}\n",
-        "28:39: found fd on bus \"left\", expected it with personality compact or described only");
+    snprintf(message, sizeof message,
+             "28:39: found fd on bus \"left\", expected it with personality %s only",
+             protocols_list(offsetof(struct protocol, canfd), list, sizeof list));
+    refused("  - {name: left, interface: can0, fd: true, data_bitrate: 2000000, boards: []}\n",
+            message);
     refused("  - {name: left, interface: can0, personality: compact, fd: true, boards: []}\n",
             "28:5: found fd without data_bitrate on bus \"left\", expected fd: true and a "
             "data_bitrate of at least the bitrate together");
@@ -570,7 +581,7 @@ int main(void)
         TEST(the_controller_is_told_the_drives_of_foc_axes),
         TEST(a_personality_has_its_own_addresses_axes_and_boards),
         TEST(lockstep_ids_keep_clear_of_cia402_nodes),
-        TEST(fd_belongs_to_compact_and_has_a_data_bitrate),
+        TEST(fd_belongs_to_some_protocols_and_has_a_data_bitrate),
         TEST(icub_loads_are_those_of_the_protocol_study),
         TEST(foc_loads_are_those_of_the_protocol_study),
         TEST(compact_loads_are_those_of_the_protocol_study),
