@@ -31,7 +31,8 @@ struct protocol_bench {
 };
 
 struct protocol {
-    const char *name; /* as the keys and options named personality have it */
+    const char *name;    /* as the keys and options named personality have it */
+    const char *summary; /* what such boards are, in a line */
 
     /* What it can address and carry. slots_max: axes of a bus where they are numbered through; 0:
      * as many as there are boards for */

@@ -33,6 +33,7 @@ static void each_has_what_everyone_asks_for(void **state)
         assert_true(p->make_bus && p->make_board && p->visit_broadcasts && p->visit_board);
         assert_true(p->mode_name && p->fault_names && p->timeout_text && p->limit_text);
         assert_true(!p->sections || p->sections[0]);
+        assert_in_range(strlen(p->summary), 20, 80);
         assert_true(p->needs_file || p->help);
         assert_true(!p->visit_board_load == !p->visit_command_load);
         assert_in_range(p->axes_max, 1, BOARD_AXES_MAX);
