@@ -28,7 +28,8 @@
 #     llvm-cov report build/coverage/tests/fuzz_TARGET -instr-profile=profile
 set(fuzz ${CMAKE_CURRENT_LIST_DIR})
 
-# hil_fuzz(TARGET SOURCE file LIBS library... [MUTATIONS n] [DEFINE name=value...] [BEGINS_AS target])
+# hil_fuzz(TARGET SOURCE file LIBS library... [MUTATIONS n] [DEFINE name=value...]
+#          [BEGINS_AS target])
 # BEGINS_AS: the target whose corpus serves as long as there is none of its own.
 # Mutations: as many as take about a second, in the release build.
 function(hil_fuzz name)

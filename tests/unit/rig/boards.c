@@ -188,6 +188,36 @@ static void a_personality_has_its_own_addresses_axes_and_boards(void **state)
     refused("  - {name: left, interface: can0, personality: pdo, boards: []}\n", message);
 }
 
+/* Each limit of a protocol has its place in the file. */
+static void what_a_protocol_cannot_do_is_refused_with_its_place(void **state)
+{
+    const struct protocol *protocol;
+    char buses[160], message[160];
+
+    (void)state;
+    for (size_t i = 0; (protocol = protocol_at(i)); i++) {
+        snprintf(buses, sizeof buses, "  - {name: left, interface: can0, personality: %s%s,\n%s",
+                 protocol->name, protocol->canfd_only ? ", fd: true, data_bitrate: 5000000" : "",
+                 "     boards: [{kind: inertial, address: 1}]}\n");
+        snprintf(message, sizeof message,
+                 "29:15: found a board of sensors on a bus with personality %s, expected motor "
+                 "boards only",
+                 protocol->name);
+        if (protocol->motors_only) {
+            refused(buses, message);
+        }
+        snprintf(buses, sizeof buses,
+                 "  - {name: left, interface: can0, personality: %s, boards: []}\n",
+                 protocol->name);
+        snprintf(message, sizeof message,
+                 "28:12: found bus \"left\" without fd, expected fd: true with personality %s",
+                 protocol->name);
+        if (protocol->canfd_only) {
+            refused(buses, message);
+        }
+    }
+}
+
 /* TPDO 4, SDO, and what is free */
 static void lockstep_ids_keep_clear_of_cia402_nodes(void **state)
 {
@@ -580,6 +610,7 @@ int main(void)
         TEST(each_bus_speaks_its_own_personality),
         TEST(the_controller_is_told_the_drives_of_foc_axes),
         TEST(a_personality_has_its_own_addresses_axes_and_boards),
+        TEST(what_a_protocol_cannot_do_is_refused_with_its_place),
         TEST(lockstep_ids_keep_clear_of_cia402_nodes),
         TEST(fd_belongs_to_some_protocols_and_has_a_data_bitrate),
         TEST(icub_loads_are_those_of_the_protocol_study),
