@@ -8,7 +8,7 @@
 #include "boards/protocol.h"
 #include "list/protocols.h"
 
-/* PROTOCOLS(LINE) is the list, made by the build: each folder NAME of boards/ with a protocol.c
+/* PROTOCOLS(LINE) is the list, made by the build: each folder NAME of boards/ that is a module
  * fills protocol_NAME, whose name is NAME. The first is what a bus speaks of which nothing else is
  * said. */
 #define PROTOCOL_DECLARE(NAME) extern const struct protocol protocol_##NAME;

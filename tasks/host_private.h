@@ -124,8 +124,8 @@ struct host_ops {
     const char *unnamed_fault;     /* why a board may be in a fault that has no bit; or NULL */
 };
 
-/* Every protocol that boards speak has a host: the source host_NAME.c fills host_NAME, whose name
- * is NAME. The first is what a bus speaks of which nothing else is said. */
+/* Every protocol that boards speak has a host: its source of tasks/ fills host_NAME, whose
+ * name is NAME. The first is what a bus speaks of which nothing else is said. */
 #define HOST_DECLARE(NAME) extern const struct host_ops host_##NAME;
 PROTOCOLS(HOST_DECLARE)
 #undef HOST_DECLARE

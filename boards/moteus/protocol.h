@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The register protocol of moteus controllers (mjbots, github.com/mjbots/moteus): wire format of
- * its CAN FD frames, as docs/protocol/can.md and docs/protocol/registers.md of firmware 1.1.0 have
- * it. Shared by the boards and by hosts; holds no behavior, so that all of it is RT-safe.
+ * its CAN FD frames, as its documents "CAN Protocol" and "Register Reference" have it, firmware
+ * 1.1.0. Shared by the boards and by hosts; holds no behavior, so that all of it is RT-safe.
  *
  * The identifier is source << 8 | destination; bit 15 asks for a reply, which comes from the
  * controller to the source. It is a 29-bit one where it does not fit into 11 bits. The data is a

@@ -135,15 +135,18 @@ DESTDIR=$work/root "$cmake" --install "$HIL_BINARY_DIR" --prefix /opt/hil >"$wor
     "$work/root/opt/hil/bin/coman-hil" check coman >"$work/out" 2>&1
 result $? "an installed program finds the installed rigs wherever it is"
 # the module of a contact engine: beside the program, or missed
-run_paper() {
-    "$work/root/opt/hil/bin/coman-hil" run grasp-paper --transport local --clock free --ticks 3 \
+rigs=$work/root/opt/hil/share/coman-hil/rigs
+sed 's/engine: native .*/engine: simbody/' "$rigs/grasp.yaml" >"$rigs/mine.yaml"
+run_mine() {
+    "$work/root/opt/hil/bin/coman-hil" run mine --transport local --clock free --ticks 3 \
         --control none --quiet >"$work/out" 2>&1 </dev/null
 }
 module=$(cd "$work/root/opt/hil" && find . -name coman-hil-simbody.so)
-run_paper && mv "$work/root/opt/hil/$module" "$work/module" && ! run_paper &&
+run_mine && mv "$work/root/opt/hil/$module" "$work/module" && ! run_mine &&
     grep -q "engine simbody: found no module .*/$(basename "$module"), expected one" "$work/out" &&
     mv "$work/module" "$work/root/opt/hil/$module"
 result $? "and its module with the engine simbody, or says that there is none"
+rm "$rigs/mine.yaml"
 everything -type f >"$work/before"
 touch "$work/root/opt/hil/share/coman-hil/rigs/mine.yaml"
 DESTDIR=$work/root "$cmake" --build "$HIL_BINARY_DIR" --target uninstall >"$work/out" 2>&1 &&

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The host against moteus controllers played by the test, by docs/protocol/can.md of
+/* The host against moteus controllers played by the test, by the document "CAN Protocol" of
  * github.com/mjbots/moteus: controllers 1 and 9 on a CAN FD bus. */
 #include "tests/unit/tasks/host_bench.h"
 

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Moteus controllers against frames written by hand from docs/protocol/can.md and registers.md of
- * github.com/mjbots/moteus (firmware 1.1.0): subframes, scales, modes, watchdog, faults, paths. */
+/* Moteus controllers against frames written by hand from the documents "CAN Protocol" and
+ * "Register Reference" of github.com/mjbots/moteus (firmware 1.1.0): subframes, scales,
+ * modes, watchdog, faults, paths. */
 #include "boards/protocols.h"
 #include "tests/unit/boards/board_bench.h"
 
