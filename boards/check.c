@@ -123,6 +123,10 @@ static enum error_code check_place(const struct protocol *protocol,
         snprintf(text, sizeof text, "a bus that speaks %s has no torque boards", protocol->name);
         return check_refuse(error, board, text);
     }
+    if (board->kind != BOARD_MOTOR && protocol->motors_only) {
+        snprintf(text, sizeof text, "a bus that speaks %s has motor boards only", protocol->name);
+        return check_refuse(error, board, text);
+    }
     return ERROR_NONE;
 }
 
@@ -239,6 +243,10 @@ static enum error_code check_bus_config(const struct boards_config *config, int 
     if (bus->fd && !protocol->canfd) {
         return error_set(error, ERROR_INPUT, "boards: only %s boards speak CAN FD",
                          protocols_list(offsetof(struct protocol, canfd), list, sizeof list));
+    }
+    if (!bus->fd && protocol->canfd_only) {
+        return error_set(error, ERROR_INPUT, "boards: a bus that speaks %s must be CAN FD",
+                         protocol->name);
     }
     if (protocol->needs_file && !bus->described) {
         return error_set(error, ERROR_INPUT, "boards: a %s bus without its protocol",

@@ -31,7 +31,8 @@ struct protocol_bench {
 };
 
 struct protocol {
-    const char *name; /* as the keys and options named personality have it */
+    const char *name;    /* as the keys and options named personality have it */
+    const char *summary; /* what such boards are, in a line */
 
     /* What it can address and carry. slots_max: axes of a bus where they are numbered through; 0:
      * as many as there are boards for */
@@ -42,6 +43,8 @@ struct protocol {
     bool torque_boards;   /* it has boards that tell the torques of joints (BOARD_TORQUE) */
     bool switches;        /* motor boards know limit and home switches (struct board_switches) */
     bool canfd;           /* its frames may be CAN FD ones */
+    bool canfd_only;      /* and do not fit into others */
+    bool motors_only;     /* it has no boards with sensors alone */
     bool padded;          /* its commands may be padded to 8 bytes */
     bool external;        /* a host reads its frames without having configured the boards, so that
                            * real ones can stand on the bus */

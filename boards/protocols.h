@@ -6,16 +6,11 @@
 
 #include "base/yaml.h"
 #include "boards/protocol.h"
+#include "list/protocols.h"
 
-/* The list: the folder of that name fills protocol_NAME, whose name is NAME. The first is what a
- * bus speaks of which nothing else is said. */
-#define PROTOCOLS(LINE)                                                                            \
-    LINE(icub)                                                                                     \
-    LINE(foc)                                                                                      \
-    LINE(compact)                                                                                  \
-    LINE(cia402)                                                                                   \
-    LINE(described)
-
+/* PROTOCOLS(LINE) is the list, made by the build: each folder NAME of boards/ that is a module
+ * fills protocol_NAME, whose name is NAME. The first is what a bus speaks of which nothing else is
+ * said. */
 #define PROTOCOL_DECLARE(NAME) extern const struct protocol protocol_##NAME;
 PROTOCOLS(PROTOCOL_DECLARE)
 #undef PROTOCOL_DECLARE
@@ -29,7 +24,7 @@ const struct protocol *protocol_find(const char *name);
 /* The words of the list with their index, as a schema takes them. */
 extern const struct word protocol_words[];
 
-/* Writes which protocols have a capability: "icub, foc or compact". capability is the offset of a
+/* Writes which protocols have a capability: "icub, compact or foc". capability is the offset of a
  * bool in struct protocol. Returns text. */
 const char *protocols_list(size_t capability, char *text, size_t size);
 

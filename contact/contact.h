@@ -285,6 +285,11 @@ struct contact_world {
 enum error_code contact_simbody_create(const struct contact_config *config,
                                        struct contact_world **world, struct error *error);
 
+/* Finds the module that holds the engine "simbody", which is loaded by the first world that is
+ * created; writes its path, or where it was expected and returns false: then creating a world is
+ * ERROR_UNSUPPORTED. Not RT-safe. */
+bool contact_simbody_find(char *path, size_t size);
+
 /* Engine "native": keeps real time. All that is done with its world is RT-safe; memory from
  * arena, which the world must not outlive; destroy does nothing. What is common to two surfaces
  * is integrated over their true overlap, so that the wrench is continuous in the pose, does not

@@ -334,6 +334,12 @@ static enum error_code board_check_address(struct rig_builder *b, const struct r
                           "motor boards report the torques",
                           protocol->name);
     }
+    if (raw->kind != BOARD_MOTOR && protocol->motors_only) {
+        return yaml_error(b->error, &raw->mark,
+                          "found a board of sensors on a bus with personality %s, expected motor "
+                          "boards only",
+                          protocol->name);
+    }
     if (raw->address > max) {
         return yaml_error(b->error, &raw->address_mark,
                           "found address %d, expected 1 to %d with personality %s",
@@ -470,6 +476,11 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
         return yaml_error(b->error, &bus->fd_mark,
                           "found fd on bus \"%s\", expected it with personality %s only", bus->name,
                           protocols_list(offsetof(struct protocol, canfd), list, sizeof list));
+    }
+    if (!bus->fd && protocol->canfd_only) {
+        return yaml_error(b->error, &bus->name_mark,
+                          "found bus \"%s\" without fd, expected fd: true with personality %s",
+                          bus->name, protocol->name);
     }
     if (bus->fd != bus->data_bitrate_given ||
         (bus->data_bitrate_given && bus->data_bitrate < bus->bitrate)) {

@@ -24,7 +24,7 @@ static const int64_t STEP_REPEAT_NS = 100000000;
 static const struct host_ops *host_bus_ops(const struct host_config *config, size_t bus)
 {
 #define HOST_ADDRESS(NAME) &host_##NAME,
-    static const struct host_ops *const known[] = {HOST_PROTOCOLS(HOST_ADDRESS)};
+    static const struct host_ops *const known[] = {PROTOCOLS(HOST_ADDRESS)};
     const char *name = config->bus ? config->bus[bus].protocol : NULL;
 
     for (size_t i = 0; name && i < ARRAY_COUNT(known); i++) {

@@ -7,6 +7,7 @@
 #ifndef TASKS_HOST_PRIVATE_H
 #define TASKS_HOST_PRIVATE_H
 
+#include "list/protocols.h"
 #include "tasks/host.h"
 
 #define HOST_MS INT64_C(1000000) /* nanoseconds */
@@ -123,17 +124,10 @@ struct host_ops {
     const char *unnamed_fault;     /* why a board may be in a fault that has no bit; or NULL */
 };
 
-/* The list: the source of that name fills host_NAME, whose name is NAME. The first is what a bus
- * speaks of which nothing else is said. */
-#define HOST_PROTOCOLS(LINE)                                                                       \
-    LINE(icub)                                                                                     \
-    LINE(foc)                                                                                      \
-    LINE(compact)                                                                                  \
-    LINE(cia402)                                                                                   \
-    LINE(described)
-
+/* Every protocol that boards speak has a host: its source of tasks/ fills host_NAME, whose
+ * name is NAME. The first is what a bus speaks of which nothing else is said. */
 #define HOST_DECLARE(NAME) extern const struct host_ops host_##NAME;
-HOST_PROTOCOLS(HOST_DECLARE)
+PROTOCOLS(HOST_DECLARE)
 #undef HOST_DECLARE
 
 /* ---- for the protocols ---- */

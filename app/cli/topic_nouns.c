@@ -3,6 +3,7 @@
 #include "app/cli/topics.h"
 #include "app/scenario/scenario.h"
 #include "base/options.h"
+#include "boards/protocols.h"
 #include "faults/faults.h"
 #include "manual/board.h"
 #include "manual/bus.h"
@@ -34,7 +35,14 @@ void topic_bus(FILE *out)
 
 void topic_board(FILE *out)
 {
+    const struct protocol *protocol;
+
     options_wrap(MANUAL_BOARD, 0, 0, out);
+    putc('\n', out);
+    for (size_t i = 0; (protocol = protocol_at(i)); i++) {
+        fprintf(out, "  %-10s ", protocol->name);
+        options_wrap(protocol->summary, 13, 13, out);
+    }
 }
 
 void topic_fault(FILE *out)

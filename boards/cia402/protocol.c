@@ -82,6 +82,7 @@ static const char *const cia402_fault_names[] = {
 
 const struct protocol protocol_cia402 = {
     .name = "cia402",
+    .summary = "CANopen drives (CiA 301, CiA 402), one to four axes a node, and sensors",
     .motor_address_max = CIA402_NODE_MAX,
     .address_max = CIA402_NODE_MAX,
     .axes_max = CIA402_BOARD_AXES,

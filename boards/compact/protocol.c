@@ -121,6 +121,7 @@ static const char *const compact_fault_names[] = {"under-voltage",
 
 const struct protocol protocol_compact = {
     .name = "compact",
+    .summary = "our own, classic CAN or CAN FD, one axis a slot, 1 kHz",
     .motor_address_max = COMPACT_NODE_MAX,
     .address_max = COMPACT_NODE_MAX,
     .axes_max = COMPACT_BOARD_AXES,

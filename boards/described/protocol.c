@@ -69,6 +69,7 @@ static const char *described_law_name(uint32_t law)
 
 const struct protocol protocol_described = {
     .name = "described",
+    .summary = "a protocol of your own, as a YAML file says: own-boards.md",
     .motor_address_max = DESCRIBED_ADDRESS_MAX,
     .address_max = DESCRIBED_ADDRESS_MAX,
     .axes_max = DESCRIBED_AXES,

@@ -179,6 +179,7 @@ static const char *const foc_fault_names[] = {"protocol",
 
 const struct protocol protocol_foc = {
     .name = "foc",
+    .summary = "iCub 2FOC motor boards, one axis an address, 1 kHz",
     .motor_address_max = FOC_AXES_MAX, /* only these have a target */
     .address_max = ICUB_ADDRESS_MAX,
     .axes_max = 1,

@@ -133,6 +133,7 @@ static const char *const icub_fault_names[] = {
 
 const struct protocol protocol_icub = {
     .name = "icub",
+    .summary = "iCub BLL motor boards, two axes an address, and STRAIN boards",
     .motor_address_max = ICUB_ADDRESS_MAX,
     .address_max = ICUB_ADDRESS_MAX,
     .axes_max = 2,

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 # Programs of others, unmodified: what they say to boards, replayed, with every answer judged.
 if(NOT HIL_SANITIZE)
-    foreach(client canloader-bll canloader-2foc lely-boot-slave odrive-arduino
-                   ros-odrive)
+    file(GLOB clients CONFIGURE_DEPENDS RELATIVE ${CMAKE_CURRENT_LIST_DIR}/frames
+         ${CMAKE_CURRENT_LIST_DIR}/frames/*.frames)
+    list(TRANSFORM clients REPLACE "[.]frames$" "")
+    foreach(client ${clients})
         hil_script_test(client_${client} LABELS service TIMEOUT 60
             COMMAND /usr/bin/python3 ${CMAKE_CURRENT_LIST_DIR}/replay.py
                     $<TARGET_FILE:coman-hil> ${CMAKE_CURRENT_LIST_DIR}/frames/${client}.frames)

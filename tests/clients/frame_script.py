@@ -11,8 +11,9 @@ lines of words; # begins a comment.
     never MS FRAME      not seen within so long
     wait MS             time passes, and no watched frame comes
 
-Frames are as candump writes them: 70F#FF, 01000201#R (remote), with eight digits of 29 bits; x in
-what is expected stands for any digit."""
+Frames are as candump writes them: 70F#FF, 01000201#R (remote), 00008001##150 (CAN FD; the first
+digit behind ## holds the flags, 1 = bit rate switch), with eight digits of 29 bits; x in what is
+expected stands for any digit."""
 import json
 import re
 
@@ -30,15 +31,19 @@ def text_of(message):
     """A frame as candump writes it."""
     digits = 8 if message.is_extended_id else 3
     data = "R" if message.is_remote_frame else message.data.hex().upper()
+    if message.is_fd:
+        data = f"#{int(message.bitrate_switch)}{data}"
     return f"{message.arbitration_id:0{digits}X}#{data}"
 
 
 def message_of(text, bus):
     """A frame to send."""
-    identifier, data = text.split("#")
-    remote = data.startswith("R")
+    identifier, data = text.split("#", 1)
+    remote, fd = data.startswith("R"), data.startswith("#")
+    flags, data = (int(data[1], 16), data[2:]) if fd else (0, data)
     return can.Message(arbitration_id=int(identifier, 16), is_extended_id=len(identifier) == 8,
                        is_remote_frame=remote, channel=bus,
+                       is_fd=fd, bitrate_switch=bool(flags & 1),
                        data=b"" if remote else bytes.fromhex(data), check=True)
 
 

@@ -66,8 +66,8 @@ struct fuzz_bench {
     struct board_bench base;
     struct boards_bus_config bus[BENCH_BUSES];
     struct faults *faults;
-    struct message message[BENCH_BUSES][MESSAGES_MAX];
-    size_t nmessage[BENCH_BUSES];
+    struct message message[BENCH_BUSES][MESSAGES_MAX], command[BENCH_BUSES][MESSAGES_MAX];
+    size_t nmessage[BENCH_BUSES], ncommand[BENCH_BUSES];
     double supply_v, sampled_v; /* the boards read the supply at the end of the tick before */
     uint64_t received, hash;
     int ticks, bus_in_hand;
@@ -81,11 +81,14 @@ struct fuzz_bench {
 static bool list_message(void *context, const struct message *message)
 {
     struct fuzz_bench *bench = context;
-    size_t *count = &bench->nmessage[bench->bus_in_hand];
+    const int bus = bench->bus_in_hand;
 
-    fuzz_require(*count < MESSAGES_MAX, "too many messages");
-    if (!message->from_host) {
-        bench->message[bench->bus_in_hand][(*count)++] = *message;
+    fuzz_require(bench->nmessage[bus] < MESSAGES_MAX && bench->ncommand[bus] < MESSAGES_MAX,
+                 "too many messages");
+    if (message->from_host) {
+        bench->command[bus][bench->ncommand[bus]++] = *message;
+    } else {
+        bench->message[bus][bench->nmessage[bus]++] = *message;
     }
     return true;
 }
@@ -147,14 +150,17 @@ static void configure(struct fuzz_bench *bench, struct fuzz_bytes *bytes)
     base->config.tick_ns = ticks_ns[how & 3];
     bench->bus[0].protocol = spoken;
     bench->bus[0].padded = spoken->torque_boards && how & 64;
-    bench->bus[0].fd = spoken == &protocol_compact && how & 4;
+    bench->bus[0].fd = spoken->canfd_only || (spoken->canfd && !spoken->needs_file && how & 4);
     bench->bus[0].described = spoken == &protocol_described ? load_described() : NULL;
     base->config.bus = bench->bus;
     if (!spoken->torque_boards) {
         base->config.nboard = BENCH_BOARDS - 1; /* torques need no board */
         base->board[2] = base->board[4];
     }
-    if (what & 64) {
+    if (spoken->motors_only) {
+        base->board[3].kind = BOARD_MOTOR;
+        base->board[3].axis[0] = base->board[3].axis[1] = (struct board_axis_config){.joint = -1};
+    } else if (what & 64) {
         base->board[1] =
             (struct board_config){.name = "leg 2", .kind = BOARD_INERTIAL, .address = 2};
     }
@@ -262,16 +268,19 @@ static bool is_message(const struct fuzz_bench *bench, const struct message *mes
 static void check_frame(const struct fuzz_bench *bench, size_t bus, const struct bus_frame *frame)
 {
     const unsigned flags = bench->bus[bus].fd ? FRAME_FD | FRAME_BRS : 0;
+    const bool free_layout = spoken->print_appendix && bus == 0; /* frames hold what the host has
+                                                                  * chosen from the page's end */
+    const bool free_format = spoken->canfd_only && bus == 0;     /* they have the request's */
     size_t i = 0;
 
-    fuzz_require(frame_valid(frame) && frame->id <= 0x7ff && frame->flags == flags &&
-                     frame->node < BENCH_BOARDS,
+    fuzz_require(frame_valid(frame) && frame->node < BENCH_BOARDS &&
+                     (free_format || (frame->id <= 0x7ff && frame->flags == flags)),
                  "id 0x%x flags 0x%x length %u", frame->id, frame->flags, frame->len);
-    while (!bench->garbage && !(spoken->write_eds && bus == 0) && i < bench->nmessage[bus] &&
+    while (!bench->garbage && !free_layout && i < bench->nmessage[bus] &&
            !is_message(bench, &bench->message[bus][i], frame)) {
         i++;
     }
-    fuzz_require(bench->garbage || (spoken->write_eds && bus == 0) || i < bench->nmessage[bus],
+    fuzz_require(bench->garbage || free_layout || i < bench->nmessage[bus],
                  "no such message: id 0x%x length %u: %02x %02x %02x %02x %02x %02x %02x %02x",
                  frame->id, frame->len, frame->data[0], frame->data[1], frame->data[2],
                  frame->data[3], frame->data[4], frame->data[5], frame->data[6], frame->data[7]);
@@ -412,9 +421,15 @@ static void receive_likely(struct fuzz_bench *bench, struct fuzz_bytes *bytes, u
     } else if (spoken == &protocol_cia402) {
         frame.id = cia402[which & 0xf];
         frame.flags = frame.id == 0x701 ? FRAME_REMOTE : 0;
-    } else {
+    } else if (spoken == &protocol_compact || spoken == &protocol_described) {
         frame.id = compact[which & 0xf];
         frame.flags = bench->bus[0].fd ? FRAME_FD | FRAME_BRS : 0;
+    } else {
+        const struct message *message = &bench->command[bus][which % bench->ncommand[bus]];
+
+        frame.id = message->id;
+        frame.flags = (message->extended ? FRAME_EXTENDED : 0) |
+                      (bench->bus[0].fd ? FRAME_FD | FRAME_BRS : 0);
     }
     frame.len = what & 0xf;
     if (frame.len > 8) {

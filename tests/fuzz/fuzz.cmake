@@ -28,11 +28,16 @@
 #     llvm-cov report build/coverage/tests/fuzz_TARGET -instr-profile=profile
 set(fuzz ${CMAKE_CURRENT_LIST_DIR})
 
-# hil_fuzz(TARGET SOURCE file LIBS library... [MUTATIONS n] [DEFINE name=value...])
+# hil_fuzz(TARGET SOURCE file LIBS library... [MUTATIONS n] [DEFINE name=value...]
+#          [BEGINS_AS target])
+# BEGINS_AS: the target whose corpus serves as long as there is none of its own.
 # Mutations: as many as take about a second, in the release build.
 function(hil_fuzz name)
-    cmake_parse_arguments(F "" "SOURCE;MUTATIONS" "LIBS;DEFINE" ${ARGN})
+    cmake_parse_arguments(F "" "SOURCE;MUTATIONS;BEGINS_AS" "LIBS;DEFINE" ${ARGN})
     set(corpus ${fuzz}/corpus/${name})
+    if(NOT EXISTS ${corpus} AND F_BEGINS_AS)
+        set(corpus ${fuzz}/corpus/${F_BEGINS_AS})
+    endif()
     set(dictionary ${fuzz}/dictionary/${name}.dict)
     if(NOT EXISTS ${dictionary})
         set(dictionary "")
@@ -62,11 +67,9 @@ hil_fuzz(obj SOURCE obj.c LIBS mesh_tools MUTATIONS 40000)
 hil_fuzz(slcan SOURCE slcan.c LIBS canbus MUTATIONS 100000)
 hil_fuzz(socketcand SOURCE socketcand.c LIBS canbus MUTATIONS 100000)
 hil_fuzz(wire SOURCE wire.c LIBS canbus)
-file(READ ${CMAKE_SOURCE_DIR}/boards/protocols.h protocols)
-string(REGEX MATCHALL "LINE[(][a-z0-9]+[)]" protocols "${protocols}")
-foreach(line ${protocols})
-    string(REGEX REPLACE "LINE[(](.*)[)]" "\\1" name ${line})
+foreach(name ${HIL_PROTOCOLS})
     hil_fuzz(boards_${name} SOURCE boards.c DEFINE FUZZ_PROTOCOL=protocol_${name}
+             BEGINS_AS boards_compact
              MUTATIONS 4000 LIBS boards PkgConfig::CMOCKA
              -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc)
 endforeach()

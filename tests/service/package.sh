@@ -23,7 +23,7 @@ for program in dpkg-deb dpkg-shlibdeps file; do
         exit 0
     fi
 done
-echo 1..19
+echo 1..20
 
 # ---- the package ----
 
@@ -51,6 +51,7 @@ result $? "all is root's, writable by root alone, and only programs are executab
 nothing "$(awk '
     $1 !~ /^d/ &&
     $6 !~ /^\.\/usr\/bin\/coman-hil(-bench)?$/ &&
+    $6 !~ /^\.\/usr\/lib\/[^\/]*\/coman-hil\/coman-hil-simbody\.so$/ &&
     $6 !~ /^\.\/usr\/lib\/systemd\/system\/coman-hil/ &&
     $6 !~ /^\.\/usr\/share\/bash-completion\/completions\/coman-hil(-bench)?$/ &&
     $6 !~ /^\.\/usr\/share\/zsh\/vendor-completions\/_coman-hil(-bench)?$/ &&
@@ -133,6 +134,20 @@ everything() { (cd "$work/root" && find . "$@" | sort); }
 DESTDIR=$work/root "$cmake" --install "$HIL_BINARY_DIR" --prefix /opt/hil >"$work/out" 2>&1 &&
     "$work/root/opt/hil/bin/coman-hil" check coman >"$work/out" 2>&1
 result $? "an installed program finds the installed rigs wherever it is"
+# the module of a contact engine: beside the program, or missed
+rigs=$work/root/opt/hil/share/coman-hil/rigs
+sed 's/engine: native .*/engine: simbody/; s/friction: sticking/friction: regularized/' \
+    "$rigs/grasp.yaml" >"$rigs/mine.yaml"
+run_mine() {
+    "$work/root/opt/hil/bin/coman-hil" run mine --transport local --clock free --ticks 3 \
+        --control none --quiet >"$work/out" 2>&1 </dev/null
+}
+module=$(cd "$work/root/opt/hil" && find . -name coman-hil-simbody.so)
+run_mine && mv "$work/root/opt/hil/$module" "$work/module" && ! run_mine &&
+    grep -q "engine simbody: found no module .*/$(basename "$module"), expected one" "$work/out" &&
+    mv "$work/module" "$work/root/opt/hil/$module"
+result $? "and its module with the engine simbody, or says that there is none"
+rm "$rigs/mine.yaml"
 everything -type f >"$work/before"
 touch "$work/root/opt/hil/share/coman-hil/rigs/mine.yaml"
 DESTDIR=$work/root "$cmake" --build "$HIL_BINARY_DIR" --target uninstall >"$work/out" 2>&1 &&

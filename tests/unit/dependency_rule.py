@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arrows between the rooms, checked on the #include lines: who may include what, that private
 headers stay in their room, that no circle joins two rooms or sub-rooms, and that C++ stands only in
-contact/simbody.cpp, in tests and in examples. Prints TAP. A planted violation of each kind shows
+contact/simbody/, in tests and in examples. Prints TAP. A planted violation of each kind shows
 that the check would see one."""
 import collections
 import os
@@ -15,7 +15,8 @@ ROOT = pathlib.Path(os.environ.get("HIL_SOURCE_DIR") or pathlib.Path(__file__).p
 
 # Low to high. FOLDER: what its files may include of the tree, as regular expressions of whole
 # paths. A folder has the rule of the longest name here that it begins with; NAME/* is that of the
-# sub-rooms of NAME. dynamics/ is written by the build, and so are embedded texts (manual/).
+# sub-rooms of NAME. dynamics/ is written by the build, and so are embedded texts (manual/) and
+# the list of protocols (list/).
 BELOW_SIM = (r"(base|canbus|contact|model|model/\w+|faults|boards|boards/\w+|tasks|rt|rig)/[^/]*"
              r"|canbus/wire/[^/]*|rt/recording/[^/]*")
 RULES = {
@@ -23,12 +24,13 @@ RULES = {
     "client": r"coman_hil_client\.h",
     "canbus": r"(base|canbus|canbus/wire)/[^/]*",
     "contact": r"(base|contact)/[^/]*",
+    "contact/simbody": r"(base|contact|contact/simbody)/[^/]*",
     "model": r"(base|model|model/\w+)/[^/]*|contact/(contact|mesh)\.h|dynamics/builtin\.inc",
     "faults": r"(base|faults)/[^/]*",
-    "boards": r"(base|faults|boards)/[^/]*|canbus/frame\.h|model/plant_io\.h",
+    "boards": r"(base|faults|boards)/[^/]*|canbus/frame\.h|model/plant_io\.h|list/protocols\.h",
     "boards/*": r"(base|faults|boards|boards/\w+)/[^/]*|canbus/frame\.h|model/plant_io\.h"
                 r"|manual/[^/]*",
-    "tasks": r"(base|canbus|tasks)/[^/]*|boards/\w+/protocol\.h",
+    "tasks": r"(base|canbus|tasks)/[^/]*|boards/\w+/protocol\.h|list/protocols\.h",
     "rt": r"(base|canbus|rt|rt/recording)/[^/]*",
     "tools": r"(base|contact|tools)/[^/]*",
     "rig": BELOW_SIM,
@@ -127,7 +129,7 @@ def foreign_cxx(root):
     return [str(path.relative_to(root)) for path in sorted(root.rglob("*"))
             if path.suffix in CXX
             and not path.relative_to(root).parts[0] in {"tests", "examples", "build", ".git"}
-            and path.relative_to(root) != pathlib.Path("contact/simbody.cpp")]
+            and path.relative_to(root) != pathlib.Path("contact/simbody/simbody.cpp")]
 
 
 number = failures = 0

@@ -119,6 +119,23 @@ bool doctor_list_has(const char *list, int cpu)
     return false;
 }
 
+/* Examines whether the contact engine of the rig is there: one of them is a module. */
+static void doctor_examine_engine(struct doctor *d)
+{
+    char path[DOCTOR_PATH];
+
+    if (d->config->rig->contact_engine != RIG_CONTACT_SIMBODY) {
+        return;
+    }
+    if (contact_simbody_find(path, sizeof path)) {
+        doctor_add_finding(d, DOCTOR_OK, "contact engine", "", "simbody: %.160s", path);
+    } else {
+        doctor_add_finding(d, DOCTOR_FAIL, "contact engine",
+                           "scene engine native, or a build with HIL_SIMBODY=ON",
+                           "the rig's engine simbody is not installed: no %.110s", path);
+    }
+}
+
 size_t doctor_examine(const struct doctor_config *config, struct doctor_finding *findings,
                       size_t max)
 {
@@ -126,6 +143,7 @@ size_t doctor_examine(const struct doctor_config *config, struct doctor_finding 
 
     doctor_examine_machine(&d);
     doctor_examine_board(&d);
+    doctor_examine_engine(&d);
     doctor_examine_buses(&d);
     doctor_examine_external(&d);
     return d.count;

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Examines a machine for what keeps it from a 1 kHz loop: the kernel, the rights of this process,
- * processors, interrupts, power saving, CAN interfaces, the load of the rig's buses, the external
- * boards. Reads files below /proc and /sys, queries CAN controllers and listens; changes and sends
- * nothing. Not RT-safe.
+ * processors, interrupts, power saving, the module of a contact engine, CAN interfaces, the load of
+ * the rig's buses, the external boards. Reads files below /proc and /sys, queries CAN controllers
+ * and listens; changes and sends nothing. Not RT-safe.
  */
 #ifndef APP_CLI_DOCTOR_DOCTOR_H
 #define APP_CLI_DOCTOR_DOCTOR_H

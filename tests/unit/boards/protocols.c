@@ -33,6 +33,7 @@ static void each_has_what_everyone_asks_for(void **state)
         assert_true(p->make_bus && p->make_board && p->visit_broadcasts && p->visit_board);
         assert_true(p->mode_name && p->fault_names && p->timeout_text && p->limit_text);
         assert_true(!p->sections || p->sections[0]);
+        assert_in_range(strlen(p->summary), 20, 80);
         assert_true(p->needs_file || p->help);
         assert_true(!p->visit_board_load == !p->visit_command_load);
         assert_in_range(p->axes_max, 1, BOARD_AXES_MAX);
@@ -56,13 +57,13 @@ static void capabilities_are_listed_in_words(void **state)
 
     (void)state;
     assert_string_equal(protocols_list(offsetof(struct protocol, external), text, sizeof text),
-                        "icub, foc or compact");
+                        "icub, compact or foc");
     assert_string_equal(protocols_list(offsetof(struct protocol, padded), text, sizeof text),
                         "icub or foc");
     assert_string_equal(protocols_list(offsetof(struct protocol, spare_axes), text, sizeof text),
                         "icub");
     assert_string_equal(protocols_list(offsetof(struct protocol, external), brief, sizeof brief),
-                        "icub, f");
+                        "icub, c");
 }
 
 static void a_mode_that_a_board_reports_has_a_name(void **state)

@@ -162,6 +162,8 @@ static void the_controller_is_told_the_drives_of_foc_axes(void **state)
 
 static void a_personality_has_its_own_addresses_axes_and_boards(void **state)
 {
+    char message[160];
+
     (void)state;
     refused("  - {name: left, interface: can0, personality: foc,\n"
             "     boards: [{kind: motor, address: 5, axes: [hip]}]}\n",
@@ -176,9 +178,44 @@ static void a_personality_has_its_own_addresses_axes_and_boards(void **state)
             "     boards: [{kind: torque, address: 15, joints: [hip]}]}\n",
             "29:15: found a torque board on a bus with personality compact, expected none: its "
             "motor boards report the torques");
-    refused("  - {name: left, interface: can0, personality: pdo, boards: []}\n",
-            "28:48: found \"pdo\", expected icub, foc, compact, cia402 or "
-            "described");
+    strcpy(message, "28:48: found \"pdo\", expected ");
+    for (const struct word *word = protocol_words; word->word; word++) {
+        snprintf(message + strlen(message), sizeof message - strlen(message), "%s%s", word->word,
+                 !word[1].word   ? ""
+                 : !word[2].word ? " or "
+                                 : ", ");
+    }
+    refused("  - {name: left, interface: can0, personality: pdo, boards: []}\n", message);
+}
+
+/* Each limit of a protocol has its place in the file. */
+static void what_a_protocol_cannot_do_is_refused_with_its_place(void **state)
+{
+    const struct protocol *protocol;
+    char buses[160], message[160];
+
+    (void)state;
+    for (size_t i = 0; (protocol = protocol_at(i)); i++) {
+        snprintf(buses, sizeof buses, "  - {name: left, interface: can0, personality: %s%s,\n%s",
+                 protocol->name, protocol->canfd_only ? ", fd: true, data_bitrate: 5000000" : "",
+                 "     boards: [{kind: inertial, address: 1}]}\n");
+        snprintf(message, sizeof message,
+                 "29:15: found a board of sensors on a bus with personality %s, expected motor "
+                 "boards only",
+                 protocol->name);
+        if (protocol->motors_only) {
+            refused(buses, message);
+        }
+        snprintf(buses, sizeof buses,
+                 "  - {name: left, interface: can0, personality: %s, boards: []}\n",
+                 protocol->name);
+        snprintf(message, sizeof message,
+                 "28:12: found bus \"left\" without fd, expected fd: true with personality %s",
+                 protocol->name);
+        if (protocol->canfd_only) {
+            refused(buses, message);
+        }
+    }
 }
 
 /* TPDO 4, SDO, and what is free */
@@ -207,12 +244,16 @@ static void lockstep_ids_keep_clear_of_cia402_nodes(void **state)
     }
 }
 
-static void fd_belongs_to_compact_and_has_a_data_bitrate(void **state)
+static void fd_belongs_to_some_protocols_and_has_a_data_bitrate(void **state)
 {
+    char list[80], message[160];
+
     (void)state;
-    refused(
-        "  - {name: left, interface: can0, fd: true, data_bitrate: 2000000, boards: []}\n",
-        "28:39: found fd on bus \"left\", expected it with personality compact or described only");
+    snprintf(message, sizeof message,
+             "28:39: found fd on bus \"left\", expected it with personality %s only",
+             protocols_list(offsetof(struct protocol, canfd), list, sizeof list));
+    refused("  - {name: left, interface: can0, fd: true, data_bitrate: 2000000, boards: []}\n",
+            message);
     refused("  - {name: left, interface: can0, personality: compact, fd: true, boards: []}\n",
             "28:5: found fd without data_bitrate on bus \"left\", expected fd: true and a "
             "data_bitrate of at least the bitrate together");
@@ -569,8 +610,9 @@ int main(void)
         TEST(each_bus_speaks_its_own_personality),
         TEST(the_controller_is_told_the_drives_of_foc_axes),
         TEST(a_personality_has_its_own_addresses_axes_and_boards),
+        TEST(what_a_protocol_cannot_do_is_refused_with_its_place),
         TEST(lockstep_ids_keep_clear_of_cia402_nodes),
-        TEST(fd_belongs_to_compact_and_has_a_data_bitrate),
+        TEST(fd_belongs_to_some_protocols_and_has_a_data_bitrate),
         TEST(icub_loads_are_those_of_the_protocol_study),
         TEST(foc_loads_are_those_of_the_protocol_study),
         TEST(compact_loads_are_those_of_the_protocol_study),

@@ -78,8 +78,8 @@ static void boards_that_cannot_be_read_are_refused(void **state)
 
     (void)state;
     refused("cia402", "external: true,",
-            "34:12: found external: true with personality cia402, expected it with icub, foc or "
-            "compact only");
+            "34:12: found external: true with personality cia402, expected it with icub, "
+            "compact or foc only");
     refused("icub", "external: true, external_follows: torque,",
             "34:36: found external_follows: torque with personality icub, expected it with compact "
             "only, whose motor boards tell the torque of their joints");

@@ -159,6 +159,22 @@ static void finds_nothing_on_a_good_machine(void **state)
     }
 }
 
+static void finds_the_module_of_a_contact_engine(void **state)
+{
+    struct machine *m = *state;
+
+    m->rig.contact_engine = RIG_CONTACT_SIMBODY;
+    assert_int_equal(examine(m), DOCTOR_OK);
+    assert_int_equal(m->count, 15);
+    for (size_t i = 0; i < m->count; i++) {
+        if (strcmp(m->finding[i].subject, "contact engine") == 0) {
+            assert_non_null(strstr(m->finding[i].found, "/coman-hil-simbody.so"));
+            return;
+        }
+    }
+    fail();
+}
+
 static void sees_a_kernel_that_is_not_for_real_time(void **state)
 {
     struct machine *m = *state;
@@ -427,6 +443,7 @@ int main(void)
 #define MACHINE_TEST(name) cmocka_unit_test_setup_teardown(name, start, stop)
     const struct CMUnitTest tests[] = {
         MACHINE_TEST(finds_nothing_on_a_good_machine),
+        MACHINE_TEST(finds_the_module_of_a_contact_engine),
         MACHINE_TEST(sees_a_kernel_that_is_not_for_real_time),
         MACHINE_TEST(sees_a_virtual_machine_in_a_long_list_of_flags),
         MACHINE_TEST(sees_a_slow_clock),

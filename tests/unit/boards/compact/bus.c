@@ -68,7 +68,7 @@ static void a_wrong_configuration_is_refused(void **state)
     } wrong[] = {{"1 to 31 on a bus that speaks compact"},
                  {"a bus that speaks compact has no torque boards"},
                  {"both axes have the same joint"},
-                 {"only compact or described boards speak CAN FD"},
+                 {" boards speak CAN FD"},
                  {"1 to 4 on a bus that speaks foc"},
                  {"the gear must be above 0"}};
     static const struct boards_bus_config fd[BENCH_BUSES] = {

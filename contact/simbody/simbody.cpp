@@ -6,12 +6,13 @@
  * itself in there: no integrator, no gravity.
  *
  * This is the only C++ of the tree, and what it throws stays inside. It must never be built with
- * NDEBUG, see CMakeLists.txt.
+ * NDEBUG, see CMakeLists.txt beside it.
  */
 extern "C" {
 #include "base/arena.h"
 #include "contact/contact.h"
 #include "contact/friction.h"
+#include "contact/simbody/module.h"
 #include "contact/tangent.h"
 }
 
@@ -499,16 +500,10 @@ const struct contact_ops simbody_ops = {
     simbody_tangents, simbody_failure,  simbody_destroy,
 };
 
-} // namespace
-
-enum error_code contact_simbody_create(const struct contact_config *config,
-                                       struct contact_world **world, struct error *error)
+/* Creates a world (contact_simbody_create). */
+enum error_code simbody_create(const struct contact_config *config, struct contact_world **world,
+                               struct error *error)
 {
-    enum error_code code = contact_config_check(config, error);
-
-    if (code != ERROR_NONE) {
-        return code;
-    }
     for (size_t i = 0; i < config->nsurface; i++) {
         if (config->surface[i].shape == CONTACT_CAPSULE) {
             return error_set(error, ERROR_UNSUPPORTED,
@@ -538,3 +533,9 @@ enum error_code contact_simbody_create(const struct contact_config *config,
         return error_set(error, ERROR_SYSTEM, "contact: Simbody failed");
     }
 }
+
+} // namespace
+
+extern "C" const struct simbody_module simbody_module;
+
+const struct simbody_module simbody_module = {HIL_VERSION, SIMBODY_MODULE_SIZES, simbody_create};

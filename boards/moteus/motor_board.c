@@ -1,0 +1,503 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A moteus: one motor, which does nothing until it is asked to. Modes, faults and the watchdog are
+ * those of firmware 1.1.0; the loops have a step a millisecond instead of one in 1/30 ms, and the
+ * current loop is that of boards/motor_control.h. Gains of the position loop are what its owner has
+ * configured for the motor: damping as strong as that of its back-EMF, 40/s from position to speed.
+ */
+#include "boards/moteus/private.h"
+#include "boards/motor_control.h"
+
+#include <math.h>
+#include <string.h>
+
+#define TURN (2.0 * M_PI)
+#define STEP_S 1e-3
+
+enum { ENABLING_MS = 9 /* 256 periods of the PWM to find the offsets of the current */ };
+
+/* Configuration that is the firmware's own: servo.default_timeout_s, servo.timeout_max_torque_Nm,
+ * servo.default_accel_limit, servo.max_velocity, the voltage below which nothing works. */
+static const double TIMEOUT_S = 0.1, TIMEOUT_TORQUE_NM = 5.0, ACCELERATION_LIMIT = 50.0,
+                    VELOCITY_MAX = 500.0, SUPPLY_MIN_V = 4.0, POSITION_PER_S = 40.0;
+
+/* ---- modes ---- */
+
+/* Returns whether a mode drives the motor. */
+static bool moteus_runs(enum moteus_mode mode)
+{
+    return mode >= MOTEUS_PWM && mode < MOTEUS_MODES;
+}
+
+/* Enters a mode with fresh loops; the path begins anew. */
+static void moteus_set_mode(struct board *board, enum moteus_mode mode)
+{
+    struct moteus_board *moteus = moteus_board_of(board);
+    enum moteus_mode before = moteus_mode(moteus);
+
+    if (mode != before) {
+        board_event(board, BOARD_EVENT_MODE, 0, before, mode);
+        moteus->value[MOTEUS_R_MODE] = mode;
+        moteus->integral_v = moteus->voltage_v = 0.0;
+        if (mode != MOTEUS_TIMEOUT) {
+            moteus->path.position = NAN;
+            moteus->path.done = false;
+        }
+    }
+}
+
+/* Enters the fault mode; the first fault stays until the board is stopped. */
+static void moteus_raise_fault(struct board *board, enum moteus_fault fault)
+{
+    struct moteus_board *moteus = moteus_board_of(board);
+
+    if (moteus_mode(moteus) != MOTEUS_FAULT) {
+        moteus_set_mode(board, MOTEUS_FAULT);
+        moteus->value[MOTEUS_R_FAULT] = fault;
+        board_event(board, BOARD_EVENT_FAULT, 0, UINT32_C(1) << (fault - MOTEUS_FAULT_FIRST), 0);
+    }
+}
+
+/* Returns whether the motor is outside the limits of its position. */
+static bool moteus_is_outside(const struct board *board)
+{
+    const struct board_axis_config *axis = &board->config.axis[0];
+    double rad = moteus_board_of(board)->motor * TURN;
+
+    return rad < axis->lower_rad || rad > axis->upper_rad;
+}
+
+/* Goes on towards the wanted mode. Out of a fault and out of a time-out only a stop leads. */
+static void moteus_approach_mode(struct board *board)
+{
+    struct moteus_board *moteus = moteus_board_of(board);
+    enum moteus_mode mode = moteus_mode(moteus), wanted = (enum moteus_mode)moteus->wanted_mode;
+    bool bounded = (wanted == MOTEUS_POSITION || wanted == MOTEUS_STAY_WITHIN) &&
+                   moteus->command[MOTEUS_R_IGNORE_BOUNDS] == 0.0;
+
+    if (mode == wanted || mode == MOTEUS_FAULT || mode == MOTEUS_TIMEOUT) {
+        return;
+    }
+    if (mode == MOTEUS_STOPPED) {
+        moteus->enabling_ms = ENABLING_MS;
+        moteus_set_mode(board, MOTEUS_CALIBRATING);
+    } else if (mode == MOTEUS_CALIBRATING && --moteus->enabling_ms > 0) {
+        return;
+    } else if (bounded && moteus_is_outside(board)) {
+        moteus_raise_fault(board, MOTEUS_OUTSIDE_LIMIT);
+    } else {
+        moteus_set_mode(board, wanted);
+    }
+}
+
+/* Puts in what a command leaves to the configuration. */
+static void moteus_apply_defaults(struct moteus_board *moteus)
+{
+    double timeout_s = moteus->command[MOTEUS_R_TIMEOUT];
+    double velocity = moteus->command[MOTEUS_R_VELOCITY_LIMIT];
+    double acceleration = moteus->command[MOTEUS_R_ACCELERATION_LIMIT];
+
+    moteus->timeout_s = timeout_s == 0.0 ? TIMEOUT_S : timeout_s;
+    moteus->acceleration_limit = isnan(acceleration)  ? ACCELERATION_LIMIT
+                                 : acceleration < 0.0 ? (double)NAN
+                                                      : acceleration;
+    /* An acceleration limit comes with one of the speed */
+    moteus->velocity_limit = velocity < 0.0 ? (double)NAN : velocity;
+    if (!isnan(moteus->velocity_limit) || !isnan(moteus->acceleration_limit)) {
+        moteus->velocity_limit = fmin(moteus->velocity_limit, VELOCITY_MAX);
+    }
+}
+
+void moteus_board_command(struct board *board)
+{
+    struct moteus_board *moteus = moteus_board_of(board);
+    enum moteus_mode mode = (enum moteus_mode)moteus->commanded_mode;
+
+    if (mode >= MOTEUS_FAULT && mode <= MOTEUS_CALIBRATION_COMPLETE) {
+        return; /* modes that only the board enters */
+    }
+    memcpy(moteus->command, moteus->value, sizeof moteus->command);
+    moteus->wanted_mode = mode;
+    moteus_apply_defaults(moteus);
+    moteus->path.target = moteus->command[MOTEUS_R_POSITION_COMMAND];
+    if (mode == MOTEUS_STOPPED) {
+        moteus->value[MOTEUS_R_FAULT] = MOTEUS_NO_FAULT;
+        moteus_set_mode(board, MOTEUS_STOPPED);
+    } else if (isfinite(moteus->command[MOTEUS_R_STOP_POSITION])) {
+        moteus_raise_fault(board, MOTEUS_STOP_POSITION);
+    }
+}
+
+void moteus_board_act(struct board *board, uint32_t number, double value)
+{
+    struct moteus_board *moteus = moteus_board_of(board);
+    double shown = moteus->motor - moteus->zero, gear = board->config.axis[0].gear;
+
+    if (number == MOTEUS_R_OUTPUT_EXACT && isfinite(value)) {
+        moteus->zero = moteus->motor - value;
+    } else if (number == MOTEUS_R_OUTPUT_NEAREST && isfinite(value)) {
+        moteus->zero -= round((value - shown) * gear) / gear; /* by whole turns of the rotor */
+    }
+    moteus->path.position = NAN; /* captured again, as by RECAPTURE */
+}
+
+/* ---- power-up ---- */
+
+/* Returns the torque of an ampere: the drive's, else what its back-EMF says. */
+static double moteus_torque_constant(const struct board_axis_config *axis)
+{
+    return axis->torque_nm_a > 0.0 ? axis->torque_nm_a : axis->bemf_v_s_rad;
+}
+
+/* Fills the registers that never change. */
+static void moteus_identify(struct moteus_board *moteus)
+{
+    moteus->value[MOTEUS_R_FIRMWARE] = MOTEUS_FIRMWARE;
+    moteus->value[MOTEUS_R_MAP_VERSION] = MOTEUS_MAP_VERSION;
+    moteus->value[MOTEUS_R_UUID_MASK_CAPABLE] = 1.0;
+    moteus->value[MOTEUS_R_HOME_STATE] = 2.0;        /* of the output */
+    moteus->value[MOTEUS_R_ENCODER_VALIDITY] = 0x0f; /* sources 0 and 1 */
+    for (unsigned i = 0; i < 4; i++) {
+        uint64_t hash = hash_bytes(HASH_START + i, moteus->board.config.name,
+                                   strlen(moteus->board.config.name));
+
+        moteus->value[MOTEUS_R_UUID + i] = (uint32_t)hash;
+        if (i < 3) {
+            moteus->value[MOTEUS_R_SERIAL + i] = (uint32_t)(hash >> 32);
+        }
+    }
+}
+
+/* Resets the board (struct board_ops). */
+static void moteus_power_up(struct board *board)
+{
+    const struct board_axis_config *axis = &board->config.axis[0];
+    const struct moteus_board fresh = {.board = *board,
+                                       .torque_nm_a = moteus_torque_constant(axis),
+                                       .timeout_s = NAN,
+                                       .path = {.position = NAN, .target = NAN}};
+    struct moteus_board *moteus = moteus_board_of(board);
+
+    *moteus = fresh;
+    for (size_t i = 0; i < moteus_row_count; i++) {
+        moteus->value[moteus_rows[i].number] = moteus_rows[i].initial;
+    }
+    moteus_identify(moteus);
+    if (axis->winding_ohm > 0.0) {
+        current_loop_tune(axis->winding_ohm, axis->winding_h, &moteus->kp_v_a, &moteus->ki_v_as);
+        moteus->kd = moteus->torque_nm_a * axis->bemf_v_s_rad / axis->winding_ohm * TURN;
+        moteus->kp = POSITION_PER_S * moteus->kd;
+    }
+}
+
+/* ---- sensors ---- */
+
+/* Returns an angle within one turn, 0 to 1. */
+static double moteus_fraction(double turns)
+{
+    return turns - floor(turns);
+}
+
+/* Shows what the board measures in its registers. */
+static void moteus_show(struct moteus_board *moteus, const struct motor_sense *sense, double link)
+{
+    double *value = moteus->value;
+
+    value[MOTEUS_R_POSITION] = moteus->motor - moteus->zero;
+    value[MOTEUS_R_VELOCITY] = value[MOTEUS_R_ENCODER_0_VELOCITY] = moteus->velocity;
+    value[MOTEUS_R_TORQUE] = moteus->current_a * moteus->torque_nm_a;
+    value[MOTEUS_R_TORQUE_ERROR] = value[MOTEUS_R_TORQUE] - value[MOTEUS_R_CONTROL_TORQUE];
+    value[MOTEUS_R_Q_CURRENT] = moteus->current_a;
+    value[MOTEUS_R_ABS_POSITION] = value[MOTEUS_R_ENCODER_1_POSITION] = moteus_fraction(link);
+    value[MOTEUS_R_ENCODER_0_POSITION] =
+        moteus_fraction(moteus->motor * moteus->board.config.axis[0].gear);
+    value[MOTEUS_R_POWER] = moteus->current_a * moteus->voltage_v;
+    value[MOTEUS_R_VOLTAGE] = moteus->supply_v;
+    value[MOTEUS_R_TEMPERATURE] = value[MOTEUS_R_MOTOR_TEMPERATURE] = sense->winding_c;
+}
+
+/* Takes the sensors (struct board_ops). A value without a number keeps the one before. */
+static void moteus_sample(struct board *board, const struct plant_sensors *sensors)
+{
+    struct moteus_board *moteus = moteus_board_of(board);
+    const struct board_axis_config *axis = &board->config.axis[0];
+    int64_t now_ms = board->boards->now_ns / MS, ms = now_ms - moteus->sampled_ms;
+    const struct motor_sense *sense;
+    int32_t motor, link;
+
+    moteus->supply_v = board_supply_v(sensors);
+    moteus->value[MOTEUS_R_MILLISECONDS] = (double)(uint32_t)now_ms;
+    if (axis->joint < 0) {
+        return;
+    }
+    sense = &sensors->motor[axis->joint];
+    moteus->sensors_bad = !control_quantize(sense->qm * axis->motor_ticks_per_rad, &motor) ||
+                          !control_quantize(sense->q * axis->joint_ticks_per_rad, &link) ||
+                          !isfinite(sense->current_a);
+    if (moteus->sensors_bad) {
+        return;
+    }
+    moteus->current_a = sense->current_a;
+    moteus->motor = motor / axis->motor_ticks_per_rad / TURN;
+
+    /* The speed is a running mean */
+    if (!moteus->started) {
+        moteus->before = moteus->motor;
+        moteus->started = true;
+    } else if (ms > 0) {
+        double change = (moteus->motor - moteus->before) / ((double)ms * STEP_S);
+
+        moteus->velocity = (moteus->velocity + change) / 2.0;
+        moteus->before = moteus->motor;
+    }
+    moteus->sampled_ms = now_ms;
+    moteus_show(moteus, sense, link / axis->joint_ticks_per_rad / TURN);
+}
+
+/* ---- faults ---- */
+
+/* Watches supply, encoder, temperature and the age of the command, once a tick. */
+static void moteus_watch(struct board *board)
+{
+    struct moteus_board *moteus = moteus_board_of(board);
+    double hottest_c = board->config.axis[0].temperature_limit_c;
+    enum moteus_mode mode = moteus_mode(moteus);
+
+    if (mode == MOTEUS_STOPPED || mode == MOTEUS_FAULT) {
+        return;
+    }
+    if (board_is_over_voltage(board, moteus->supply_v)) {
+        moteus_raise_fault(board, MOTEUS_OVER_VOLTAGE);
+    } else if (moteus->supply_v < SUPPLY_MIN_V) {
+        moteus_raise_fault(board, MOTEUS_UNDER_VOLTAGE);
+    } else if (moteus->sensors_bad) {
+        moteus_raise_fault(board, MOTEUS_ENCODER);
+    } else if (hottest_c > 0.0 && moteus->value[MOTEUS_R_MOTOR_TEMPERATURE] > hottest_c) {
+        board->boards->counters.trips++;
+        moteus_raise_fault(board, MOTEUS_OVER_TEMPERATURE);
+    } else if ((mode == MOTEUS_POSITION || mode == MOTEUS_STAY_WITHIN) &&
+               moteus->timeout_s <= 0.0) {
+        board->boards->counters.timeouts++;
+        board_event(board, BOARD_EVENT_TIMEOUT, 0, mode, 0);
+        moteus_set_mode(board, MOTEUS_TIMEOUT);
+    }
+}
+
+/* ---- control laws, once a millisecond ---- */
+
+/* Returns a value within +-limit, which NaN does not set; notes in the register of faults what has
+ * limited it. */
+static double moteus_limit(struct moteus_board *moteus, double value, double limit,
+                           enum moteus_fault code)
+{
+    double limited = fmax(fmin(value, fabs(limit)), -fabs(limit));
+
+    if (limited != value) {
+        moteus->value[MOTEUS_R_FAULT] = code;
+    }
+    return limited;
+}
+
+/* Returns the voltage of the current loop. */
+static double moteus_current_law(struct moteus_board *moteus, double wanted_a)
+{
+    const struct board_axis_config *axis = &moteus->board.config.axis[0];
+
+    wanted_a = moteus_limit(moteus, isnan(wanted_a) ? 0.0 : wanted_a, axis->current_limit_a,
+                            MOTEUS_LIMIT_CURRENT);
+    return current_loop_step(&moteus->integral_v, moteus->kp_v_a, moteus->ki_v_as,
+                             wanted_a - moteus->current_a, moteus->supply_v) +
+           axis->bemf_v_s_rad * moteus->velocity * TURN;
+}
+
+/* Returns the voltage for a torque of the position loop; its parts are shown. */
+static double moteus_torque_law(struct moteus_board *moteus, double position_error,
+                                double velocity_error, const double *scale, double max_nm)
+{
+    double p = moteus->kp * scale[0] * position_error, d = moteus->kd * scale[1] * velocity_error;
+    double torque = moteus_limit(moteus, p + d + scale[2], max_nm, MOTEUS_LIMIT_TORQUE);
+    double *value = moteus->value;
+
+    value[MOTEUS_R_POSITION_ERROR] = -position_error;
+    value[MOTEUS_R_VELOCITY_ERROR] = -velocity_error;
+    value[MOTEUS_R_TORQUE_P] = p;
+    value[MOTEUS_R_TORQUE_D] = d;
+    value[MOTEUS_R_TORQUE_FEEDFORWARD] = scale[2];
+    value[MOTEUS_R_TORQUE_TOTAL] = value[MOTEUS_R_CONTROL_TORQUE] = torque;
+    return moteus_current_law(moteus,
+                              moteus->torque_nm_a > 0.0 ? torque / moteus->torque_nm_a : 0.0);
+}
+
+/* Returns a number, or 0 for NaN. */
+static double number_or_0(double value)
+{
+    return isnan(value) ? 0.0 : value;
+}
+
+/* Returns the voltage of the position loop along the path, which keeps to the limits of the
+ * position. */
+static double moteus_position_law(struct moteus_board *moteus)
+{
+    const struct board_axis_config *axis = &moteus->board.config.axis[0];
+    const double *command = moteus->command;
+    const double scale[] = {number_or_0(command[MOTEUS_R_KP_SCALE]),
+                            number_or_0(command[MOTEUS_R_KD_SCALE]),
+                            number_or_0(command[MOTEUS_R_FEEDFORWARD_TORQUE])};
+    double position = moteus->motor - moteus->zero;
+    double lower = axis->lower_rad / TURN - moteus->zero;
+    double upper = axis->upper_rad / TURN - moteus->zero;
+    struct moteus_path *path = &moteus->path;
+
+    if (isnan(path->position)) {
+        path->position = position;
+        path->velocity = moteus->velocity;
+    }
+    moteus_path_step(path, number_or_0(command[MOTEUS_R_VELOCITY_COMMAND]), moteus->velocity_limit,
+                     moteus->acceleration_limit);
+    if (command[MOTEUS_R_IGNORE_BOUNDS] == 0.0 &&
+        !(path->position >= lower && path->position <= upper)) {
+        path->position = fmax(fmin(path->position, upper), lower);
+        path->velocity = 0.0;
+        moteus->value[MOTEUS_R_FAULT] = MOTEUS_LIMIT_POSITION;
+    }
+    moteus->value[MOTEUS_R_TRAJECTORY_COMPLETE] = path->done;
+    moteus->value[MOTEUS_R_CONTROL_POSITION] = path->position;
+    moteus->value[MOTEUS_R_CONTROL_VELOCITY] = path->velocity;
+    return moteus_torque_law(moteus, path->position - position, path->velocity - moteus->velocity,
+                             scale, command[MOTEUS_R_MAX_TORQUE]);
+}
+
+/* Returns the voltage that brakes the motor with the damping of the position loop alone. */
+static double moteus_zero_velocity_law(struct moteus_board *moteus)
+{
+    const double scale[] = {0.0, number_or_0(moteus->command[MOTEUS_R_KD_SCALE]), 0.0};
+
+    return moteus_torque_law(moteus, 0.0, -moteus->velocity, scale, TIMEOUT_TORQUE_NM);
+}
+
+/* Returns the voltage that keeps the motor between two bounds: outside of them the position loop to
+ * the nearer one, within them the feedforward torque. */
+static double moteus_stay_within_law(struct moteus_board *moteus)
+{
+    const double *command = moteus->command;
+    double position = moteus->motor - moteus->zero;
+    double lower = command[MOTEUS_R_STAY_LOWER], upper = command[MOTEUS_R_STAY_UPPER];
+    double error = position < lower ? lower - position : position > upper ? upper - position : 0.0;
+    double scale[] = {number_or_0(command[MOTEUS_R_KP_SCALE]),
+                      error == 0.0 ? 0.0 : number_or_0(command[MOTEUS_R_KD_SCALE]),
+                      number_or_0(command[MOTEUS_R_FEEDFORWARD_TORQUE])};
+
+    return moteus_torque_law(moteus, error, -moteus->velocity, scale, command[MOTEUS_R_MAX_TORQUE]);
+}
+
+/* Returns the voltage of the mode. */
+static double moteus_law(struct moteus_board *moteus)
+{
+    switch (moteus_mode(moteus)) {
+    case MOTEUS_VOLTAGE_DQ:
+        return number_or_0(moteus->command[MOTEUS_R_Q_VOLTAGE_COMMAND]);
+    case MOTEUS_CURRENT:
+        return moteus_current_law(moteus, moteus->command[MOTEUS_R_Q_CURRENT_COMMAND]);
+    case MOTEUS_POSITION:
+        return moteus_position_law(moteus);
+    case MOTEUS_TIMEOUT:
+    case MOTEUS_ZERO_VELOCITY:
+        return moteus_zero_velocity_law(moteus);
+    case MOTEUS_STAY_WITHIN:
+        return moteus_stay_within_law(moteus);
+    default:
+        return 0.0; /* the brake shorts the motor, in the other modes the bridge is open */
+    }
+}
+
+/* Runs a millisecond: the watchdog, the mode, the law. */
+static void moteus_step(struct board *board)
+{
+    struct moteus_board *moteus = moteus_board_of(board);
+
+    moteus->timeout_s =
+        fmax(moteus->timeout_s - STEP_S, isnan(moteus->timeout_s) ? (double)NAN : 0.0);
+    moteus_approach_mode(board);
+    moteus_watch(board);
+    if (moteus_mode(moteus) != MOTEUS_FAULT) {
+        moteus->value[MOTEUS_R_FAULT] = MOTEUS_NO_FAULT;
+    }
+    moteus->voltage_v = fmax(fmin(moteus_law(moteus), moteus->supply_v), -moteus->supply_v);
+}
+
+/* Writes bridge and voltage into the plant's command. */
+static void moteus_drive_bridge(const struct board *board, struct plant_command *command)
+{
+    const struct moteus_board *moteus = moteus_board_of(board);
+    int joint = board->config.axis[0].joint;
+
+    if (joint >= 0) {
+        command->motor[joint].bridge_on = moteus_runs(moteus_mode(moteus));
+        command->motor[joint].voltage_v = command->motor[joint].bridge_on ? moteus->voltage_v : 0.0;
+    }
+}
+
+/* Runs one tick (struct board_ops). */
+static void moteus_control(struct board *board, struct ms_span span, struct plant_command *command)
+{
+    for (int64_t ms = span.from; ms < span.to; ms++) {
+        moteus_step(board);
+    }
+    moteus_drive_bridge(board, command);
+}
+
+/* Stops the motor (struct board_ops). */
+static void moteus_shut_down(struct board *board, struct plant_command *command)
+{
+    struct moteus_board *moteus = moteus_board_of(board);
+
+    moteus->wanted_mode = MOTEUS_STOPPED;
+    if (moteus_mode(moteus) != MOTEUS_FAULT) {
+        moteus_set_mode(board, MOTEUS_STOPPED);
+    }
+    moteus_drive_bridge(board, command);
+}
+
+/* Sends nothing by itself: every frame is a reply (struct board_ops). */
+static void moteus_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
+{
+    (void)span;
+    (void)sink;
+    board->lost_in_status = board->lost_in_overflow = false;
+}
+
+/* Returns whether the board is in fault (struct board_ops). */
+static bool moteus_is_faulty(const struct board *board)
+{
+    return moteus_mode(moteus_board_of(board)) == MOTEUS_FAULT;
+}
+
+/* Returns the mode (struct board_ops). */
+static uint8_t moteus_board_mode(const struct board *board, unsigned axis)
+{
+    (void)axis; /* there is one */
+    return (uint8_t)moteus_mode(moteus_board_of(board));
+}
+
+static const struct board_ops moteus_ops = {
+    .identity = {.type = 2, .major = 1, .minor = 1},
+    .turns_field = true,
+    .power_up = moteus_power_up,
+    .sample = moteus_sample,
+    .control = moteus_control,
+    .transmit = moteus_transmit,
+    .shut_down = moteus_shut_down,
+    .fault = moteus_is_faulty,
+    .mode = moteus_board_mode,
+};
+
+struct board *moteus_board_create(struct arena *arena)
+{
+    struct moteus_board *moteus = arena_alloc(arena, 1, sizeof *moteus);
+
+    if (!moteus) {
+        return NULL;
+    }
+    moteus->board.ops = &moteus_ops;
+    return &moteus->board;
+}

@@ -1,0 +1,160 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The register protocol of moteus controllers as a module. */
+#include "boards/moteus/protocol.h"
+
+#include "boards/board_private.h"
+#include "boards/moteus/board.h"
+#include "boards/moteus/table.h"
+#include "boards/protocols.h"
+#include "manual/protocol_moteus.h"
+
+/* Creates a controller, the only kind of board (struct protocol). */
+static struct board *moteus_make_board(const struct board_config *config, struct arena *arena)
+{
+    (void)config;
+    return moteus_board_create(arena);
+}
+
+/* Checks that what a motor moves is a joint behind a gear (struct protocol). */
+static enum error_code moteus_check_board(const struct boards_bus_config *bus,
+                                          const struct board_config *board, struct error *error)
+{
+    const struct board_axis_config *axis = &board->axis[0];
+    const char *wrong = axis->joint < 0 ? NULL
+                        : axis->valve   ? "a moteus moves no servo valve"
+                        : !(isfinite(axis->gear) && axis->gear > 0.0) ? "the gear must be above 0"
+                                                                      : NULL;
+
+    (void)bus;
+    return wrong ? error_set(error, ERROR_INPUT, "board %s: %s",
+                             board->name ? board->name : "(no name)", wrong)
+                 : ERROR_NONE;
+}
+
+/* ---- messages ---- */
+
+/* Visits nothing: a frame to all boards is one to each (struct protocol). */
+static void moteus_visit_broadcasts(struct message_walk *walk)
+{
+    (void)walk;
+}
+
+/* Visits the command to a board and the reply to it (struct protocol). */
+static void moteus_visit_board(struct message_walk *walk, int index, unsigned first_slot)
+{
+    unsigned address = walk->config->board[index].address;
+    struct message message = {
+        .name = "COMMAND",
+        .id = MOTEUS_WANTS_REPLY | moteus_id(0, address),
+        .base = MOTEUS_WANTS_REPLY,
+        .step = 1,
+        .number = address,
+        .extended = true,
+        .fd = true,
+        .bit_rate_switch = true,
+        .sender = MESSAGE_NO_BOARD,
+        .receiver = index,
+        .from_host = true,
+        .length = MOTEUS_COMMAND_LENGTH,
+        .code = MESSAGE_NO_CODE,
+        .answer = "REPLY",
+        .section = MESSAGE_FROM_HOST,
+        .cycle_ns = (uint32_t)(walk->config->tick_ns > MS ? walk->config->tick_ns : MS),
+        .fields = moteus_command_fields,
+        .repeats = 1,
+        .slot = (int)first_slot,
+    };
+
+    message_visit(walk, &message);
+    message.name = "REPLY";
+    message.id = moteus_id(address, 0);
+    message.base = 0;
+    message.step = moteus_id(1, 0);
+    message.extended = message.id > 0x7ff;
+    message.sender = index;
+    message.receiver = MESSAGE_NO_BOARD;
+    message.from_host = false;
+    message.length = MOTEUS_REPLY_LENGTH;
+    message.answer = NULL;
+    message.section = MESSAGE_FROM_BOARDS;
+    message.fields = moteus_reply_fields;
+    message_visit(walk, &message);
+}
+
+/* Returns whether a frame with the identifier goes to a controller or comes from one to the host
+ * (struct protocol). */
+static bool moteus_claims_id(const struct boards_bus_config *bus, uint32_t id, char *text,
+                             size_t size)
+{
+    snprintf(text, size, "moteus boards, expected one whose low byte is from 0x20 to 0x7e");
+    return bus && ((id & 0xff) <= MOTEUS_ADDRESS_MAX || (id & 0xff) == MOTEUS_BROADCAST);
+}
+
+/* ---- words ---- */
+
+/* Returns the name of a mode (struct protocol). */
+static const char *moteus_mode_name(uint32_t mode)
+{
+    static const char *const names[MOTEUS_MODES] = {
+        "stopped",  "fault",   "enabling",      "calibrating", "calibration complete",
+        "PWM",      "voltage", "voltage FOC",   "voltage DQ",  "current",
+        "position", "timeout", "zero velocity", "stay within", "measure inductance",
+        "brake"};
+
+    return mode < MOTEUS_MODES ? names[mode] : "unknown";
+}
+
+/* From the code 32 on. */
+static const char *const moteus_fault_names[] = {"calibration",
+                                                 "motor driver",
+                                                 "over-voltage",
+                                                 "encoder",
+                                                 "motor not configured",
+                                                 "PWM cycle overrun",
+                                                 "over-temperature",
+                                                 "outside limit",
+                                                 "under-voltage",
+                                                 "configuration changed",
+                                                 "theta invalid",
+                                                 "position invalid",
+                                                 "driver enable",
+                                                 "stop position with limits",
+                                                 NULL};
+
+/* Prints the registers (struct protocol). */
+static void moteus_print_registers(FILE *out)
+{
+    fputs("\n## Registers\n\n| number | name | unit | access |\n|---|---|---|---|\n", out);
+    for (size_t i = 0; i < moteus_row_count; i++) {
+        const struct moteus_row *row = &moteus_rows[i];
+        const char *unit = moteus_unit(row->quantity);
+
+        fprintf(out, "| 0x%03x | `%s` | %s | %s |\n", row->number, row->name, unit ? unit : "",
+                row->access == MOTEUS_R    ? "read"
+                : row->access == MOTEUS_RW ? "read, write"
+                                           : "write");
+    }
+}
+
+const struct protocol protocol_moteus = {
+    .name = "moteus",
+    .summary = "moteus controllers (mjbots) over CAN FD, one axis an address, 1 kHz",
+    .motor_address_max = MOTEUS_ADDRESS_MAX,
+    .address_max = MOTEUS_ADDRESS_MAX,
+    .axes_max = 1,
+    .canfd = true,
+    .canfd_only = true,
+    .motors_only = true,
+    .make_bus = moteus_bus_create,
+    .make_board = moteus_make_board,
+    .check_board = moteus_check_board,
+    .visit_broadcasts = moteus_visit_broadcasts,
+    .visit_board = moteus_visit_board,
+    .claims_id = moteus_claims_id,
+    .mode_name = moteus_mode_name,
+    .fault_names = moteus_fault_names,
+    .timeout_text = "mode timeout",
+    .limit_text = "turns",
+    .help = MANUAL_PROTOCOL_MOTEUS,
+    .print_appendix = moteus_print_registers,
+};

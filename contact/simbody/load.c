@@ -1,0 +1,91 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Finds and loads the module with the contact engine "simbody". */
+#include "contact/simbody/module.h"
+
+#include "base/count.h"
+
+#include <dlfcn.h>
+#include <limits.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+/* Writes the folder of the running program; false when it is not known. */
+static bool simbody_find_program(char folder[PATH_MAX])
+{
+    ssize_t length = readlink("/proc/self/exe", folder, PATH_MAX - 1);
+    char *slash;
+
+    folder[length < 0 ? 0 : length] = '\0';
+    slash = strrchr(folder, '/');
+    if (slash) {
+        *slash = '\0';
+    }
+    return slash;
+}
+
+bool contact_simbody_find(char *path, size_t size)
+{
+    /* From the program's folder: where it is installed, in the build's, in that of its tests */
+    static const char *const places[] = {"../" HIL_MODULE_FOLDER, "modules", "../modules"};
+    char folder[PATH_MAX];
+
+    if (!simbody_find_program(folder)) {
+        folder[0] = '\0';
+    }
+    for (size_t i = 0; i < ARRAY_COUNT(places); i++) {
+        int length = snprintf(path, size, "%s/%s/" SIMBODY_MODULE_FILE, folder, places[i]);
+
+        if (length > 0 && (size_t)length < size && access(path, R_OK) == 0) {
+            return true;
+        }
+    }
+    /* Where the build was to be installed, for programs that stand elsewhere */
+    snprintf(path, size, "%s", HIL_MODULE_PATH "/" SIMBODY_MODULE_FILE);
+    if (access(path, R_OK) == 0) {
+        return true;
+    }
+    snprintf(path, size, "%s/%s/" SIMBODY_MODULE_FILE, folder, places[0]);
+    return false;
+}
+
+/* Loads the module of a file, unless it is of another build. It stays loaded: libraries of C++ do
+ * not take well to being unloaded. */
+static enum error_code simbody_load(const char *path, const struct simbody_module **module,
+                                    struct error *error)
+{
+    void *handle = dlopen(path, RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
+    const size_t size[] = {SIMBODY_MODULE_SIZES};
+
+    if (!handle) {
+        return error_set(error, ERROR_UNSUPPORTED, "contact: engine simbody: %.300s", dlerror());
+    }
+    *module = dlsym(handle, "simbody_module");
+    if (!*module || strcmp((*module)->version, HIL_VERSION) != 0 ||
+        (*module)->config_size != size[0] || (*module)->surface_size != size[1] ||
+        (*module)->error_size != size[2]) {
+        return error_set(error, ERROR_UNSUPPORTED,
+                         "contact: engine simbody: found a module of another build, %.300s", path);
+    }
+    return ERROR_NONE;
+}
+
+enum error_code contact_simbody_create(const struct contact_config *config,
+                                       struct contact_world **world, struct error *error)
+{
+    const struct simbody_module *module = NULL;
+    char path[PATH_MAX];
+    enum error_code code = contact_config_check(config, error);
+
+    if (code) {
+        return code;
+    }
+    if (!contact_simbody_find(path, sizeof path)) {
+        return error_set(error, ERROR_UNSUPPORTED,
+                         "contact: engine simbody: found no module %.300s, expected one (a build "
+                         "with HIL_SIMBODY=ON installs it) or engine native",
+                         path);
+    }
+    code = simbody_load(path, &module, error);
+    return code ? code : module->create(config, world, error);
+}

@@ -1,0 +1,278 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The host's side of boards/moteus/protocol.h: each axis is commanded and asked in one frame a
+ * period. The motor is driven in the mode position with kp scaled to 0, and does what the voltage
+ * would do: the feedforward torque is that of its current at rest, and the controller's kd, which
+ * is configured as strong as the back-EMF, takes the motion off at its own rate, without the delay
+ * of the bus.
+ */
+#include "tasks/host_private.h"
+
+#include "boards/moteus/protocol.h"
+
+#include <math.h>
+#include <string.h>
+
+#define TURN_RAD (2.0 * M_PI)
+
+enum { TIMED_OUT = 31 }; /* bit of joint.fault, behind those of the codes */
+
+/* By the code less 32. */
+static const char *const fault_name[32] = {
+    "calibration",          "motor driver",
+    "over-voltage",         "encoder",
+    "motor not configured", "PWM cycle overrun",
+    "over-temperature",     "outside the limits at the start",
+    "under-voltage",        "configuration changed",
+    "commutation encoder",  "output encoder",
+    "gate driver",          "stop position",
+    "timing violation",     "back-EMF feedforward",
+    "invalid limits",       "position error",
+    "velocity error",       [TIMED_OUT] = "watchdog time-out",
+};
+
+/* ---- what arrives ---- */
+
+/* What a reply says, as far as the host has asked for it. */
+struct moteus_reply {
+    float value[MOTEUS_R_FAULT + 1]; /* by register */
+    uint32_t has;                    /* the registers that it holds, as bits */
+};
+
+/* Reads a varuint of one or two bytes, as all registers of the host are; returns the next byte's
+ * index, beyond the end if there is none. */
+static unsigned reply_read_varuint(const struct bus_frame *frame, unsigned at, unsigned *value)
+{
+    *value = 0;
+    for (unsigned shift = 0; shift < 14 && at < frame->len; shift += 7) {
+        *value |= (unsigned)(frame->data[at] & 0x7f) << shift;
+        if (!(frame->data[at++] & 0x80)) {
+            return at;
+        }
+    }
+    return frame->len + 1u;
+}
+
+/* Keeps the value of a register, a whole number or a float. */
+static void reply_keep(struct moteus_reply *reply, unsigned number, unsigned type,
+                       const uint8_t *data)
+{
+    uint32_t bits = type == MOTEUS_INT8 ? data[0] : get_u32_le(data);
+
+    if (number > MOTEUS_R_FAULT || (type != MOTEUS_INT8 && type != MOTEUS_FLOAT)) {
+        return;
+    }
+    if (type == MOTEUS_INT8) {
+        reply->value[number] = (int8_t)bits;
+    } else {
+        memcpy(&reply->value[number], &bits, sizeof bits);
+    }
+    if (isfinite(reply->value[number])) {
+        reply->has |= UINT32_C(1) << number;
+    }
+}
+
+/* Reads the subframes of a reply, up to one that is none or that the frame cuts off. */
+static struct moteus_reply moteus_read_reply(const struct bus_frame *frame)
+{
+    struct moteus_reply reply = {.has = 0};
+    unsigned at = 0;
+
+    while (at < frame->len && frame->data[at] >= MOTEUS_REPLY &&
+           frame->data[at] < MOTEUS_WRITE_ERROR) {
+        unsigned type = frame->data[at] & 0xc, count = frame->data[at] & 3, first;
+        unsigned bytes = type == MOTEUS_INT8 ? 1 : type == MOTEUS_INT16 ? 2 : 4;
+
+        at = count ? at + 1 : reply_read_varuint(frame, at + 1, &count);
+        at = reply_read_varuint(frame, at, &first);
+        for (unsigned i = 0; i < count && at + bytes <= frame->len; i++, at += bytes) {
+            reply_keep(&reply, first + i, type, frame->data + at);
+        }
+    }
+    return reply;
+}
+
+/* Returns whether a reply holds all of these registers. */
+static bool moteus_has(const struct moteus_reply *reply, uint32_t registers)
+{
+    return (reply->has & registers) == registers;
+}
+
+/* Sets mode and faults of a joint. */
+static void moteus_set_joint_mode(struct host_joint *joint, int mode, int code)
+{
+    bool timed_out = mode == MOTEUS_TIMEOUT;
+
+    joint->motor = mode == MOTEUS_POSITION               ? HOST_MOTOR_ON
+                   : timed_out || mode == MOTEUS_FAULT   ? HOST_MOTOR_FAULT
+                   : mode <= MOTEUS_CALIBRATION_COMPLETE ? HOST_MOTOR_OFF /* or about to be on */
+                                                         : HOST_MOTOR_OTHER;
+    joint->fault = timed_out ? UINT32_C(1) << TIMED_OUT : 0;
+    if (mode == MOTEUS_FAULT && code >= MOTEUS_FAULT_FIRST &&
+        code < MOTEUS_FAULT_FIRST + TIMED_OUT) {
+        joint->fault = UINT32_C(1) << (code - MOTEUS_FAULT_FIRST);
+    }
+}
+
+/* Sets angles, current and torque of a joint. The absolute encoder tells the link within a turn,
+ * which is the one that is nearest to the motor; both encoders tell the spring's torque. */
+static void moteus_set_joint_motion(struct host *host, size_t axis,
+                                    const struct moteus_reply *reply)
+{
+    const struct host_drive *drive = &host->config.axis[axis].drive;
+    double motor = (double)reply->value[MOTEUS_R_POSITION];
+    double link = (double)reply->value[MOTEUS_R_ABS_POSITION];
+    double torque_nm = (double)reply->value[MOTEUS_R_TORQUE];
+    struct host_joint *joint = &host->joint[axis];
+
+    joint->motor_rad = motor * TURN_RAD;
+    joint->joint_rad = (link + round(motor - link)) * TURN_RAD;
+    joint->current_a = drive->torque_nm_a > 0.0 ? torque_nm / drive->torque_nm_a : 0.0;
+    joint->torque_nm = drive->spring_nm_rad > 0.0
+                           ? drive->spring_nm_rad * (joint->motor_rad - joint->joint_rad)
+                           : torque_nm;
+    joint->motor_time_ns = joint->joint_time_ns = joint->torque_time_ns = host->now_ns;
+}
+
+/* Reads a reply to the host (struct host_ops). */
+static void host_moteus_read(struct host *host, size_t bus, const struct bus_frame *frame)
+{
+    unsigned address = frame->id >> 8;
+    struct moteus_reply reply;
+    struct host_node *node;
+
+    if ((frame->id & 0xff) != 0 || address < 1 || address > MOTEUS_ADDRESS_MAX ||
+        host->line[bus].node[address].kind != HOST_MOTOR_BOARD) {
+        return;
+    }
+    node = &host->line[bus].node[address];
+    node->found = true;
+    reply = moteus_read_reply(frame);
+    if (moteus_has(&reply, 1u << MOTEUS_R_MODE | 1u << MOTEUS_R_FAULT)) {
+        moteus_set_joint_mode(&host->joint[node->axis[0]], (int)reply.value[MOTEUS_R_MODE],
+                              (int)reply.value[MOTEUS_R_FAULT]);
+    }
+    if (moteus_has(&reply,
+                   1u << MOTEUS_R_POSITION | 1u << MOTEUS_R_TORQUE | 1u << MOTEUS_R_ABS_POSITION)) {
+        moteus_set_joint_motion(host, (size_t)node->axis[0], &reply);
+    }
+}
+
+/* ---- what is sent ---- */
+
+/* Queues a frame with a command, or with none, and the question for mode, motion and fault. */
+static void host_moteus_queue(struct host *host, size_t bus, unsigned address, unsigned length,
+                              const uint8_t *command)
+{
+    static const uint8_t question[] = {
+        MOTEUS_READ | MOTEUS_INT8 | 1,  MOTEUS_R_MODE,         /* mode */
+        MOTEUS_READ | MOTEUS_FLOAT | 3, MOTEUS_R_POSITION,     /* position, velocity, torque */
+        MOTEUS_READ | MOTEUS_FLOAT | 1, MOTEUS_R_ABS_POSITION, /* the link's angle */
+        MOTEUS_READ | MOTEUS_INT8 | 3,  MOTEUS_R_VOLTAGE,      /* voltage, temperature, fault */
+    };
+    struct bus_frame frame = {.id = MOTEUS_WANTS_REPLY | moteus_id(0, address),
+                              .flags = FRAME_EXTENDED | FRAME_FD | FRAME_BRS};
+
+    memset(frame.data, MOTEUS_NOP, MOTEUS_DATA_MAX);
+    memcpy(frame.data, command, length);
+    memcpy(frame.data + length, question, sizeof question);
+    frame.len = frame_fd_length(length + (unsigned)sizeof question);
+    memset(frame.data + frame.len, 0, MOTEUS_DATA_MAX - frame.len);
+    host_queue(host, bus, &frame);
+}
+
+/* Queues the stop of a motor, or its torque. */
+static void host_moteus_command(struct host *host, size_t axis)
+{
+    const struct host_axis *of = &host->config.axis[axis];
+    double ampere = of->drive.winding_ohm > 0.0 ? host->volts[axis] / of->drive.winding_ohm : 0.0;
+    float torque = (float)(of->drive.torque_nm_a * ampere);
+    uint8_t stop[] = {MOTEUS_WRITE | MOTEUS_INT8 | 1, MOTEUS_R_MODE, MOTEUS_STOPPED};
+    uint8_t drive[] = {
+        MOTEUS_WRITE | MOTEUS_INT8 | 1,
+        MOTEUS_R_MODE,
+        MOTEUS_POSITION,
+        MOTEUS_WRITE | MOTEUS_INT8 | 1,
+        MOTEUS_R_POSITION_COMMAND,
+        0x80, /* the present one */
+        MOTEUS_WRITE | MOTEUS_FLOAT | 1,
+        MOTEUS_R_FEEDFORWARD_TORQUE,
+        0,
+        0,
+        0,
+        0,
+        MOTEUS_WRITE | MOTEUS_INT8 | 1,
+        MOTEUS_R_KP_SCALE,
+        0,
+    };
+    uint32_t bits;
+
+    memcpy(&bits, &torque, sizeof bits);
+    put_u32_le(drive + 8, bits);
+
+    /* In the start-up a stop clears the fault of an earlier run first */
+    if (host->want[axis].on &&
+        !(host->phase == HOST_ENABLING && host->joint[axis].motor == HOST_MOTOR_FAULT)) {
+        host_moteus_queue(host, (size_t)of->bus, of->address, sizeof drive, drive);
+    } else {
+        host_moteus_queue(host, (size_t)of->bus, of->address, sizeof stop, stop);
+    }
+}
+
+/* Queues a question to each controller of the rig (struct host_ops). */
+static void host_moteus_discover(struct host *host, size_t bus)
+{
+    for (unsigned address = 1; address <= MOTEUS_ADDRESS_MAX; address++) {
+        if (host->line[bus].node[address].kind == HOST_MOTOR_BOARD) {
+            host_moteus_queue(host, bus, address, 0, (const uint8_t *)"");
+        }
+    }
+}
+
+/* Makes no request: there is nothing to configure over the bus (struct host_ops). */
+static bool host_moteus_request(const struct host *host, size_t bus, unsigned address, int number,
+                                struct host_request *request)
+{
+    (void)host;
+    (void)bus;
+    (void)address;
+    (void)number;
+    (void)request;
+    return false;
+}
+
+/* Notes that a motor is switched; the next frame says it (struct host_ops). */
+static void host_moteus_set_motor(struct host *host, size_t axis, bool on)
+{
+    host->want[axis].on = on;
+    host->want[axis].switch_off = !on;
+}
+
+/* Queues a frame for each axis once motors were switched on, before that what stops them (struct
+ * host_ops). */
+static void host_moteus_end_period(struct host *host, size_t bus)
+{
+    for (size_t axis = 0; axis < host->config.naxis; axis++) {
+        struct host_want *want = &host->want[axis];
+
+        if (host->config.axis[axis].bus == (int)bus &&
+            (host->line[bus].driving || want->switch_off)) {
+            want->switch_off = false;
+            host_moteus_command(host, axis);
+        }
+    }
+}
+
+const struct host_ops host_moteus = {
+    .name = "moteus",
+    .motor_address_max = MOTEUS_ADDRESS_MAX,
+    .address_max = MOTEUS_ADDRESS_MAX,
+    .axes = 1,
+    .extended = true,
+    .discover = host_moteus_discover,
+    .request = host_moteus_request,
+    .read = host_moteus_read,
+    .set_motor = host_moteus_set_motor,
+    .end_period = host_moteus_end_period,
+    .fault_name = fault_name,
+};

@@ -1,0 +1,488 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Moteus controllers against frames written by hand from the documents "CAN Protocol" and
+ * "Register Reference" of github.com/mjbots/moteus (firmware 1.1.0): subframes, scales,
+ * modes, watchdog, faults, paths. */
+#include "boards/protocols.h"
+#include "tests/unit/boards/board_bench.h"
+
+#define OHM 0.8
+#define HENRY 0.0004
+#define BEMF 4.0 /* V s/rad and N m/A, at the link */
+
+static const struct boards_bus_config buses[BENCH_BUSES] = {
+    {.protocol = &protocol_moteus, .fd = true}, {.protocol = &protocol_icub}};
+
+/* bus 0: controllers 1 (joint 0) and 9 (joint 1); bus 1: an iCub board. */
+static void configure(struct board_bench *bench)
+{
+    bench_configure(bench);
+    for (int i = 0; i < 2; i++) {
+        struct board_axis_config *axis = &bench->board[i].axis[0];
+
+        bench->board[i] = bench_motor(i ? "knee" : "hip", 0, i ? 9 : 1, i, -1);
+        axis->gear = 10.0;
+        axis->winding_ohm = OHM;
+        axis->winding_h = HENRY;
+        axis->bemf_v_s_rad = axis->torque_nm_a = BEMF;
+        axis->temperature_limit_c = 90.0;
+    }
+    bench->board[2] = bench->board[4];
+    bench->config.nboard = 3;
+    bench->config.bus = buses;
+    bench->sense[0].winding_c = bench->sense[1].winding_c = 20.0;
+}
+
+static int set_up(void **state)
+{
+    static struct board_bench bench;
+
+    configure(&bench);
+    bench_start(&bench);
+    *state = &bench;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    bench_stop(*state);
+    return 0;
+}
+
+/* A frame of CAN FD with bit rate switch arrives. */
+static void say(struct board_bench *bench, uint32_t id, const char *hex)
+{
+    struct bus_frame frame = {.id = id,
+                              .flags = FRAME_FD | FRAME_BRS | (id > 0x7ff ? FRAME_EXTENDED : 0)};
+
+    frame.len = bench_bytes(hex, frame.data);
+    boards_receive(bench->boards, bench->now_ns, 0, &frame);
+}
+
+static void expect(const struct board_bench *bench, uint32_t id, unsigned flags, const char *hex)
+{
+    const struct bus_frame *frame = bench_find(bench, 0, id);
+    uint8_t data[64], len = bench_bytes(hex, data);
+
+    assert_int_equal(bench_sent(bench, 0, id), 1);
+    assert_int_equal(frame->flags, flags);
+    if (frame->len != len || memcmp(frame->data, data, len) != 0) {
+        for (int i = 0; i < frame->len; i++) {
+            print_error("%02X ", frame->data[i]);
+        }
+        fail_msg("is not %s", hex);
+    }
+}
+
+/* Controller 1 is asked by the host 0 and answers in the next tick. */
+static void ask(struct board_bench *bench, const char *request, const char *reply)
+{
+    say(bench, 0x8001, request);
+    bench_tick(bench);
+    expect(bench, 0x100, FRAME_FD | FRAME_BRS, reply);
+}
+
+/* Repeats a frame without a reply every millisecond. */
+static void keep(struct board_bench *bench, const char *hex, int ticks)
+{
+    while (ticks-- > 0) {
+        say(bench, 0x0001, hex);
+        bench_tick(bench);
+    }
+}
+
+/* A command takes effect behind its frame, so that what the frame reads is as before. */
+static void command(struct board_bench *bench, const char *hex)
+{
+    keep(bench, hex, 1);
+}
+
+/* Returns a register of controller 1 as a float. */
+static double value_of(struct board_bench *bench, unsigned number)
+{
+    char request[16];
+    uint32_t bits;
+    float value;
+
+    if (number < 0x80) {
+        snprintf(request, sizeof request, "1D %02X", number);
+    } else {
+        snprintf(request, sizeof request, "1D %02X %02X", (number & 0x7f) | 0x80, number >> 7);
+    }
+    say(bench, 0x8001, request);
+    bench_tick(bench);
+    assert_int_equal(bench_sent(bench, 0, 0x100), 1);
+    bits = get_u32_le(bench_find(bench, 0, 0x100)->data + (number < 0x80 ? 2 : 3));
+    memcpy(&value, &bits, sizeof value);
+    return (double)value;
+}
+
+static void the_example_of_the_document(void **state)
+{
+    struct board_bench *bench = *state;
+
+    bench->sense[0].qm = 0.008003 * 2.0 * M_PI; /* 80 of 0.0001 turn */
+    bench->sense[0].current_a = -1.442 / BEMF;  /* -144 of 0.01 N m */
+    bench->sensors.supply_v = 12.0;
+    keep(bench, "01 00 0A 0D 20 00 00 C0 7F", 20); /* position, NaN: it is about to go on */
+    ask(bench, "01 00 0A 07 20 60 00 20 01 50 FF 14 04 00 13 0D",
+        "24 04 00 0A 00 50 00 00 00 70 FF 23 0D 18 14 00");
+    /* what was commanded: 96 of 0.0001 turn, 288 of 0.00025 turn/s, -176 of 0.01 N m */
+    assert_near(value_of(bench, 0x020), 0.0096, 1e-7);
+    assert_near(value_of(bench, 0x021), 0.072, 1e-7);
+    assert_near(value_of(bench, 0x022), -1.76, 1e-6);
+}
+
+static void a_value_comes_in_each_type_by_its_scale(void **state)
+{
+    struct board_bench *bench = *state;
+
+    bench->sense[0].qm = -0.25001 * 2.0 * M_PI;
+    bench->sense[0].current_a = 1.2501;
+    bench_tick(bench);
+    bench_ticks(bench, 60); /* the velocity comes to rest */
+    ask(bench, "11 01 15 01 19 01", "21 01 E7 25 01 3C F6 29 01 57 9E FF FF 50 50 50");
+    ask(bench, "11 04 15 04 19 04", "21 04 01 25 04 0C 00 29 04 E2 04 00 00 50 50 50");
+    ask(bench, "11 0D 15 0D 19 0D", "21 0D 60 25 0D E0 01 29 0D 7F BB 00 00 50 50 50");
+    /* 47999: 48 / 0.001 in floats, cut off */
+    /* scales: 1 in each type; the current position by the lowest integer and by NaN */
+    ask(bench, "01 00 00 01 20 80 11 23 15 23 19 23 1D 23 50 50 50",
+        "21 23 7F 25 23 FF 7F 29 23 FF FF FF 7F 2D 23 00 00 80 3F 50");
+    ask(bench, "11 20 15 20 19 20 1D 20",
+        "21 20 80 25 20 00 80 29 20 00 00 00 80 2D 20 00 00 C0 7F "
+        "50");
+    /* beyond what an integer holds it stays at the end that is no NaN */
+    bench->sense[0].qm = 400.0 * 2.0 * M_PI;
+    bench_tick(bench);
+    ask(bench, "11 01 15 01", "21 01 7F 25 01 FF 7F");
+    bench->sense[0].qm = -400.0 * 2.0 * M_PI;
+    bench_tick(bench);
+    ask(bench, "11 01 15 01", "21 01 81 25 01 01 80");
+}
+
+static void what_does_not_exist_is_an_error_in_the_reply(void **state)
+{
+    struct board_bench *bench = *state;
+
+    ask(bench, "01 08 00 01 0F 00 11 0F", "30 08 01 30 0F 02 21 0F 00 50 50 50");
+    ask(bench, "11 0F 11 08 11 0F", "21 0F 00 31 08 01");          /* the rest is not read */
+    ask(bench, "12 0F", "31 10 01");                               /* none of a part */
+    ask(bench, "11 81 02", "31 81 02 01");                         /* a version is an int32 */
+    ask(bench, "1A 81 02", "2A 81 02 00 01 01 00 05 00 00 00 50"); /* 1.1.0, map 5 */
+    ask(bench, "01 00 05 01 00 10 01 00 FF", "30 00 01 30 00 01 30 00 01 50 50 50");
+    ask(bench, "40 01 11 0F", ""); /* a diagnostic stream */
+    ask(bench, "11", "");
+    assert_int_equal(bench_counters(bench).unknown, 6);
+    assert_int_equal(bench_counters(bench).malformed, 1);
+    assert_near(value_of(bench, 0), 0.0, 0.0); /* stopped, as before */
+}
+
+static void a_reply_goes_to_who_asks_in_the_format_of_the_question(void **state)
+{
+    struct board_bench *bench = *state;
+    struct bus_frame frame = {.id = 0x8109, .flags = FRAME_EXTENDED, .len = 2, .data = {0x11, 0}};
+
+    say(bench, 0x0001, "11 00");
+    bench_tick(bench);
+    assert_int_equal(bench->count[0], 0); /* no reply is wanted */
+    boards_receive(bench->boards, bench->now_ns, 0, &frame);
+    bench_tick(bench);
+    expect(bench, 0x901, FRAME_EXTENDED, "21 00 00"); /* from 9 to 1, classic */
+    frame.data[0] = 0x1c;
+    frame.data[1] = 3;
+    frame.data[2] = 1;
+    frame.len = 3;
+    boards_receive(bench->boards, bench->now_ns, 0, &frame);
+    bench_tick(bench);
+    assert_int_equal(bench_find(bench, 0, 0x901)->flags, FRAME_EXTENDED | FRAME_FD);
+    /* a prefix, an address of nobody, the broadcast */
+    say(bench, 0x18001, "11 00");
+    say(bench, 0x8002, "11 00");
+    assert_int_equal(bench_counters(bench).foreign, 2);
+    say(bench, 0x807f, "50");
+    bench_tick(bench);
+    expect(bench, 0x100, FRAME_FD | FRAME_BRS, "");
+    expect(bench, 0x900, FRAME_FD | FRAME_BRS | FRAME_EXTENDED, "");
+}
+
+static void a_uuid_selects_a_controller(void **state)
+{
+    struct board_bench *bench = *state;
+    char masked[64];
+    const uint8_t *uuid;
+
+    say(bench, 0x807f, "18 04 D0 02 11 D8 02");
+    bench_tick(bench);
+    assert_int_equal(bench_find(bench, 0, 0x900)->data[23], 1); /* it can be selected */
+    uuid = bench_find(bench, 0, 0x900)->data + 4;
+    assert_memory_not_equal(uuid, bench_find(bench, 0, 0x100)->data + 4, 16);
+    snprintf(masked, sizeof masked, "09 D4 02 %02X %02X %02X %02X 01 00 0F 11 0D", uuid[0], uuid[1],
+             uuid[2], uuid[3]);
+    say(bench, 0x807f, masked);
+    bench_tick(bench);
+    assert_int_equal(bench_sent(bench, 0, 0x100), 0);
+    expect(bench, 0x900, FRAME_FD | FRAME_BRS | FRAME_EXTENDED, "21 0D 60");
+    bench_ticks(bench, 10);
+    assert_true(bench->motor[1].bridge_on); /* the brake */
+    assert_false(bench->motor[0].bridge_on);
+}
+
+static void a_drive_needs_some_milliseconds_to_begin(void **state)
+{
+    struct board_bench *bench = *state;
+
+    command(bench, "01 00 08 0D 1B 00 00 40 C1"); /* -12 V */
+    ask(bench, "11 00", "21 00 03");              /* it calibrates */
+    assert_false(bench->motor[0].bridge_on);
+    bench_ticks(bench, 10);
+    ask(bench, "11 00", "21 00 08");
+    assert_true(bench->motor[0].bridge_on);
+    assert_near(bench->motor[0].voltage_v, -12.0, 1e-9);
+    bench_ticks(bench, 1000); /* voltages know no watchdog */
+    assert_near(bench->motor[0].voltage_v, -12.0, 1e-9);
+    command(bench, "01 00 00");
+    ask(bench, "11 00", "21 00 00");
+    assert_false(bench->motor[0].bridge_on);
+}
+
+/* The error of a current falls by half a millisecond; from rest 0.5 R I / (1 - exp(-1 ms R/L)). */
+static void a_torque_is_a_current(void **state)
+{
+    struct board_bench *bench = *state;
+    double first = 0.5 * OHM * 3.0 / (1.0 - exp(-1e-3 * OHM / HENRY));
+
+    keep(bench, "01 00 0A 0D 20 00 00 C0 7F", 20);
+    /* 12 N m, both gains scaled to 0 */
+    command(bench, "01 00 0A 0D 22 00 00 40 41 02 23 00 00");
+    assert_near(bench->motor[0].voltage_v, first, 1e-6);
+    ask(bench, "11 00 15 34", "21 00 0A 25 34 B0 04");
+    /* as many amperes, and no more than the rig allows, 12 A */
+    command(bench, "01 00 00");
+    ask(bench, "11 00", "21 00 00");
+    keep(bench, "01 00 09 0D 1C 00 00 40 40", 12);
+    ask(bench, "11 0F", "21 0F 00");
+    command(bench, "01 00 09 0D 1C 00 00 C8 42");
+    ask(bench, "11 0F", "21 0F 63");
+}
+
+/* Position errors become torque by kp, and velocities by kd; max torque holds. */
+static void the_position_loop_pulls_back(void **state)
+{
+    struct board_bench *bench = *state;
+    const double kd = BEMF * BEMF / OHM * 2.0 * M_PI, kp = 40.0 * kd; /* of a turn */
+
+    /* at 0, held; then it is 0.01 turn away, at rest again after some time */
+    keep(bench, "01 00 0A 0D 20 00 00 00 00", 20);
+    bench->sense[0].qm = 0.01 * 2.0 * M_PI;
+    keep(bench, "01 00 0A 0D 20 00 00 00 00", 60);
+    assert_near(value_of(bench, 0x03b), 0.01, 1e-5);
+    assert_near(value_of(bench, 0x030), -kp * 0.01, 0.01);
+    assert_near(value_of(bench, 0x034), -kp * 0.01, 0.01);
+    keep(bench, "01 00 0A 0D 20 00 00 00 00 0D 25 00 00 00 40", 2); /* at most 2 N m */
+    assert_near(value_of(bench, 0x034), -2.0, 1e-6);
+    ask(bench, "11 0F", "21 0F 66");                       /* 102: the torque limits it */
+    keep(bench, "01 00 0A 0D 20 00 00 00 00 01 23 3F", 2); /* 63 of 127 */
+    assert_near(value_of(bench, 0x030), -kp * 0.01 * 63.0 / 127.0, 0.01);
+    /* within 0.02 turn nothing pulls, beyond it does */
+    keep(bench, "01 00 0D 0E 40 0A D7 A3 BC 0A D7 A3 3C", 2);
+    assert_near(value_of(bench, 0x034), 0.0, 1e-9);
+    bench->sense[0].qm = 0.03 * 2.0 * M_PI;
+    keep(bench, "01 00 0D 0E 40 0A D7 A3 BC 0A D7 A3 3C", 60);
+    assert_near(value_of(bench, 0x034), -kp * 0.01, 0.05);
+}
+
+static void a_command_is_valid_until_the_watchdog(void **state)
+{
+    struct board_bench *bench = *state;
+    struct board_event event;
+
+    keep(bench, "01 00 0A 0D 20 00 00 C0 7F 0D 22 00 00 00 41", 20);
+    bench_ticks(bench, 98);
+    ask(bench, "11 00", "21 00 0A");
+    bench_ticks(bench, 3);
+    ask(bench, "11 00", "21 00 0B");
+    assert_true(bench_event(bench, BOARD_EVENT_TIMEOUT, &event));
+    assert_int_equal(event.a, 10);
+    assert_int_equal(bench_counters(bench).timeouts, 1);
+    /* it brakes: 5 N m at the most against the motion, and no more is obeyed but a stop */
+    for (int i = 1; i <= 100; i++) {
+        bench->sense[0].qm = i * 2e-3;
+        bench_tick(bench);
+    }
+    assert_true(bench->motor[0].bridge_on);
+    assert_near(value_of(bench, 0x034), -5.0, 1e-6);
+    command(bench, "01 00 0A");
+    ask(bench, "11 00", "21 00 0B");
+    command(bench, "01 00 00");
+    ask(bench, "11 00", "21 00 00");
+    keep(bench, "01 00 0A 0D 20 00 00 C0 7F", 20);
+    ask(bench, "11 00", "21 00 0A");
+    /* 20 ms of its own; NaN: never */
+    command(bench, "01 00 0A 0D 20 00 00 C0 7F 05 27 14 00");
+    bench_ticks(bench, 18);
+    ask(bench, "11 00", "21 00 0A");
+    bench_ticks(bench, 3);
+    command(bench, "01 00 00");
+    ask(bench, "11 00", "21 00 00");
+    keep(bench, "01 00 0A 0D 20 00 00 C0 7F 05 27 00 80", 20);
+    bench_ticks(bench, 5000);
+    ask(bench, "11 00", "21 00 0A");
+}
+
+static void a_fault_stays_until_a_stop(void **state)
+{
+    static const struct {
+        const char *name, *reply;
+        double supply_v, winding_c, qm, current_a;
+    } cases[] = {{"over-voltage", "21 00 01 21 0F 22", 61.0, 20.0, 0.0, 0.0},
+                 {"under-voltage", "21 00 01 21 0F 28", 3.9, 20.0, 0.0, 0.0},
+                 {"over-temperature", "21 00 01 21 0F 26", 48.0, 91.0, 0.0, 0.0},
+                 {"encoder", "21 00 01 21 0F 23", 48.0, 20.0, (double)NAN, 0.0},
+                 {"current sensor", "21 00 01 21 0F 23", 48.0, 20.0, 0.0, (double)INFINITY}};
+    struct board_bench *bench = *state;
+    struct board_event event;
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        keep(bench, "01 00 0A 0D 20 00 00 C0 7F", 20);
+        assert_true(bench->motor[0].bridge_on);
+        bench->sensors.supply_v = cases[i].supply_v;
+        bench->sense[0].winding_c = cases[i].winding_c;
+        bench->sense[0].qm = cases[i].qm;
+        bench->sense[0].current_a = cases[i].current_a;
+        bench_ticks(bench, 2);
+        bench->sensors.supply_v = 48.0;
+        bench->sense[0] = (struct motor_sense){.winding_c = 20.0};
+        bench_ticks(bench, 2);
+        assert_false(bench->motor[0].bridge_on);
+        assert_true(bench_event(bench, BOARD_EVENT_FAULT, &event));
+        assert_true(boards_fault(bench->boards));
+        command(bench, "01 00 0A");
+        ask(bench, "11 00 11 0F", cases[i].reply);
+        command(bench, "01 00 00");
+        ask(bench, "11 00 11 0F", "21 00 00 21 0F 00");
+    }
+    /* Outside of its limits, 2.5 rad, it does not begin, unless it is told to ignore them */
+    bench->sense[0].qm = 2.6;
+    keep(bench, "01 00 0A 0D 20 00 00 C0 7F", 20);
+    ask(bench, "11 00 11 0F", "21 00 01 21 0F 27");
+    command(bench, "01 00 00");
+    ask(bench, "11 00", "21 00 00");
+    keep(bench, "01 00 0A 0D 20 00 00 C0 7F 01 2D 01", 20);
+    ask(bench, "11 00", "21 00 0A");
+    command(bench, "01 00 00");
+    ask(bench, "11 00", "21 00 00");
+    bench->sense[0].qm = 0.0;
+    /* A stop position is no use with the default limit of acceleration */
+    command(bench, "01 00 0A 0D 26 00 00 00 00");
+    ask(bench, "11 00 11 0F", "21 00 01 21 0F 2D");
+}
+
+/* With an acceleration of 1 turn/s2 a quarter of a turn takes 1 s: half of it up to 0.5 turn/s. */
+static void a_path_keeps_to_its_limits(void **state)
+{
+    static const char quarter[] = "01 00 0A 0D 20 00 00 80 3E 0D 29 00 00 80 3F 02 23 00 00 "
+                                  "1E 38 11 0B";
+    struct board_bench *bench = *state;
+    double fastest = 0.0, before = 0.0;
+    int done = 0;
+
+    keep(bench, "01 00 0A 0D 20 00 00 00 00", 20);
+    for (int t = 0; t < 1100; t++) {
+        const uint8_t *reply;
+        float path[2]; /* position, velocity of the tick before */
+
+        say(bench, 0x8001, quarter);
+        bench_tick(bench);
+        assert_int_equal(bench_sent(bench, 0, 0x100), 1);
+        reply = bench_find(bench, 0, 0x100)->data;
+        memcpy(path, reply + 2, sizeof path);
+        assert_true(fabs((double)path[1] - before) <= 2.001e-3); /* the last step is cut short */
+        before = (double)path[1];
+        fastest = fmax(fastest, before);
+        if (t == 500) {
+            assert_near((double)path[0], 0.125, 0.001);
+        }
+        done = done == 0 && t > 0 && reply[12] == 1 ? t : done;
+    }
+    assert_near(fastest, 0.5, 0.002);
+    assert_in_range(done, 995, 1010);
+    assert_near(value_of(bench, 0x038), 0.25, 1e-6);
+    /* a velocity alone, at most 0.2 turn/s */
+    keep(bench, "01 00 0A 0E 20 00 00 C0 7F 00 00 80 3F 0D 28 CD CC 4C 3E 02 23 00 00", 100);
+    assert_near(value_of(bench, 0x039), 0.2, 1e-6);
+    /* without limits at once */
+    keep(bench, "01 00 0A 0D 20 00 00 00 3E 0D 28 00 00 80 BF 0D 29 00 00 80 BF 02 23 00 00", 1);
+    assert_near(value_of(bench, 0x038), 0.125, 1e-6);
+}
+
+static void the_position_can_be_set(void **state)
+{
+    struct board_bench *bench = *state;
+
+    bench->sense[0].qm = 0.33 * 2.0 * M_PI;
+    bench->sense[0].q = -0.25 * 2.0 * M_PI;
+    bench_tick(bench);
+    assert_near(value_of(bench, 0x001), 0.33, 1e-5);
+    assert_near(value_of(bench, 0x006), 0.75, 1e-4); /* the link, within a turn */
+    assert_near(value_of(bench, 0x050), 0.3, 1e-3);  /* the rotor, gear 10 */
+    say(bench, 0x0001, "0D B1 02 00 00 00 3F");      /* exactly 0.5 */
+    bench_tick(bench);
+    assert_near(value_of(bench, 0x001), 0.5, 1e-6);
+    say(bench, 0x0001, "0D B0 02 00 00 00 00"); /* the nearest to 0 that a rotor's turn allows */
+    bench_tick(bench);
+    assert_near(value_of(bench, 0x001), 0.0, 1e-6);
+    say(bench, 0x0001, "0D B0 02 C3 F5 A8 3E"); /* to 0.33 */
+    bench_tick(bench);
+    assert_near(value_of(bench, 0x001), 0.3, 1e-6);
+}
+
+static void a_wrong_rig_is_refused(void **state)
+{
+    static const char *const wrong[] = {"a bus that speaks moteus must be CAN FD",
+                                        "a bus that speaks moteus has motor boards only",
+                                        "a moteus moves no servo valve", "the gear must be above 0",
+                                        "the address must be 1 to 31 on a bus that speaks moteus"};
+    static const struct boards_bus_config classic[BENCH_BUSES] = {{.protocol = &protocol_moteus}};
+
+    (void)state;
+    for (int i = 0; i < 5; i++) {
+        struct board_bench bench;
+        struct boards *boards;
+        struct error error;
+
+        configure(&bench);
+        bench.config.bus = i == 0 ? classic : buses;
+        bench.board[1].kind = i == 1 ? BOARD_FT : BOARD_MOTOR;
+        bench.board[1].axis[0].valve = i == 2;
+        bench.board[1].axis[0].gear = i == 3 ? 0.0 : 10.0;
+        bench.board[1].address = i == 4 ? 32 : 9;
+        assert_int_equal(arena_init(&bench.arena, 64u << 20, &error), ERROR_NONE);
+        assert_int_equal(boards_create(&bench.config, &bench.arena, &boards, &error), ERROR_INPUT);
+        if (!strstr(error.text, wrong[i])) {
+            fail_msg("\"%s\" does not say \"%s\"", error.text, wrong[i]);
+        }
+        arena_fini(&bench.arena);
+    }
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(the_example_of_the_document),
+        TEST(a_value_comes_in_each_type_by_its_scale),
+        TEST(what_does_not_exist_is_an_error_in_the_reply),
+        TEST(a_reply_goes_to_who_asks_in_the_format_of_the_question),
+        TEST(a_uuid_selects_a_controller),
+        TEST(a_drive_needs_some_milliseconds_to_begin),
+        TEST(a_torque_is_a_current),
+        TEST(the_position_loop_pulls_back),
+        TEST(a_command_is_valid_until_the_watchdog),
+        TEST(a_fault_stays_until_a_stop),
+        TEST(a_path_keeps_to_its_limits),
+        TEST(the_position_can_be_set),
+        cmocka_unit_test(a_wrong_rig_is_refused),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
