@@ -11,6 +11,10 @@
 #define SETTLE_S 0.5 /* wait after the ramp, until the springs are at rest */
 #define LOAD_S 0.3   /* duration in which the motors take over the weight at the start */
 
+/* Round trip of the buses, a period of the loop included, up to which the gains are those of the
+ * configuration */
+#define ROUND_TRIP_NS 2e6
+
 /* ---- creation ---- */
 
 /* Finds the geometry, axes and link chain of both legs. ERROR_INPUT when a leg is not of a known
@@ -100,7 +104,6 @@ enum error_code balance_create(const struct balance_config *config, const struct
     if (!balance || !angle || !from || !pose || !gains) {
         return error_set(error, ERROR_MEMORY, "no memory for the balance");
     }
-    /* The gains are a copy, since the ankle rolls have gains of their own */
     *balance = (struct balance){.config = *config,
                                 .model = model,
                                 .initial = initial_rad,
@@ -110,18 +113,11 @@ enum error_code balance_create(const struct balance_config *config, const struct
                                 .from = from,
                                 .pose = pose,
                                 .gains = gains};
-    for (size_t i = 0; i < naxis; i++) {
-        gains[i] = config->gains[i];
-    }
     /* Boards, legs and posture: what can be wrong with the rig shows here */
     code = estimator_create(&config->estimate, model, host, arena, &balance->estimator, error);
     code = code ? code : balance_find_legs(balance, error);
     if (code) {
         return code;
-    }
-    for (int side = 0; side < BODY_SIDES; side++) {
-        gains[balance->leg[side].axis[LEG_ANKLE_ROLL]].kp_v_per_rad =
-            config->ankle_roll_kp_v_per_rad;
     }
     if (!balance_find_posture(balance)) {
         return error_set(error, ERROR_INPUT,
@@ -130,6 +126,28 @@ enum error_code balance_create(const struct balance_config *config, const struct
     }
     *out = balance;
     return ERROR_NONE;
+}
+
+/* Chooses the gains: those of the ankle rolls are their own. On buses that are slower than the gains
+ * are for, the position loops cross over in proportion more slowly, so that the phase that the delay
+ * takes from them stays the same. */
+static void balance_choose_gains(struct balance *balance)
+{
+    const struct balance_config *config = &balance->config;
+    double round_trip_ns = (double)host_round_trip_ns(balance->host);
+    double share = fmin(1.0, ROUND_TRIP_NS / fmax(round_trip_ns, 1.0));
+
+    for (size_t i = 0; i < host_configuration(balance->host)->naxis; i++) {
+        balance->gains[i] = config->gains[i];
+        balance->gains[i].kp_v_per_rad *= share;
+    }
+    for (int side = 0; side < BODY_SIDES; side++) {
+        size_t axis = balance->leg[side].axis[LEG_ANKLE_ROLL];
+        double own = config->ankle_roll_kp_v_per_rad;
+
+        balance->gains[axis].kp_v_per_rad =
+            fmin(own, share * fmax(own, config->gains[axis].kp_v_per_rad));
+    }
 }
 
 void balance_start(struct balance *balance)
@@ -146,6 +164,7 @@ void balance_start(struct balance *balance)
             leg->motor_rad[j] = host_joint(balance->host, leg->axis[j])->motor_rad;
         }
     }
+    balance_choose_gains(balance);
     servo_use(balance->servo, balance->gains);
     estimator_start(balance->estimator);
     balance->t_s = 0;

@@ -40,6 +40,7 @@ struct host_node {
     int requested, answered;    /* start-up requests sent and confirmed */
     int tries;                  /* tries of the last request */
     int64_t request_time_ns;
+    bool timed;                       /* the last request is answered, and was sent once */
     double full_scale[HOST_CHANNELS]; /* as the board says */
 
     /* cia402 motor boards, by axis */
@@ -68,6 +69,7 @@ struct host_line {
     uint32_t slots_on, slots_off; /* switched in this period */
     uint32_t (*sent)[HOST_SLOTS]; /* described: frames with a counter, by row and number */
     int64_t targets_due_ns;       /* foc, cia402: of the next set-points */
+    int64_t round_trip_ns;        /* shortest time from a request to its answer; 0 = none yet */
 };
 
 struct host {

@@ -75,6 +75,19 @@ static enum host_phase host_discover(struct host *host)
     return host->phase;
 }
 
+/* Measures the round trip by a request that was answered and sent only once. */
+static void host_time_reply(struct host_line *line, struct host_node *node, int64_t now_ns)
+{
+    int64_t took_ns = now_ns - node->request_time_ns;
+
+    if (node->timed && node->answered == node->requested) {
+        node->timed = false;
+        if (line->round_trip_ns == 0 || took_ns < line->round_trip_ns) {
+            line->round_trip_ns = took_ns;
+        }
+    }
+}
+
 /* Sends a board one request after the other, each repeated until it is answered. Returns true
  * when all have been. */
 static bool host_configure_node(struct host *host, size_t bus, unsigned address)
@@ -83,6 +96,7 @@ static bool host_configure_node(struct host *host, size_t bus, unsigned address)
     struct host_request request = {0};
     bool waits = node->answered < node->requested;
 
+    host_time_reply(&host->line[bus], node, host->now_ns);
     /* An answer is still due: wait, give up, or ask again */
     if (waits && host->now_ns - node->request_time_ns <= REPLY_TIMEOUT_NS) {
         return false;
@@ -100,6 +114,7 @@ static bool host_configure_node(struct host *host, size_t bus, unsigned address)
     node->requested = node->answered + 1;
     node->answered += !request.reply;
     node->tries = waits ? node->tries + 1 : 1;
+    node->timed = request.reply && node->tries == 1;
     node->request_time_ns = host->now_ns;
     return false;
 }
@@ -137,6 +152,16 @@ static enum host_phase host_enable_motors(struct host *host)
         host_enter_phase(host, HOST_READY);
     }
     return host->phase;
+}
+
+int64_t host_round_trip_ns(const struct host *host)
+{
+    int64_t longest = 0;
+
+    for (size_t b = 0; b < host->config.nbus; b++) {
+        longest = host->line[b].round_trip_ns > longest ? host->line[b].round_trip_ns : longest;
+    }
+    return longest;
 }
 
 enum host_phase host_start_up(struct host *host)

@@ -81,6 +81,7 @@ static void start_up_discovers_configures_and_enables(void **state)
     struct bench *bench = *state;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
+    assert_int_equal(host_round_trip_ns(bench->host), bench->config.period_ns);
     assert_true(was_sent(bench, 0, 0x70f, 1, (const uint8_t[]){0xff}));
     assert_true(was_sent(bench, 0, 0x002, 3, (const uint8_t[]){0x5b, 1, 6}));
     /* POSITION, STATUS, CURRENT, MOTOR_POSITION */
@@ -93,6 +94,26 @@ static void start_up_discovers_configures_and_enables(void **state)
     assert_true(was_sent(bench, 0, 0x20d, 2, (const uint8_t[]){0x08, 5}));
     assert_true(was_sent(bench, 0, 0x20d, 2, (const uint8_t[]){0x18, 5}));
     assert_true(was_sent(bench, 0, 0x20d, 2, (const uint8_t[]){0x07, 0}));
+}
+
+/* Boards that are heard once in five periods */
+static void the_round_trip_is_the_shortest_to_an_answer(void **state)
+{
+    struct bench *bench = *state;
+    enum host_phase phase = HOST_DISCOVERING;
+
+    host_receive(bench->host, bench->now_ns);
+    for (int i = 0; i < 1000 && phase < HOST_READY; i++) {
+        phase = host_start_up(bench->host);
+        host_send(bench->host);
+        if (i % 5 == 4) {
+            play_boards(bench);
+        }
+        bench->now_ns += bench->config.period_ns;
+        assert_true(host_receive(bench->host, bench->now_ns));
+    }
+    assert_int_equal(phase, HOST_READY);
+    assert_int_equal(host_round_trip_ns(bench->host), 5 * bench->config.period_ns);
 }
 
 /* A bootloader that has been asked stays until it is told to go. */
@@ -255,6 +276,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(start_up_discovers_configures_and_enables, set_up,
+                                        bench_tear_down),
+        cmocka_unit_test_setup_teardown(the_round_trip_is_the_shortest_to_an_answer, set_up,
                                         bench_tear_down),
         cmocka_unit_test_setup_teardown(a_lost_frame_does_not_stop_the_start_up, set_up,
                                         bench_tear_down),
