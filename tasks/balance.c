@@ -128,9 +128,9 @@ enum error_code balance_create(const struct balance_config *config, const struct
     return ERROR_NONE;
 }
 
-/* Chooses the gains: those of the ankle rolls are their own. On buses that are slower than the gains
- * are for, the position loops cross over in proportion more slowly, so that the phase that the delay
- * takes from them stays the same. */
+/* Chooses the gains: those of the ankle rolls are their own. On buses that are slower than the
+ * gains are for, the position loops cross over in proportion more slowly, so that the phase that
+ * the delay takes from them stays the same. */
 static void balance_choose_gains(struct balance *balance)
 {
     const struct balance_config *config = &balance->config;

@@ -74,8 +74,8 @@ int64_t host_time_ns(const struct host *host);
 /* Continues the start-up by one period; returns the phase reached. */
 enum host_phase host_start_up(struct host *host);
 
-/* Returns the round trip of the slowest bus, ns: the shortest time in the start-up from a request to
- * its answer, by the host's clock. 0 = no board of any bus answers requests. */
+/* Returns the round trip of the slowest bus, ns: the shortest time in the start-up from a request
+ * to its answer, by the host's clock. 0 = no board of any bus answers requests. */
 int64_t host_round_trip_ns(const struct host *host);
 
 /* For whoever only listens, beside a host that commands: prepares a new host for boards that
