@@ -70,7 +70,8 @@ static enum error_code make_plant(const struct rig *rig, const struct trial_robo
     return code;
 }
 
-/* Sets the command that holds from a time on; row is the last one at that time. */
+/* Sets the command that holds from a time on; row is the last one at that time; position is as the
+ * recording counts it. */
 static void set_command(const struct bench_law *law, const struct recording *r, size_t row,
                         double position, double supply, struct motor_command *command)
 {
@@ -79,7 +80,8 @@ static void set_command(const struct bench_law *law, const struct recording *r, 
     command->bridge_on = r->enabled[row];
     if (law->duty_per_rad > 0.0) {
         duty = law->duty_per_rad * r->gain * (r->goal[row] - position);
-        command->voltage_v = fmax(-law->duty_max, fmin(law->duty_max, duty)) * supply;
+        duty = fmax(-law->duty_max, fmin(law->duty_max, duty));
+        command->voltage_v = duty * supply;
     } else {
         command->voltage_v = r->voltage[r->voltage_before && row + 1 < r->count ? row + 1 : row];
     }
