@@ -210,9 +210,18 @@ void parameter_bounds(const struct trial_robot *trial, int parameter, double sup
 bool parameter_is_written(const struct trial_robot *trial, int parameter)
 {
     const struct parameter *of = &parameters[parameter];
-    const bool required = of->owner == OWNER_DRIVE &&
-                          of->offset < offsetof(struct robot_sea, stop) &&
-                          of->offset != offsetof(struct robot_sea, deflection);
+    const struct robot_effects *effects = &trial->effects;
+    const bool thermal = of->owner == OWNER_EFFECTS &&
+                         of->offset >= offsetof(struct robot_effects, thermal) &&
+                         of->offset < offsetof(struct robot_effects, dead_time);
 
-    return of->owner != OWNER_BENCH && (required || parameter_get(trial, parameter) != 0.0);
+    /* The constants of the paper are required; what means nothing without another is left out */
+    if (of->owner == OWNER_DRIVE && of->offset < offsetof(struct robot_sea, deflection)) {
+        return true;
+    }
+    if ((thermal && effects->thermal.winding_k_w == 0.0) ||
+        (!strcmp(of->key, "breakaway_nm") && effects->stribeck == 0.0)) {
+        return false;
+    }
+    return of->owner != OWNER_BENCH && parameter_get(trial, parameter) != 0.0;
 }
