@@ -75,8 +75,8 @@ struct robot_thermal {
 };
 
 /* Friction of a gear by the torques that it carries, of the motor at its one side and of the load
- * at its other: shares of them at any speed, more of them near rest, and that of their squares where
- * the two oppose each other. Zero = off. */
+ * at its other: shares of them at any speed, more of them near rest, and of their squares where the
+ * two oppose each other. Zero = off. */
 struct robot_load_friction {
     double motor, external;                     /* shares, 1 */
     double motor_stribeck, external_stribeck;   /* added at rest, with the dip of Stribeck, 1 */

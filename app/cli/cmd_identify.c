@@ -46,8 +46,8 @@ static size_t split_keys(char *text, const char *key[IDENTIFY_FREE_MAX + 1])
 }
 
 /* Prints the numbers, what is not told, and the errors. */
-static void print_result(const struct identify_bench *bench, const struct fit_problem *problem,
-                         const struct identify_result *result)
+static void print_identified(const struct identify_bench *bench, const struct fit_problem *problem,
+                             const struct identify_result *result)
 {
     const struct fit_result *fit = &result->fit;
 
@@ -136,7 +136,7 @@ static enum error_code identify_do(const struct identify_options *o, struct aren
     if (code) {
         return code;
     }
-    print_result(&bench, &problem, &result);
+    print_identified(&bench, &problem, &result);
     if (o->output) {
         code = identify_write_drive(&bench, &problem, &result, o->output, error);
     }

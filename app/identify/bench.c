@@ -133,15 +133,23 @@ static const struct yaml_field bench_fields[] = {
     {.key = "law", .type = YAML_MAP, .offset = AT(law), .schema = &law_schema},
     REAL("robust_rad", false, robust_rad, 0.0, 10.0),
     REAL("limit_rad", false, limit_rad, 0.0, 10.0),
-    REAL("offset_rad", false, offset_rad, -10.0, 10.0),
-    REAL("delay_s", false, delay_s, 0.0, 1.0),
-    REAL("arm_kg", false, arm_kg, 0.0, 100.0),
+    {.key = "numbers", .type = YAML_REAL_DICT, .offset = AT(number), .count_offset = AT(nnumber)},
     LIST("free", free, free_schema),
     LIST("recordings", recording, recording_schema),
     LIST("published", published, published_schema),
 };
 static const struct yaml_schema bench_schema = SCHEMA("a measured bench", bench_fields);
 #undef STRUCT
+
+/* Refuses a key that no number has. */
+static enum error_code refuse_key(const struct yaml_mark *mark, const char *key,
+                                  struct error *error)
+{
+    return yaml_error(error, mark,
+                      "found no number \"%.63s\" that can be identified, expected a key of a "
+                      "drive's file, or offset_rad, delay_s, arm_kg",
+                      key);
+}
 
 /* Checks what the table of keys cannot say. */
 static enum error_code check_bench(struct bench *bench, struct error *error)
@@ -159,15 +167,17 @@ static enum error_code check_bench(struct bench *bench, struct error *error)
         return yaml_error(error, &bench->free[IDENTIFY_FREE_MAX].mark,
                           "found more than %d free numbers, expected fewer", IDENTIFY_FREE_MAX);
     }
+    for (size_t i = 0; i < bench->nnumber; i++) {
+        if (parameter_find(bench->number[i].name) == IDENTIFY_NONE) {
+            return refuse_key(&bench->number[i].mark, bench->number[i].name, error);
+        }
+    }
     for (size_t i = 0; i < bench->nfree; i++) {
         struct bench_free *one = &bench->free[i];
 
         one->parameter = parameter_find(one->key);
         if (one->parameter == IDENTIFY_NONE) {
-            return yaml_error(error, &one->mark,
-                              "found no number \"%.63s\" that can be identified, expected a key of "
-                              "a drive's file, or offset_rad, delay_s, arm_kg",
-                              one->key);
+            return refuse_key(&one->mark, one->key, error);
         }
         if ((one->has_expected != one->has_sigma) || (one->has_sigma && !(one->sigma > 0.0)) ||
             (one->has_lower && one->has_upper && !(one->lower < one->upper))) {

@@ -68,7 +68,8 @@ struct bench {
     struct bench_recording *recording;
     struct bench_published *published;
     size_t nfree, nrecording, npublished;
-    double offset_rad, delay_s, arm_kg; /* of the bench as it is, beside the rig's numbers */
+    struct yaml_real_entry *number; /* of drive and bench, in the place of the rig's */
+    size_t nnumber;
 };
 
 /* A recording in memory. */

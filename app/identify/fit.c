@@ -54,7 +54,7 @@ static bool is_logarithmic(const struct fit_free *free)
     return free->lower > 0.0 && free->upper > 10.0 * free->lower;
 }
 
-static double value_of(const struct fit_free *free, double u)
+static double fit_value(const struct fit_free *free, double u)
 {
     const double share = 0.5 * (1.0 + sin(u));
 
@@ -62,7 +62,7 @@ static double value_of(const struct fit_free *free, double u)
                                 : free->lower + (free->upper - free->lower) * share;
 }
 
-static double variable_of(const struct fit_free *free, double value)
+static double fit_variable(const struct fit_free *free, double value)
 {
     const double share = is_logarithmic(free)
                              ? log(value / free->lower) / log(free->upper / free->lower)
@@ -72,11 +72,11 @@ static double variable_of(const struct fit_free *free, double value)
 }
 
 /* Returns dp/du. */
-static double slope_of(const struct fit_free *free, double u)
+static double fit_slope(const struct fit_free *free, double u)
 {
     const double half = 0.5 * cos(u);
 
-    return is_logarithmic(free) ? value_of(free, u) * log(free->upper / free->lower) * half
+    return is_logarithmic(free) ? fit_value(free, u) * log(free->upper / free->lower) * half
                                 : (free->upper - free->lower) * half;
 }
 
@@ -89,7 +89,7 @@ static void set_variables(const struct fit_problem *problem, const double *u,
     *trial = *problem->trial;
     for (size_t i = 0; i < problem->nfree; i++) {
         parameter[i] = problem->free[i].parameter;
-        value[i] = value_of(&problem->free[i], u[i]);
+        value[i] = fit_value(&problem->free[i], u[i]);
     }
     parameter_set(trial, parameter, value, problem->nfree);
 }
@@ -98,7 +98,7 @@ static void set_variables(const struct fit_problem *problem, const double *u,
 
 /* Returns the root of the loss of an error: the error while it is small against robust, and growing
  * with its square root beyond. */
-static double soften(double error, double robust)
+static double soften_error(double error, double robust)
 {
     const double z = robust > 0.0 ? error / robust : 0.0;
 
@@ -117,7 +117,7 @@ static enum error_code residuals_of(struct fit *fit, size_t recording, const dou
     set_variables(problem, u, &trial);
     code = simulate_recording(problem->rig, &trial, problem->law, r, out, error);
     for (size_t i = 0; i < r->count && !code; i++) {
-        out[i] = soften(out[i] - r->position[i], problem->robust_rad);
+        out[i] = soften_error(out[i] - r->position[i], problem->robust_rad);
     }
     atomic_fetch_add(&fit->simulations, 1);
     return code;
@@ -132,7 +132,7 @@ static void prior_residuals(const struct fit *fit, const double *u, double *out)
         const struct fit_free *free = &fit->problem->free[i];
 
         if (free->sigma > 0.0) {
-            out[row++] = fit->level * (value_of(free, u[i]) - free->expected) / free->sigma;
+            out[row++] = fit->level * (fit_value(free, u[i]) - free->expected) / free->sigma;
         }
     }
 }
@@ -211,8 +211,8 @@ static double rms_of(const struct fit *fit, const double *residual)
 
 /* Computes residuals (flag 1) or the Jacobian by forward differences (flag 2), column by column;
  * negative ends the fit. */
-static int evaluate(void *context, int m, int n, const double *u, double *residual,
-                    double *jacobian, int stride, int flag)
+static int fit_evaluate(void *context, int m, int n, const double *u, double *residual,
+                        double *jacobian, int stride, int flag)
 {
     struct fit *fit = context;
     double set[IDENTIFY_FREE_MAX * IDENTIFY_FREE_MAX] = {0};
@@ -302,8 +302,8 @@ static void find_covariance(struct fit *fit, const double *u, double sum, double
         const struct fit_free *free = &fit->problem->free[i];
         const double own = factor[(size_t)i * fit->m + (size_t)i];
 
-        result->value[i] = value_of(free, u[i]);
-        result->sigma[i] = sqrt(fmax(0.0, own) * result->coherence) * fabs(slope_of(free, u[i]));
+        result->value[i] = fit_value(free, u[i]);
+        result->sigma[i] = sqrt(fmax(0.0, own) * result->coherence) * fabs(fit_slope(free, u[i]));
         result->verdict[i] = judge_value(free, u[i], result->value[i], result->sigma[i]);
         for (int k = 0; k < n; k++) {
             const double other = factor[(size_t)k * fit->m + (size_t)k];
@@ -336,7 +336,7 @@ static enum error_code run_solver(struct fit *fit, double *u, double *residual, 
     run_batch(fit, u, 1, residual);
     weigh_residuals(fit, residual, result);
     for (int round = 0; round <= (fit->m > fit->nrow) && !fit->code; round++) {
-        __cminpack_func__(lmder)(evaluate, fit, m, n, u, residual, jacobian, m, TOLERANCE,
+        __cminpack_func__(lmder)(fit_evaluate, fit, m, n, u, residual, jacobian, m, TOLERANCE,
                                  TOLERANCE, 0.0, 3 * fit->problem->steps, diagonal, 1, 1.0, 0,
                                  &evaluations, &jacobians, pivot, qtf, work[0], work[1], work[2],
                                  last);
@@ -375,7 +375,7 @@ enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *
     fit.m = fit.nrow;
     for (size_t i = 0; i < problem->nfree; i++) {
         fit.m += problem->free[i].sigma > 0.0;
-        u[i] = variable_of(&problem->free[i], problem->free[i].start);
+        u[i] = fit_variable(&problem->free[i], problem->free[i].start);
     }
     if (fit.nrow < problem->nfree) {
         return error_set(error, ERROR_INPUT,

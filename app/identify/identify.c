@@ -9,8 +9,8 @@
 #include <time.h>
 
 /* Loads the rig and copies its robot. */
-static enum error_code load_rig(const char *path, struct arena *arena, struct identify_bench *bench,
-                                struct error *error)
+static enum error_code load_bench_rig(const char *path, struct arena *arena,
+                                      struct identify_bench *bench, struct error *error)
 {
     enum error_code code = rig_load(path, arena, &bench->rig, error);
 
@@ -18,9 +18,11 @@ static enum error_code load_rig(const char *path, struct arena *arena, struct id
     if (!code && bench->rig->nfree > 0) {
         code = error_set(error, ERROR_INPUT, "%s: found free bodies, expected a joint alone", path);
     }
-    bench->trial.bench = (struct bench_numbers){.offset_rad = bench->bench.offset_rad,
-                                                .delay_s = bench->bench.delay_s,
-                                                .arm_kg = bench->bench.arm_kg};
+    for (size_t i = 0; i < bench->bench.nnumber && !code; i++) {
+        const int parameter = parameter_find(bench->bench.number[i].name);
+
+        parameter_set(&bench->trial, &parameter, &bench->bench.number[i].value, 1);
+    }
     return code;
 }
 
@@ -38,7 +40,7 @@ enum error_code identify_open(const char *path, struct arena *arena, struct iden
                           bench->bench.nrecording, IDENTIFY_RECORDINGS_MAX);
     }
     code = yaml_resolve_path(&bench->bench.rig_mark, bench->bench.rig, arena, &rig, error);
-    code = code ? code : load_rig(rig, arena, bench, error);
+    code = code ? code : load_bench_rig(rig, arena, bench, error);
     code = code ? code : bench_read_recordings(&bench->bench, arena, &bench->recording, error);
     bench->nrecording = bench->bench.nrecording;
     return code;
@@ -50,7 +52,7 @@ enum error_code identify_open_own(const char *rig, const char *joint, struct are
     enum error_code code;
 
     bench->bench = (struct bench){.name = "own"};
-    code = load_rig(rig, arena, bench, error);
+    code = load_bench_rig(rig, arena, bench, error);
     if (!code && joint && strcmp(joint, bench->trial.joint.name) != 0) {
         code = error_set(error, ERROR_INPUT, "%s: found joint \"%s\", expected \"%.63s\"", rig,
                          bench->trial.joint.name, joint);

@@ -36,8 +36,8 @@ struct identify_result {
 enum error_code identify_open(const char *path, struct arena *arena, struct identify_bench *bench,
                               struct error *error);
 
-/* Makes the bench of recordings of "run --record" of a rig: path of the rig, its joint or NULL. It has
- * no recordings yet. */
+/* Makes the bench of recordings of "run --record" of a rig: path of the rig, its joint or NULL. It
+ * has no recordings yet. */
 enum error_code identify_open_own(const char *rig, const char *joint, struct arena *arena,
                                   struct identify_bench *bench, struct error *error);
 

@@ -11,9 +11,9 @@
  *     L I' = V - V_h sgn I - R I - Kw qm'
  *     z' = sigma (d' - |d'| z / z_max)         Dahl
  *
- * tau_s is the spring's torque beyond the play, c cogging, F Stribeck's curve with what follows from
- * the torques that the gear carries. Both sgn are sets at zero: a rotor at rest rests while |load| <=
- * F(0), no current flows while |V - Kw qm'| <= V_h.
+ * tau_s is the spring's torque beyond the play, c cogging, F Stribeck's curve with what follows
+ * from the torques that the gear carries. Both sgn are sets at zero: a rotor at rest rests while
+ * |load| <= F(0), no current flows while |V - Kw qm'| <= V_h.
  * What holds at zero is a mode; the equations of a mode are smooth. R, Kt and Kw follow the
  * temperatures.
  *
