@@ -71,6 +71,13 @@ enum error_code identify_take_files(struct identify_bench *bench, const char *co
     }
     for (size_t i = 0; i < count && !code; i++) {
         code = recording_read(&bench->bench, file[i], NULL, arena, &all[i], error);
+        if (!code && all[i].voltage_before &&
+            all[i].time[1] - all[i].time[0] > 1.5e-9 * (double)bench->rig->tick_ns) {
+            code = error_set(error, ERROR_INPUT,
+                             "%s: found rows every %g s, expected one a tick, whose voltages are "
+                             "known (run --record-period 1)",
+                             file[i], all[i].time[1] - all[i].time[0]);
+        }
     }
     bench->recording = all;
     bench->nrecording = count;

@@ -41,7 +41,8 @@ enum error_code identify_open(const char *path, struct arena *arena, struct iden
 enum error_code identify_open_own(const char *rig, const char *joint, struct arena *arena,
                                   struct identify_bench *bench, struct error *error);
 
-/* Takes other recordings, of files, in the place of the bench's own. */
+/* Takes other recordings, of files, in the place of the bench's own. ERROR_INPUT where a recording
+ * of "run --record" has not a row each tick. */
 
 enum error_code identify_take_files(struct identify_bench *bench, const char *const *file,
                                     size_t count, struct arena *arena, struct error *error);
