@@ -1,7 +1,8 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# coman-hil identify and validate from the command line: a drive comes back from a recording of a run
-# of it, its file is read again, the measured bench passes, and what cannot be is refused. Prints TAP.
+# coman-hil identify and validate from the command line: a drive comes back from a recording of a
+# run of it, its file is read again, the measured bench passes, and what cannot be is refused.
+# Prints TAP.
 set -u
 hil=$1
 source=${HIL_SOURCE_DIR:?}
