@@ -21,7 +21,7 @@
  * ends: a relative change of the sum of squares or of the variables. */
 #define DIFFERENCE 1e-3
 #define NEAREST 0.98
-#define TOLERANCE 1e-6
+#define TOLERANCE 1e-4
 
 /* Sine beyond which a number is at its bound. */
 #define AT_BOUND 0.9995
