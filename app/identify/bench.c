@@ -47,6 +47,7 @@ static const struct yaml_field column_fields[] = {
     TEXT("enabled", false, enabled),
     TEXT("supply", false, supply),
     TEXT("gain", false, gain_word),
+    TEXT("torque", false, torque),
     {"voltage_before", YAML_BOOL, false, .offset = AT(voltage_before)},
 };
 static const struct yaml_schema column_schema = SCHEMA("the columns of a recording", column_fields);
@@ -154,10 +155,10 @@ static enum error_code refuse_key(const struct yaml_mark *mark, const char *key,
 /* Checks what the table of keys cannot say. */
 static enum error_code check_bench(struct bench *bench, struct error *error)
 {
-    if (!bench->columns.goal == !bench->columns.voltage) {
+    if (!!bench->columns.goal + !!bench->columns.voltage + !!bench->columns.torque != 1) {
         return yaml_error(error, &bench->columns.mark,
-                          "found %s of the columns \"goal\" and \"voltage\", expected one",
-                          bench->columns.goal ? "both" : "none");
+                          "found none or several of the columns \"goal\", \"voltage\" and "
+                          "\"torque\", expected one");
     }
     if (bench->columns.goal && !(bench->law.duty_per_rad > 0.0)) {
         return yaml_error(error, &bench->columns.mark,
@@ -295,8 +296,10 @@ enum {
 static enum error_code find_columns(const struct bench_columns *columns, const struct csv *csv,
                                     int column[COLUMNS], struct error *error)
 {
-    const char *const title[COLUMNS] = {columns->time,    columns->position, columns->goal,
-                                        columns->voltage, columns->enabled,  columns->supply};
+    const char *const title[COLUMNS] = {
+        columns->time,    columns->position,
+        columns->goal,    columns->voltage ? columns->voltage : columns->torque,
+        columns->enabled, columns->supply};
 
     for (size_t i = 0; i < COLUMNS; i++) {
         column[i] = -1;
@@ -392,7 +395,8 @@ enum error_code recording_read(const struct bench *bench, const char *path, cons
     *recording = (struct recording){.file = arena_strdup(arena, path),
                                     .group = "",
                                     .gain = 1.0,
-                                    .voltage_before = bench->columns.voltage_before};
+                                    .voltage_before = bench->columns.voltage_before,
+                                    .is_torque = bench->columns.torque != NULL};
     snprintf(sum, sizeof sum, "%08x", crc32_update(0, text, size));
     if (word) {
         recording->gain = find_gain(text, comment_size(text), word);

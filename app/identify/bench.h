@@ -12,11 +12,13 @@
 #include "base/error.h"
 #include "base/yaml.h"
 
-/* Titles of a recording's columns; NULL = there is none. Either a goal or a voltage is there. */
+/* Titles of a recording's columns; NULL = there is none. One of goal, voltage and torque is
+ * there. */
 struct bench_columns {
     struct yaml_mark mark;
     const char *time, *position; /* s; rad, of the joint */
     const char *goal, *voltage;  /* rad; V at the terminals */
+    const char *torque;          /* N m of the motor on the gear, as its current loop holds it */
     const char *enabled;         /* of the bridge: more than 0.5 is on */
     const char *supply;          /* V; its mean is the voltage that duties are of */
     const char *gain_word;       /* the number behind it in the file's comments is the gain */
@@ -81,6 +83,7 @@ struct recording {
     bool *enabled;
     double gain, supply; /* supply 0: the rig's */
     bool voltage_before;
+    bool is_torque; /* voltage holds torques, N m */
 };
 
 /* Reads a bench's file. Everything lives in arena; errors carry file:line:column. */

@@ -70,10 +70,20 @@ static enum error_code make_plant(const struct rig *rig, const struct trial_robo
     return code;
 }
 
+/* Parts of the state of a plant of one joint: behind its angle and rate. */
+enum { STATE_MOTOR_SPEED = 2 + DRIVE_MOTOR_SPEED };
+
+/* Returns the voltage by which a current loop holds the current of a torque. */
+static double torque_voltage(const struct robot_sea *sea, double torque, double speed)
+{
+    return sea->R * torque / sea->Kt + sea->Kw * speed;
+}
+
 /* Sets the command that holds from a time on; row is the last one at that time; position is as the
  * recording counts it. */
-static void set_command(const struct bench_law *law, const struct recording *r, size_t row,
-                        double position, double supply, struct motor_command *command)
+static void set_command(const struct bench_law *law, const struct robot_sea *sea,
+                        const double *state, const struct recording *r, size_t row, double position,
+                        double supply, struct motor_command *command)
 {
     double duty;
 
@@ -84,6 +94,9 @@ static void set_command(const struct bench_law *law, const struct recording *r, 
         command->voltage_v = duty * supply;
     } else {
         command->voltage_v = r->voltage[r->voltage_before && row + 1 < r->count ? row + 1 : row];
+        if (r->is_torque) {
+            command->voltage_v = torque_voltage(sea, command->voltage_v, state[STATE_MOTOR_SPEED]);
+        }
     }
 }
 
@@ -100,29 +113,30 @@ static double start_position(const struct recording *r)
 }
 
 /* Runs the plant over the recording. */
-static void run_plant(const struct rig *rig, const struct bench_numbers *bench,
+static void run_plant(const struct rig *rig, const struct trial_robot *trial,
                       const struct bench_law *law, const struct recording *r, struct plant *plant,
                       double *position)
 {
     const double tick = (double)rig->tick_ns * 1e-9,
                  supply = r->supply > 0.0 ? r->supply : rig->supply_v;
+    const struct robot_sea *sea = &trial->joint.sea;
     struct motor_command *command = plant_command(plant)->motor;
     double *state, before, after;
     size_t length, row = 0, next = 0;
 
     state = plant_state(plant, &length);
-    before = after = state[0] - bench->offset_rad;
+    before = after = state[0] - trial->bench.offset_rad;
     for (size_t k = 0; next < r->count; k++) {
         const double now = r->time[0] + (double)k * tick;
 
         /* Times up to the end of the tick lie between its two positions */
-        while (row + 1 < r->count && r->time[row + 1] <= now - bench->delay_s + 1e-9) {
+        while (row + 1 < r->count && r->time[row + 1] <= now - trial->bench.delay_s + 1e-9) {
             row++;
         }
-        set_command(law, r, row, after, supply, command);
+        set_command(law, sea, state, r, row, after, supply, command);
         before = after;
         if (!plant_step(plant, rig->substeps) && isfinite(state[0])) {
-            after = state[0] - bench->offset_rad;
+            after = state[0] - trial->bench.offset_rad;
         }
         for (; next < r->count && r->time[next] <= now + tick; next++) {
             position[next] = before + (after - before) * (r->time[next] - now) / tick;
@@ -147,7 +161,7 @@ enum error_code simulate_recording(const struct rig *rig, const struct trial_rob
     code = make_plant(rig, &trial, start_position(recording) + trial.bench.offset_rad, &dynamics,
                       &arena, &plant, error);
     if (!code) {
-        run_plant(rig, &trial.bench, law, recording, plant, position);
+        run_plant(rig, &trial, law, recording, plant, position);
     }
     arena_fini(&arena);
     return code;
