@@ -156,7 +156,8 @@ static void refuses(const char *text, const char *expected)
 static void wrong_benches_are_refused_with_their_place(void **unused)
 {
     (void)unused;
-    refuses(HEAD "columns: {time: t, position: q}\n", "identify-bench.yaml:5:10: found none or several");
+    refuses(HEAD "columns: {time: t, position: q}\n",
+            "identify-bench.yaml:5:10: found none or several");
     refuses(HEAD "columns: {time: t, position: q, goal: g}\n", "without key \"law\"");
     refuses(HEAD "columns: {time: t, position: q, voltage: v}\nfree: [R_omh]\n",
             "identify-bench.yaml:6:8: found no number \"R_omh\"");
