@@ -23,6 +23,8 @@ static const struct program_command commands[] = {
     {"replay", "send the frames of a recording onto live buses", cmd_replay},
     {"ctl", "observe and control a running simulator", cmd_ctl},
     {"import", "make a robot and a bench of a URDF or MJCF file", cmd_import},
+    {"identify", "fit a drive's numbers to recordings of it", cmd_identify},
+    {"validate", "hold simulated drives against measured ones", cmd_validate},
     {"list", "list the rigs, robots, scenarios and tasks that are there", cmd_list},
     {"plot", "plot signals of a recording as SVG", cmd_plot},
     {"check", "check a rig or a robot file and print its contents", cmd_check},

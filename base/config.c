@@ -17,7 +17,10 @@ enum { ENTRIES_MAX = 1024 };
 #define LIST_ARENA ((size_t)16 << 20) /* of address space */
 
 static const char suffix[] = ".yaml";
-static const char *const kinds[CONFIG_KINDS] = {"rig", "robot", "scenario", "drive", "protocol"};
+static const char *const kinds[CONFIG_KINDS] = {"rig",   "robot",    "scenario",
+                                                "drive", "protocol", "validation"};
+static const char *const folders[CONFIG_KINDS] = {"rigs",   "robots",    "scenarios",
+                                                  "drives", "protocols", "validation"};
 
 /* ---- the trees ---- */
 
@@ -68,7 +71,7 @@ static bool path_is_file(const char *path)
 static bool config_try_path(enum config_kind kind, const char *tree, const char *name,
                             char path[PATH_MAX])
 {
-    int length = snprintf(path, PATH_MAX, "%s/%ss/%s%s", tree, kinds[kind], name, suffix);
+    int length = snprintf(path, PATH_MAX, "%s/%s/%s%s", tree, folders[kind], name, suffix);
 
     return tree[0] && length > 0 && length < PATH_MAX && path_is_file(path);
 }
@@ -124,8 +127,8 @@ static enum error_code config_refuse_name(enum config_kind kind, const struct co
     for (int i = 0; i < CONFIG_TREES_MAX && used < sizeof places; i++) {
         /* A program is either installed or built: it has one of its two trees */
         if (trees->folder[i][0] && (i == 0 || access(trees->folder[i], F_OK) == 0)) {
-            used += (size_t)snprintf(places + used, sizeof places - used, "%s%.150s/%ss",
-                                     used ? " or " : "", trees->folder[i], kinds[kind]);
+            used += (size_t)snprintf(places + used, sizeof places - used, "%s%.150s/%s",
+                                     used ? " or " : "", trees->folder[i], folders[kind]);
         }
     }
     return error_set(error, ERROR_INPUT,
@@ -308,13 +311,13 @@ enum error_code config_list_in(enum config_kind kind, const struct config_trees 
 {
     struct config_entry *list = arena_alloc(arena, ENTRIES_MAX, sizeof *list);
     enum error_code code = list ? ERROR_NONE : ERROR_MEMORY;
-    char folder[PATH_MAX + sizeof "/scenarios"];
+    char folder[PATH_MAX + sizeof "/validation"];
 
     *count = 0;
     *entries = list;
     for (int i = 0; i < CONFIG_TREES_MAX && !code; i++) {
         if (trees->folder[i][0]) {
-            snprintf(folder, sizeof folder, "%s/%ss", trees->folder[i], kinds[kind]);
+            snprintf(folder, sizeof folder, "%s/%s", trees->folder[i], folders[kind]);
             code = config_add_folder(folder, arena, list, count);
         }
     }

@@ -21,7 +21,8 @@ enum config_kind {
     CONFIG_ROBOT,
     CONFIG_SCENARIO,
     CONFIG_DRIVE,
-    CONFIG_PROTOCOL, /* of boards that a file describes */
+    CONFIG_PROTOCOL,   /* of boards that a file describes */
+    CONFIG_VALIDATION, /* measured benches, in a folder of that name */
     CONFIG_KINDS
 };
 

@@ -202,7 +202,7 @@ void plant_effects_end(struct plant *plant)
         if (!sea->effects) {
             continue;
         }
-        if (sea->effects->breakaway > 0.0 && plant->state[speed] * plant->mode[d].slide < 0.0) {
+        if (effects_sticks(sea) && plant->state[speed] * plant->mode[d].slide < 0.0) {
             stop_at_zero(plant, speed, sea->J, WORK_GEAR);
         }
         if (plant->bridge[d].hold > 0.0 && plant->state[current] * plant->mode[d].flow < 0.0) {

@@ -74,10 +74,21 @@ struct robot_thermal {
     double R_per_k, Kt_per_k;        /* per K from 25 deg C, by winding and by housing */
 };
 
+/* Friction of a gear by the torques that it carries, of the motor at its one side and of the load
+ * at its other: shares of them at any speed, more of them near rest, and of their squares where the
+ * two oppose each other. Zero = off. */
+struct robot_load_friction {
+    double motor, external;                     /* shares, 1 */
+    double motor_stribeck, external_stribeck;   /* added at rest, with the dip of Stribeck, 1 */
+    double motor_quadratic, external_quadratic; /* of the squares, at rest, 1/(N m) */
+};
+
 /* Effects of a real drive beside eqs (2)-(4), model/drives/effects.h; zero = off. Link side. */
 struct robot_effects {
     double coulomb, breakaway;                    /* friction of the gear, N m: F(infinite), F(0) */
     double stribeck;                              /* speed between them, rad/s; 0 = F is F(0) */
+    double stribeck_exponent;                     /* of the speed in the dip; 0 = 2 */
+    struct robot_load_friction load;              /* beside those, by what the gear carries */
     double backlash;                              /* whole play behind the gear, rad */
     double hysteresis, hysteresis_stiffness;      /* Dahl: z_max, N m; sigma, N m/rad */
     struct robot_harmonic error[ROBOT_HARMONICS]; /* kinematic, of the gear, rad */

@@ -26,8 +26,9 @@ enum { LIST_TASKS = CONFIG_KINDS, LIST_SETTINGS, LIST_JOINTS, LIST_FAULTS, LIST_
 enum { NAME_COLUMN = 28 };
 
 static const char of_this_machine[] = "/etc/";
-static const char *const nouns[] = {"rigs",  "robots",   "scenarios", "drives", "protocols",
-                                    "tasks", "settings", "joints",    "faults", NULL};
+static const char *const nouns[] = {"rigs",      "robots",      "scenarios", "drives",
+                                    "protocols", "validations", "tasks",     "settings",
+                                    "joints",    "faults",      NULL};
 
 /* Prints a name and its text, wrapped; on a line of its own when the name is long. */
 static void list_print_line(const char *name, const char *text)
@@ -184,6 +185,7 @@ static enum error_code list_print_all(bool names, struct error *error)
         [CONFIG_SCENARIO] = "Scenarios (coman-hil test NAME)",
         [CONFIG_DRIVE] = "Drives (drive: NAME in a robot)",
         [CONFIG_PROTOCOL] = "Protocols (protocol: NAME in a rig)",
+        [CONFIG_VALIDATION] = "Measured benches (coman-hil validate NAME)",
         [LIST_TASKS] = "Tasks (coman-hil run RIG --task NAME)",
     };
     enum error_code code = ERROR_NONE;
@@ -209,12 +211,13 @@ static enum error_code list_find_noun(const char *given, int *noun, struct error
             *noun = i;
         }
     }
-    return given && *noun == LIST_ALL ? error_set(error, ERROR_INPUT,
-                                                  "found \"%.100s\", expected rigs, robots, "
-                                                  "scenarios, drives, protocols, tasks, "
-                                                  "settings, joints or faults",
-                                                  given)
-                                      : ERROR_NONE;
+    return given && *noun == LIST_ALL
+               ? error_set(error, ERROR_INPUT,
+                           "found \"%.100s\", expected rigs, robots, "
+                           "scenarios, drives, protocols, validations, tasks, "
+                           "settings, joints or faults",
+                           given)
+               : ERROR_NONE;
 }
 
 int cmd_list(int argc, char **argv)
@@ -226,14 +229,15 @@ int cmd_list(int argc, char **argv)
     };
     static const struct operand_spec operands[] = {
         {"KIND",
-         "rigs, robots, scenarios, drives, protocols or tasks, all of them by default; settings of "
-         "tasks; joints or faults of a rig",
+         "rigs, robots, scenarios, drives, protocols, validations or tasks, all of them by "
+         "default; "
+         "settings of tasks; joints or faults of a rig",
          false, &given, .words = nouns},
         {"RIG", "for joints and faults: a rig's file or name", false, &rig, .noun = "rigs"}};
     static const struct command_spec spec = {
         .name = "list",
-        .summary = "List the rigs, robots, scenarios, drives, protocols and tasks that can be "
-                   "given by name.",
+        .summary = "List the rigs, robots, scenarios, drives, protocols, validations and tasks "
+                   "that can be given by name.",
         .option = options,
         .noption = ARRAY_COUNT(options),
         .operand = operands,

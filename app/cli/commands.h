@@ -14,6 +14,7 @@ int cmd_dbc(int argc, char **argv);
 int cmd_doctor(int argc, char **argv);
 int cmd_eds(int argc, char **argv);
 int cmd_generate(int argc, char **argv);
+int cmd_identify(int argc, char **argv);
 int cmd_import(int argc, char **argv);
 int cmd_list(int argc, char **argv);
 int cmd_plot(int argc, char **argv);
@@ -22,5 +23,6 @@ int cmd_replay(int argc, char **argv);
 int cmd_run(int argc, char **argv);
 int cmd_task(int argc, char **argv);
 int cmd_test(int argc, char **argv);
+int cmd_validate(int argc, char **argv);
 
 #endif

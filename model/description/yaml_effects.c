@@ -37,6 +37,15 @@ static void fill_drive_effects(const double value[PARAMETER_COUNT],
     effects->coulomb = value[PARAMETER_COULOMB];
     effects->breakaway = said[PARAMETER_BREAKAWAY] ? value[PARAMETER_BREAKAWAY] : effects->coulomb;
     effects->stribeck = value[PARAMETER_STRIBECK];
+    effects->stribeck_exponent = value[PARAMETER_STRIBECK_EXPONENT];
+    effects->load = (struct robot_load_friction){
+        .motor = value[PARAMETER_LOAD_MOTOR],
+        .external = value[PARAMETER_LOAD_EXTERNAL],
+        .motor_stribeck = value[PARAMETER_LOAD_MOTOR_STRIBECK],
+        .external_stribeck = value[PARAMETER_LOAD_EXTERNAL_STRIBECK],
+        .motor_quadratic = value[PARAMETER_LOAD_MOTOR_QUADRATIC],
+        .external_quadratic = value[PARAMETER_LOAD_EXTERNAL_QUADRATIC],
+    };
     effects->backlash = value[PARAMETER_BACKLASH];
     effects->hysteresis = value[PARAMETER_HYSTERESIS];
     effects->hysteresis_stiffness = value[PARAMETER_HYSTERESIS_KS];
@@ -64,6 +73,11 @@ static enum error_code check_effect_keys(struct robot_builder *b, const struct y
         {PARAMETER_BREAKAWAY, PARAMETER_COULOMB},
         {PARAMETER_BREAKAWAY, PARAMETER_STRIBECK},
         {PARAMETER_STRIBECK, PARAMETER_BREAKAWAY},
+        {PARAMETER_STRIBECK_EXPONENT, PARAMETER_STRIBECK},
+        {PARAMETER_LOAD_MOTOR_STRIBECK, PARAMETER_STRIBECK},
+        {PARAMETER_LOAD_EXTERNAL_STRIBECK, PARAMETER_STRIBECK},
+        {PARAMETER_LOAD_MOTOR_QUADRATIC, PARAMETER_STRIBECK},
+        {PARAMETER_LOAD_EXTERNAL_QUADRATIC, PARAMETER_STRIBECK},
         {PARAMETER_HYSTERESIS, PARAMETER_HYSTERESIS_KS},
         {PARAMETER_HYSTERESIS_KS, PARAMETER_HYSTERESIS},
         {PARAMETER_WINDING_K_W, PARAMETER_HOUSING_K_W},

@@ -131,16 +131,62 @@ double effects_torque(const struct robot_sea *sea, const struct effects_state *s
     return find_gear(sea, state, q, qd).torque;
 }
 
-double effects_friction(const struct robot_sea *sea, double speed)
+/* Returns whether friction depends on what the gear carries. */
+static bool has_load_friction(const struct robot_load_friction *load)
+{
+    return load->motor > 0.0 || load->external > 0.0 || load->motor_stribeck > 0.0 ||
+           load->external_stribeck > 0.0 || load->motor_quadratic > 0.0 ||
+           load->external_quadratic > 0.0;
+}
+
+bool effects_sticks(const struct robot_sea *sea)
+{
+    return sea->effects->breakaway > 0.0 || has_load_friction(&sea->effects->load);
+}
+
+/* Returns the friction that follows from the torques carried, N m; near_rest is 1 at rest, and
+ * falls to 0 with the speed. The shares are of the difference of both torques, which oppose each
+ * other while a motor holds a load. */
+static double load_friction(const struct robot_load_friction *load,
+                            const struct effects_carried *carried, double near_rest)
+{
+    const double M = carried->motor, T = carried->external;
+    double friction = fabs(load->external * T - load->motor * M) +
+                      near_rest * fabs(load->external_stribeck * T - load->motor_stribeck * M);
+
+    /* The square of the torque that gives way, where one drives the other */
+    if (M * T < 0.0) {
+        friction += near_rest * (fabs(T) < fabs(M)   ? load->external_quadratic * T * T
+                                 : fabs(T) > fabs(M) ? load->motor_quadratic * M * M
+                                                     : 0.0);
+    }
+    return friction;
+}
+
+/* Returns Stribeck's dip at a speed: 1 at rest. */
+static double stribeck_dip(const struct robot_effects *effects, double speed)
+{
+    const double x = speed / effects->stribeck;
+
+    if (effects->stribeck_exponent == 0.0) {
+        return portable_exp(-x * x);
+    }
+    return portable_exp(-portable_pow(fabs(x), effects->stribeck_exponent));
+}
+
+double effects_friction(const struct robot_sea *sea, double speed,
+                        const struct effects_carried *carried)
 {
     const struct robot_effects *effects = sea->effects;
-    double x;
+    double dip = 0.0, friction = effects->breakaway;
 
-    if (effects->stribeck == 0.0) {
-        return effects->breakaway;
+    if (effects->stribeck > 0.0) {
+        dip = stribeck_dip(effects, speed);
+        friction = effects->coulomb + (effects->breakaway - effects->coulomb) * dip;
     }
-    x = speed / effects->stribeck;
-    return effects->coulomb + (effects->breakaway - effects->coulomb) * portable_exp(-x * x);
+    return has_load_friction(&effects->load)
+               ? friction + load_friction(&effects->load, carried, dip)
+               : friction;
 }
 
 double effects_resistance(const struct robot_sea *sea, double winding_c)
@@ -192,6 +238,25 @@ static double rotor_load(const struct robot_sea *sea, const struct effects_state
            sum_harmonics(effects->cogging, effects->ncogging, sea->N, state->sea.qm);
 }
 
+/* Returns the torques that the gear carries in a state. */
+static struct effects_carried gear_carries(const struct robot_sea *sea,
+                                           const struct effects_state *state,
+                                           const struct gear_state *gear)
+{
+    return (struct effects_carried){
+        .motor = magnet_strength(sea, state->housing_c) * sea->Kt * state->sea.I,
+        .external = -gear->slope * gear->torque,
+    };
+}
+
+struct effects_carried effects_carried(const struct robot_sea *sea,
+                                       const struct effects_state *state, double q, double qd)
+{
+    const struct gear_state gear = find_gear(sea, state, q, qd);
+
+    return gear_carries(sea, state, &gear);
+}
+
 static int sign_of(double x)
 {
     return (x > 0.0) - (x < 0.0);
@@ -204,13 +269,14 @@ struct effects_mode effects_find_mode(const struct robot_sea *sea,
     struct effects_mode mode = {.slide = 1, .flow = bridge->conducts};
 
     /* At rest the rotor breaks away in the sense of its load, or stays */
-    if (sea->effects->breakaway > 0.0) {
+    if (effects_sticks(sea)) {
         mode.slide = sign_of(state->sea.qmd);
         if (mode.slide == 0) {
             struct gear_state gear = find_gear(sea, state, q, qd);
+            struct effects_carried carried = gear_carries(sea, state, &gear);
             double load = rotor_load(sea, state, &gear);
 
-            mode.slide = fabs(load) > sea->effects->breakaway ? sign_of(load) : 0;
+            mode.slide = fabs(load) > effects_friction(sea, 0.0, &carried) ? sign_of(load) : 0;
         }
     }
 
@@ -261,13 +327,14 @@ void effects_derivative(const struct robot_sea *sea, const struct effects_state 
 {
     double R = effects_resistance(sea, state->winding_c), qmd = state->sea.qmd, I = state->sea.I;
     struct gear_state gear = find_gear(sea, state, q, qd);
+    struct effects_carried carried = gear_carries(sea, state, &gear);
 
     /* The rotor, and the deflection's rate */
     derivative->sea = (struct sea_state){0};
     if (mode->slide != 0) {
         derivative->sea.qm = qmd;
         derivative->sea.qmd = (rotor_load(sea, state, &gear) - sea->Dm * qmd -
-                               mode->slide * effects_friction(sea, qmd)) /
+                               mode->slide * effects_friction(sea, qmd, &carried)) /
                               sea->J;
     }
     derivative->hysteresis =
@@ -319,6 +386,7 @@ void effects_power(const struct robot_sea *sea, const struct effects_state *stat
                    double qd, const struct effects_bridge *bridge, const struct effects_mode *mode,
                    struct effects_power *power)
 {
+    struct effects_carried carried;
     double qmd = state->sea.qmd, elastic, push;
     double rate = gear_slope(sea, state->sea.qm) * qmd - qd;
 
@@ -327,7 +395,8 @@ void effects_power(const struct robot_sea *sea, const struct effects_state *stat
                        &elastic);
     power->motor = sea->Dm * qmd * qmd + magnet_strength(sea, state->housing_c) *
                                              (sea->Kw - sea->Kt) * state->sea.I * qmd;
-    power->gear = mode->slide * effects_friction(sea, qmd) * qmd;
+    carried = effects_carried(sea, state, q, qd);
+    power->gear = mode->slide * effects_friction(sea, qmd, &carried) * qmd;
     power->spring_damping = (push - elastic) * rate;
     power->hysteresis = has_hysteresis(sea) ? fabs(rate) * state->hysteresis * state->hysteresis /
                                                   sea->effects->hysteresis
@@ -404,6 +473,18 @@ static bool thermal_is_possible(const struct robot_thermal *thermal)
            1.0 + thermal->R_per_k * (thermal->ambient_c - REFERENCE_C) > 0.0;
 }
 
+/* Checks whether friction by the torques carried is possible. */
+static bool load_is_possible(const struct robot_effects *effects)
+{
+    const struct robot_load_friction *load = &effects->load;
+    const bool at_rest = load->motor_stribeck > 0.0 || load->external_stribeck > 0.0 ||
+                         load->motor_quadratic > 0.0 || load->external_quadratic > 0.0;
+
+    return load->external >= 0.0 && load->external < 1.0 && load->motor_stribeck >= 0.0 &&
+           load->external_stribeck >= 0.0 && load->motor_quadratic >= 0.0 &&
+           load->external_quadratic >= 0.0 && (!at_rest || effects->stribeck > 0.0);
+}
+
 enum error_code effects_check(const struct robot_sea *sea, struct error *error)
 {
     const struct robot_effects *effects = sea->effects;
@@ -415,6 +496,15 @@ enum error_code effects_check(const struct robot_sea *sea, struct error *error)
                          "found gear friction of %g N m and a breakaway torque of %g N m at %g "
                          "rad/s, expected no less at rest, and a Stribeck speed between two",
                          effects->coulomb, effects->breakaway, effects->stribeck);
+    }
+    /* A gear that lost all of the motor's torque would never turn */
+    if (!(effects->load.motor >= 0.0 && effects->load.motor < 1.0) ||
+        !(effects->stribeck_exponent >= 0.0) ||
+        (has_load_friction(&effects->load) && !load_is_possible(effects))) {
+        return error_set(error, ERROR_INPUT,
+                         "found friction by shares of %g of the motor's torque and %g of the "
+                         "load's, expected shares below 1, and a Stribeck speed with those at rest",
+                         effects->load.motor, effects->load.external);
     }
     /* Hysteresis has a torque and a stiffness */
     if (!(effects->backlash >= 0.0) || !(effects->hysteresis >= 0.0) ||

@@ -11,8 +11,9 @@
  *     L I' = V - V_h sgn I - R I - Kw qm'
  *     z' = sigma (d' - |d'| z / z_max)         Dahl
  *
- * tau_s is the spring's torque beyond the play, c cogging, F Stribeck's curve. Both sgn are sets
- * at zero: a rotor at rest rests while |load| <= F(0), no current flows while |V - Kw qm'| <= V_h.
+ * tau_s is the spring's torque beyond the play, c cogging, F Stribeck's curve with what follows
+ * from the torques that the gear carries. Both sgn are sets at zero: a rotor at rest rests while
+ * |load| <= F(0), no current flows while |V - Kw qm'| <= V_h.
  * What holds at zero is a mode; the equations of a mode are smooth. R, Kt and Kw follow the
  * temperatures.
  *
@@ -67,8 +68,21 @@ double effects_current_rate(const struct robot_sea *sea, const struct effects_st
 /* Returns the deflection d, rad. */
 double effects_deflection(const struct robot_sea *sea, double qm, double q);
 
-/* Returns the gear's friction F at a speed, N m (Coulomb and Stribeck). */
-double effects_friction(const struct robot_sea *sea, double speed);
+/* Torques that a gear carries, N m, both positive where they would turn the joint forward: of the
+ * motor on it, and of its load (which is -(1 + e') tau). */
+struct effects_carried {
+    double motor, external;
+};
+struct effects_carried effects_carried(const struct robot_sea *sea,
+                                       const struct effects_state *state, double q, double qd);
+
+/* Returns the gear's friction F at a speed, N m: Coulomb, Stribeck, and what follows from the
+ * torques that it carries. */
+double effects_friction(const struct robot_sea *sea, double speed,
+                        const struct effects_carried *carried);
+
+/* Returns whether a drive has friction of its gear, so that its rotor may rest under a load. */
+bool effects_sticks(const struct robot_sea *sea);
 
 /* Returns the resistance R of a winding, ohm, at its temperature in degree C. */
 double effects_resistance(const struct robot_sea *sea, double winding_c);

@@ -281,9 +281,12 @@ static void account_part(const struct effects_span *span, double q, double h,
     add_power(span, q_middle, mode, &middle, 4.0 * h / 6.0, work);
     add_power(span, q_end, mode, &to, h / 6.0, work);
     if (span->all_powers) {
+        const struct effects_carried first = effects_carried(span->sea, begin, q, span->qd);
+        const struct effects_carried last = effects_carried(span->sea, end, q_end, span->qd);
+
         work->gear += 0.5 * fabs(end->sea.qm - begin->sea.qm) *
-                      (effects_friction(span->sea, begin->sea.qmd) +
-                       effects_friction(span->sea, end->sea.qmd));
+                      (effects_friction(span->sea, begin->sea.qmd, &first) +
+                       effects_friction(span->sea, end->sea.qmd, &last));
     }
 }
 
@@ -301,7 +304,7 @@ static void advance_part(const struct effects_span *span, double q, double h, do
         end.sea.I = flow_winding(span, &mode, state, state->sea.I, h);
     } else {
         slide_rotor(span, q, *deflection, h, &mode, state, &end);
-        if (span->sea->effects->breakaway > 0.0 && end.sea.qmd * mode.slide < 0.0) {
+        if (effects_sticks(span->sea) && end.sea.qmd * mode.slide < 0.0) {
             stop_rotor(span, q, *deflection, h, state, &end);
             events.any = true;
         }

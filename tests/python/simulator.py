@@ -51,7 +51,8 @@ def test_each_joint_has_its_own_voltage():
     others = {RIGS / f"coman-{kind}.yaml" for kind in
               ("bench", "cia402", "described", "foc-leg", "mini-cheetah", "odrive",
                "rest-bus", "robstride")}
-    others |= {RIGS / "hyq.yaml", RIGS / "hyq-leg.yaml"}
+    others |= {RIGS / "hyq.yaml", RIGS / "hyq-leg.yaml", RIGS / "xl330-pendulum.yaml",
+               RIGS / "ak80-6-pendulum.yaml"}
     for path in sorted(set(RIGS.glob("*.yaml")) - others):
         with Simulator(path, hold="always") as sim:
             sim.enable()

@@ -38,6 +38,11 @@ hil_script_test(cli_eds COMMAND /usr/bin/python3
                 ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/eds.py $<TARGET_FILE:coman-hil>
                 LABELS unit)
 
+hil_script_test(identify_command LABELS unit TIMEOUT 300
+    COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/identify/identify.sh $<TARGET_FILE:coman-hil>)
+
+hil_test(identify_fit SOURCES unit/app/identify/fit.c LIBS identify LABELS unit TIMEOUT 300)
+
 hil_script_test(report_plot LABELS unit TIMEOUT 30
     COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/report/plot.sh $<TARGET_FILE:coman-hil>)
 

@@ -185,7 +185,10 @@ static const struct limit rig_limits[] = {
         {"*.NKw_v_s_rad", 0, 1e9}, {"*.R_ohm", 0, 1e9}, {"*.L_h", 1e-12, 1e9},                     \
         {"*.deflection_rad", 1e-6, 1e9}, {"*.stop_Ks_nm_rad", 0, 1e9},                             \
         {"*.stop_Ds_nm_s_rad", 0, 1e9}, {"*.coulomb_nm", 0, 1e6}, {"*.breakaway_nm", 0, 1e6},      \
-        {"*.stribeck_rad_s", 1e-6, 1e6}, {"*.backlash_rad", 0, 1}, {"*.hysteresis_nm", 0, 1e6},    \
+        {"*.stribeck_rad_s", 1e-6, 1e6}, {"*.stribeck_exponent", 0.25, 16},                        \
+        {"*.load_motor", 0, 0.95}, {"*.load_external", 0, 0.95}, {"*.load_motor_stribeck", 0, 10}, \
+        {"*.load_external_stribeck", 0, 10}, {"*.load_motor_per_nm", 0, 1e3},                      \
+        {"*.load_external_per_nm", 0, 1e3}, {"*.backlash_rad", 0, 1}, {"*.hysteresis_nm", 0, 1e6}, \
         {"*.hysteresis_nm_rad", 1e-6, 1e6}, {"*.winding_k_w", 1e-6, 1e6},                          \
         {"*.housing_k_w", 1e-6, 1e6}, {"*.winding_j_k", 1e-3, 1e9}, {"*.housing_j_k", 1e-3, 1e9},  \
         {"*.ambient_c", -60, 200}, {"*.R_per_k", 0, 0.01}, {"*.NKt_per_k", -0.01, 0},              \

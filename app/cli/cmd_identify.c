@@ -1,0 +1,204 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* coman-hil identify: fits a drive's numbers to recordings of it. */
+#include "app/cli/commands.h"
+
+#include "app/cli/rig_command.h"
+#include "app/identify/identify.h"
+#include "base/config.h"
+#include "base/count.h"
+#include "base/options.h"
+#include "manual/identify.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+struct identify_options {
+    const char *rig, *bench, *joint, *free, *output, *report;
+    struct option_list recording;
+    bool cross;
+    int64_t steps;
+};
+
+/* Overwrites the line of progress, on a terminal. */
+static void show_progress(void *context, int step, double rms_rad)
+{
+    const bool *terminal = context;
+
+    if (*terminal) {
+        fprintf(stderr, "\ridentify: step %d, RMS error %.5f rad ", step, rms_rad);
+    }
+}
+
+/* Splits the keys of --free, in place of a copy. Returns their number. */
+static size_t split_keys(char *text, const char *key[IDENTIFY_FREE_MAX + 1])
+{
+    size_t count = 0;
+
+    for (char *at = text, *next; at && count <= IDENTIFY_FREE_MAX; at = next) {
+        next = strchr(at, ',');
+        if (next) {
+            *next++ = '\0';
+        }
+        key[count++] = at;
+    }
+    return count;
+}
+
+/* Prints the numbers, what is not told, and the errors. */
+static void print_identified(const struct identify_bench *bench, const struct fit_problem *problem,
+                             const struct identify_result *result)
+{
+    const struct fit_result *fit = &result->fit;
+
+    for (size_t i = 0; i < problem->nfree; i++) {
+        printf("%-24s %12.6g +- %-9.2g %s\n", parameter_key(problem->free[i].parameter),
+               fit->value[i], fit->sigma[i], word_of(fit_verdict_words, (int)fit->verdict[i]));
+    }
+    for (size_t i = 0; i < problem->nfree; i++) {
+        for (size_t k = 0; k < i; k++) {
+            if (fit->correlation[i][k] > 0.95 || fit->correlation[i][k] < -0.95) {
+                printf("%s and %s are hardly told apart: correlation %.3f\n",
+                       parameter_key(problem->free[k].parameter),
+                       parameter_key(problem->free[i].parameter), fit->correlation[i][k]);
+            }
+        }
+    }
+    for (size_t i = 0; i < bench->nrecording; i++) {
+        printf("%s: mean error %.4f rad, %.4f before", bench->recording[i].file, result->fitted[i],
+               result->start[i]);
+        if (result->crossed[i] >= 0.0) {
+            printf(", %.4f by the folds without it", result->crossed[i]);
+        }
+        puts(bench->recording[i].judge ? ", not fitted to" : "");
+    }
+    printf("mean error %.4f rad", identify_mean(result->fitted, bench->nrecording));
+    if (result->nfold > 0) {
+        printf(", cross-validated %.4f rad over %zu folds",
+               identify_mean(result->crossed, bench->nrecording), result->nfold);
+    }
+    printf("; %d simulations, %.1f s\n", fit->simulations, result->spent_s);
+}
+
+/* Opens what was given: a bench's file, or a rig with recordings of "run --record". */
+static enum error_code open_bench(const struct identify_options *o, struct arena *arena,
+                                  struct identify_bench *bench, struct error *error)
+{
+    char path[PATH_MAX];
+    enum error_code code = ERROR_NONE;
+
+    if (o->bench) {
+        code = config_locate(CONFIG_VALIDATION, o->bench, path, error);
+        code = code ? code : identify_open(path, arena, bench, error);
+    } else {
+        code = identify_open_own(o->rig, o->joint, arena, bench, error);
+    }
+
+    if (!code && o->recording.count > 0) {
+        code = identify_take_files(bench, o->recording.item, o->recording.count, arena, error);
+    }
+    if (!code && bench->nrecording == 0) {
+        code = error_set(error, ERROR_INPUT, "--recording: found none, expected one or more");
+    }
+    return code;
+}
+
+/* Identifies and writes what was asked for. */
+static enum error_code identify_do(const struct identify_options *o, struct arena *arena,
+                                   struct error *error)
+{
+    static struct identify_bench bench;
+    static struct identify_result result;
+    static struct fit_problem problem;
+    static bool terminal;
+    const char *key[IDENTIFY_FREE_MAX + 1];
+    char *keys = o->free ? arena_strdup(arena, o->free) : NULL;
+    enum error_code code = open_bench(o, arena, &bench, error);
+
+    if (code) {
+        return code;
+    }
+    terminal = isatty(STDERR_FILENO);
+    problem = (struct fit_problem){.rig = bench.rig,
+                                   .trial = &bench.trial,
+                                   .law = &bench.bench.law,
+                                   .recording = bench.recording,
+                                   .nrecording = bench.nrecording,
+                                   .robust_rad = bench.bench.robust_rad,
+                                   .steps = (int)o->steps,
+                                   .progress = show_progress,
+                                   .context = &terminal};
+    code = fit_prepare(&bench.bench, key, split_keys(keys, key), &problem, error);
+    code = code ? code : identify_run(&bench, &problem, o->cross, arena, &result, error);
+    if (terminal) {
+        fputs("\r\033[K", stderr);
+    }
+    if (code) {
+        return code;
+    }
+    print_identified(&bench, &problem, &result);
+    if (o->output) {
+        code = identify_write_drive(&bench, &problem, &result, o->output, error);
+    }
+    if (!code && o->report) {
+        code = identify_write_page(&bench, &problem, &result, o->report, error);
+    }
+    return code;
+}
+
+int cmd_identify(int argc, char **argv)
+{
+    static struct identify_options o = {.steps = 40};
+    static const struct option_spec options[] = {
+        {"--recording", OPTION_LIST, "FILE",
+         "a recording as CSV, of run --record by default; may be given more than once; by default "
+         "those of the bench",
+         .value = &o.recording},
+        {"--bench", OPTION_STRING, "FILE",
+         "a measured bench: what the columns mean, the servo's law, which numbers are free within "
+         "which bounds, its recordings; RIG is then not needed",
+         .value = &o.bench, .noun = "validations"},
+        {"--joint", OPTION_STRING, "NAME", "the joint; by default the only one", .value = &o.joint},
+        {"--free", OPTION_STRING, "KEY,...",
+         "numbers to be found, by their keys in a drive's file; by default those of the bench",
+         .value = &o.free},
+        {"--cross", OPTION_FLAG, NULL,
+         "also fit without each group of recordings, and judge on that group", .value = &o.cross},
+        {"--steps", OPTION_INT, "N", "most iterations of a fit; by default 40", .value = &o.steps,
+         .min = 1, .max = 10000},
+        {"--output", OPTION_STRING, "FILE", "drive's file to write", .value = &o.output,
+         .letter = "-o"},
+        {"--report", OPTION_STRING, "DIR", "folder for a page with plots", .value = &o.report},
+    };
+    static const struct operand_spec operands[] = {{"RIG",
+                                                    "rig of one driven joint, by file or name",
+                                                    false, .value = &o.rig, .noun = "rigs"}};
+    static const struct command_spec spec = {
+        .name = "identify",
+        .summary = "Fit a drive's numbers to recordings of it.",
+        .option = options,
+        .noption = ARRAY_COUNT(options),
+        .operand = operands,
+        .noperand = ARRAY_COUNT(operands),
+        .manual = MANUAL_IDENTIFY,
+    };
+    struct arena arena;
+    struct error error;
+    enum error_code code;
+    int status;
+
+    if (!options_read(&spec, argc, argv, &status)) {
+        return status;
+    }
+    if (!o.rig == !o.bench) {
+        error_set(&error, ERROR_INPUT, "found %s, expected a RIG or a --bench",
+                  o.rig ? "both a rig and a bench" : "neither a rig nor a bench");
+        return options_fail(&spec, &error);
+    }
+    if (arena_init(&arena, RIG_COMMAND_ARENA, &error)) {
+        return options_fail(&spec, &error);
+    }
+    code = identify_do(&o, &arena, &error);
+    arena_fini(&arena);
+    return options_end(&spec, code, &error);
+}

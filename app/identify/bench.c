@@ -1,0 +1,441 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Reads benches and their recordings. */
+#include "app/identify/bench.h"
+
+#include "base/count.h"
+#include "base/crc32.h"
+#include "base/csv.h"
+#include "base/text.h"
+
+#include <errno.h>
+#include <float.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Most bytes of a recording that is read. */
+enum { RECORDING_BYTES_MAX = 1 << 28 };
+
+#define AT(member) offsetof(struct STRUCT, member)
+#define TEXT(word, must, member)                                                                   \
+    {                                                                                              \
+        .key = word, .type = YAML_STRING, .required = must, .offset = AT(member), .min = 1,        \
+        .max = 1000                                                                                \
+    }
+#define REAL(word, must, member, least, most)                                                      \
+    {                                                                                              \
+        .key = word, .type = YAML_REAL, .required = must, .offset = AT(member), .min = least,      \
+        .max = most                                                                                \
+    }
+#define GIVEN(word, member)                                                                        \
+    {                                                                                              \
+        .key = word, .type = YAML_REAL, .offset = AT(member), .min = -1e9, .max = 1e9,             \
+        .given_offset = AT(has_##member)                                                           \
+    }
+#define SCHEMA(text, table)                                                                        \
+    {                                                                                              \
+        .what = text, .size = sizeof(struct STRUCT), .fields = table,                              \
+        .field_count = ARRAY_COUNT(table)                                                          \
+    }
+
+#define STRUCT bench_columns
+static const struct yaml_field column_fields[] = {
+    TEXT("time", true, time),
+    TEXT("position", true, position),
+    TEXT("goal", false, goal),
+    TEXT("voltage", false, voltage),
+    TEXT("enabled", false, enabled),
+    TEXT("supply", false, supply),
+    TEXT("gain", false, gain_word),
+    TEXT("torque", false, torque),
+    {"voltage_before", YAML_BOOL, false, .offset = AT(voltage_before)},
+};
+static const struct yaml_schema column_schema = SCHEMA("the columns of a recording", column_fields);
+#undef STRUCT
+
+#define STRUCT bench_law
+static const struct yaml_field law_fields[] = {
+    REAL("duty_per_rad", true, duty_per_rad, 1e-9, 1e6),
+    REAL("duty_max", false, duty_max, 1e-3, 1.0),
+};
+static const struct bench_law law_defaults = {.duty_max = 1.0};
+static const struct yaml_schema law_schema = {.what = "the law of a servo",
+                                              .size = sizeof(struct bench_law),
+                                              .fields = law_fields,
+                                              .field_count = ARRAY_COUNT(law_fields),
+                                              .defaults = &law_defaults};
+#undef STRUCT
+
+#define STRUCT bench_free
+static const struct yaml_field free_fields[] = {
+    TEXT("key", true, key), GIVEN("start", start),       GIVEN("lower", lower),
+    GIVEN("upper", upper),  GIVEN("expected", expected), GIVEN("sigma", sigma),
+};
+static const struct yaml_schema free_schema = {.what = "a free number",
+                                               .size = sizeof(struct bench_free),
+                                               .fields = free_fields,
+                                               .field_count = ARRAY_COUNT(free_fields),
+                                               .alone = "key"};
+#undef STRUCT
+
+#define STRUCT bench_recording
+static const struct yaml_field recording_fields[] = {
+    {.key = "file",
+     .type = YAML_STRING,
+     .required = true,
+     .offset = AT(file),
+     .min = 1,
+     .max = 255,
+     .mark_offset = AT(file_mark)},
+    TEXT("crc32", false, crc32),
+    TEXT("group", false, group),
+    {"judge", YAML_BOOL, false, .offset = AT(judge)},
+};
+static const struct bench_recording recording_defaults = {.group = ""};
+static const struct yaml_schema recording_schema = {.what = "a recording",
+                                                    .size = sizeof(struct bench_recording),
+                                                    .fields = recording_fields,
+                                                    .field_count = ARRAY_COUNT(recording_fields),
+                                                    .defaults = &recording_defaults};
+#undef STRUCT
+
+#define STRUCT bench_published
+static const struct yaml_field published_fields[] = {
+    TEXT("what", true, what),
+    REAL("error_rad", true, error_rad, 0.0, 10.0),
+};
+static const struct yaml_schema published_schema = SCHEMA("a published error", published_fields);
+#undef STRUCT
+
+#define STRUCT bench
+#define LIST(word, member, entry)                                                                  \
+    {                                                                                              \
+        .key = word, .type = YAML_LIST, .offset = AT(member), .count_offset = AT(n##member),       \
+        .schema = &entry                                                                           \
+    }
+static const struct yaml_field bench_fields[] = {
+    TEXT("name", true, name),
+    TEXT("description", false, description),
+    TEXT("source", true, source),
+    TEXT("license", true, license),
+    TEXT("supports", false, supports),
+    {.key = "rig",
+     .type = YAML_STRING,
+     .required = true,
+     .offset = AT(rig),
+     .min = 1,
+     .max = 255,
+     .mark_offset = AT(rig_mark)},
+    {.key = "columns",
+     .type = YAML_MAP,
+     .required = true,
+     .offset = AT(columns),
+     .schema = &column_schema},
+    {.key = "law", .type = YAML_MAP, .offset = AT(law), .schema = &law_schema},
+    REAL("robust_rad", false, robust_rad, 0.0, 10.0),
+    REAL("limit_rad", false, limit_rad, 0.0, 10.0),
+    {.key = "numbers", .type = YAML_REAL_DICT, .offset = AT(number), .count_offset = AT(nnumber)},
+    LIST("free", free, free_schema),
+    LIST("recordings", recording, recording_schema),
+    LIST("published", published, published_schema),
+};
+static const struct yaml_schema bench_schema = SCHEMA("a measured bench", bench_fields);
+#undef STRUCT
+
+/* Refuses a key that no number has. */
+static enum error_code refuse_key(const struct yaml_mark *mark, const char *key,
+                                  struct error *error)
+{
+    return yaml_error(error, mark,
+                      "found no number \"%.63s\" that can be identified, expected a key of a "
+                      "drive's file, or offset_rad, delay_s, arm_kg",
+                      key);
+}
+
+/* Checks what the table of keys cannot say. */
+static enum error_code check_bench(struct bench *bench, struct error *error)
+{
+    if (!!bench->columns.goal + !!bench->columns.voltage + !!bench->columns.torque != 1) {
+        return yaml_error(error, &bench->columns.mark,
+                          "found none or several of the columns \"goal\", \"voltage\" and "
+                          "\"torque\", expected one");
+    }
+    if (bench->columns.goal && !(bench->law.duty_per_rad > 0.0)) {
+        return yaml_error(error, &bench->columns.mark,
+                          "found a column of goals without key \"law\", expected the servo's law");
+    }
+    if (bench->nfree > IDENTIFY_FREE_MAX) {
+        return yaml_error(error, &bench->free[IDENTIFY_FREE_MAX].mark,
+                          "found more than %d free numbers, expected fewer", IDENTIFY_FREE_MAX);
+    }
+    for (size_t i = 0; i < bench->nnumber; i++) {
+        if (parameter_find(bench->number[i].name) == IDENTIFY_NONE) {
+            return refuse_key(&bench->number[i].mark, bench->number[i].name, error);
+        }
+    }
+    for (size_t i = 0; i < bench->nfree; i++) {
+        struct bench_free *one = &bench->free[i];
+
+        one->parameter = parameter_find(one->key);
+        if (one->parameter == IDENTIFY_NONE) {
+            return refuse_key(&one->mark, one->key, error);
+        }
+        if ((one->has_expected != one->has_sigma) || (one->has_sigma && !(one->sigma > 0.0)) ||
+            (one->has_lower && one->has_upper && !(one->lower < one->upper))) {
+            return yaml_error(error, &one->mark,
+                              "found \"%s\" with bounds or a prior that cannot be, expected lower "
+                              "below upper, and an expected value with a sigma above zero",
+                              one->key);
+        }
+    }
+    return ERROR_NONE;
+}
+
+enum error_code bench_read(const char *path, struct arena *arena, struct bench *bench,
+                           struct error *error)
+{
+    enum error_code code = yaml_read_file(path, &bench_schema, arena, bench, error);
+
+    return code ? code : check_bench(bench, error);
+}
+
+enum error_code bench_of_own(const char *joint, struct arena *arena, struct bench *bench,
+                             struct error *error)
+{
+    char title[2][96];
+
+    snprintf(title[0], sizeof title[0], "q_%.63s_rad", joint);
+    snprintf(title[1], sizeof title[1], "voltage_%.63s_v", joint);
+    *bench = (struct bench){
+        .name = "own",
+        .columns = {.time = "time_s",
+                    .position = arena_strdup(arena, title[0]),
+                    .voltage = arena_strdup(arena, title[1]),
+                    .voltage_before = true},
+    };
+    return bench->columns.position && bench->columns.voltage
+               ? ERROR_NONE
+               : error_set(error, ERROR_MEMORY, "no memory for a bench");
+}
+
+/* ---- recordings ---- */
+
+/* Reads a whole file; *text ends in a zero byte and is the caller's to free. */
+static enum error_code read_whole(const char *path, char **text, size_t *size, struct error *error)
+{
+    FILE *file = fopen(path, "r");
+    enum error_code code = ERROR_NONE;
+
+    *text = NULL;
+    if (!file) {
+        return error_set_file(error, errno, path, "cannot be read");
+    }
+    for (size_t room = 1 << 16, used = 0; !code; room *= 2) {
+        char *more = room > RECORDING_BYTES_MAX ? NULL : realloc(*text, room);
+
+        if (!more) {
+            code = error_set(error, ERROR_MEMORY, "%.200s: found no memory for a file of this size",
+                             path);
+            break;
+        }
+        *text = more;
+        used += fread(more + used, 1, room - used - 1, file);
+        more[used] = '\0';
+        *size = used;
+        if (ferror(file)) {
+            code = error_set_file(error, errno, path, "cannot be read");
+        } else if (used < room - 1) {
+            break;
+        }
+    }
+    fclose(file);
+    if (code) {
+        free(*text);
+        *text = NULL;
+    }
+    return code;
+}
+
+/* Returns the number behind a word in the comments of a text, or 0. */
+static double find_gain(const char *text, size_t size, const char *word)
+{
+    const size_t length = strlen(word);
+
+    for (const char *at = text; at + length < text + size; at++) {
+        if (!strncmp(at, word, length) && (at == text || at[-1] == ' ') && at[length] == ' ') {
+            return strtod(at + length, NULL);
+        }
+    }
+    return 0.0;
+}
+
+/* Returns the bytes of the lines at the begin that are comments. */
+static size_t comment_size(const char *text)
+{
+    const char *at = text;
+
+    while (*at == '#') {
+        at += strcspn(at, "\n");
+        at += *at == '\n';
+    }
+    return (size_t)(at - text);
+}
+
+/* The columns that are read, in the order of find_columns. */
+enum {
+    COLUMN_TIME,
+    COLUMN_POSITION,
+    COLUMN_GOAL,
+    COLUMN_VOLTAGE,
+    COLUMN_ENABLED,
+    COLUMN_SUPPLY,
+    COLUMNS
+};
+
+/* Finds the columns of a table by their titles; -1 where the bench names none. */
+static enum error_code find_columns(const struct bench_columns *columns, const struct csv *csv,
+                                    int column[COLUMNS], struct error *error)
+{
+    const char *const title[COLUMNS] = {
+        columns->time,    columns->position,
+        columns->goal,    columns->voltage ? columns->voltage : columns->torque,
+        columns->enabled, columns->supply};
+
+    for (size_t i = 0; i < COLUMNS; i++) {
+        column[i] = -1;
+        for (size_t k = 0; title[i] && k < csv->ncolumn; k++) {
+            column[i] = !strcmp(csv->title[k], title[i]) ? (int)k : column[i];
+        }
+        if (title[i] && column[i] < 0) {
+            const char *near = text_nearest(title[i], csv->title, csv->ncolumn);
+
+            return error_set(error, ERROR_INPUT, "%s: found no column \"%.80s\"%s%.80s%s",
+                             csv->path, title[i],
+                             near ? ", expected it; the nearest is \"" : ", expected it",
+                             near ? near : "", near ? "\"" : "");
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Reads the rows of a table into arrays of `most` entries. */
+static enum error_code read_rows(struct csv *csv, const int column[COLUMNS], size_t most,
+                                 struct recording *r, struct error *error)
+{
+    double supply = 0.0;
+    enum error_code code;
+    bool end;
+
+    for (r->count = 0; !(code = csv_next(csv, &end, error)) && !end && r->count < most;) {
+        const size_t i = r->count++;
+
+        r->time[i] = csv->cell[column[COLUMN_TIME]];
+        r->position[i] = csv->cell[column[COLUMN_POSITION]];
+        r->goal[i] = column[COLUMN_GOAL] < 0 ? 0.0 : csv->cell[column[COLUMN_GOAL]];
+        r->voltage[i] = column[COLUMN_VOLTAGE] < 0 ? 0.0 : csv->cell[column[COLUMN_VOLTAGE]];
+        r->enabled[i] = column[COLUMN_ENABLED] < 0 || csv->cell[column[COLUMN_ENABLED]] > 0.5;
+        supply += column[COLUMN_SUPPLY] < 0 ? 0.0 : csv->cell[column[COLUMN_SUPPLY]];
+        if (i > 0 && !(r->time[i] > r->time[i - 1])) {
+            return error_set(error, ERROR_INPUT,
+                             "%s:%ld: found a time of %.9g s after %.9g s, expected a later one",
+                             csv->path, csv->line, r->time[i], r->time[i - 1]);
+        }
+    }
+    if (!code && r->count < 16) {
+        return error_set(error, ERROR_INPUT, "%s: found %zu rows, expected 16 or more", csv->path,
+                         r->count);
+    }
+    r->supply = supply / (double)(r->count ? r->count : 1);
+    return code;
+}
+
+/* Reads a recording from the text of its file. */
+static enum error_code read_table(const struct bench *bench, const char *path, const char *text,
+                                  size_t size, struct arena *arena, struct recording *r,
+                                  struct error *error)
+{
+    const size_t comments = comment_size(text);
+    struct csv *csv;
+    int column[COLUMNS];
+    size_t most = 0;
+    enum error_code code;
+
+    for (size_t i = comments; i < size; i++) {
+        most += text[i] == '\n';
+    }
+    r->time = arena_alloc(arena, most + 1, sizeof *r->time);
+    r->position = arena_alloc(arena, most + 1, sizeof *r->position);
+    r->goal = arena_alloc(arena, most + 1, sizeof *r->goal);
+    r->voltage = arena_alloc(arena, most + 1, sizeof *r->voltage);
+    r->enabled = arena_alloc(arena, most + 1, sizeof *r->enabled);
+    if (!r->time || !r->position || !r->goal || !r->voltage || !r->enabled) {
+        return error_set(error, ERROR_MEMORY, "%.200s: no memory left for this recording", path);
+    }
+    if ((code = csv_open_memory(path, text + comments, size - comments, &csv, error))) {
+        return code;
+    }
+    code = find_columns(&bench->columns, csv, column, error);
+    code = code ? code : read_rows(csv, column, most + 1, r, error);
+    csv_close(csv);
+    return code;
+}
+
+enum error_code recording_read(const struct bench *bench, const char *path, const char *crc32,
+                               struct arena *arena, struct recording *recording,
+                               struct error *error)
+{
+    const char *word = bench->columns.gain_word;
+    char *text, sum[16];
+    size_t size = 0;
+    enum error_code code = read_whole(path, &text, &size, error);
+
+    if (code) {
+        return code;
+    }
+    *recording = (struct recording){.file = arena_strdup(arena, path),
+                                    .group = "",
+                                    .gain = 1.0,
+                                    .voltage_before = bench->columns.voltage_before,
+                                    .is_torque = bench->columns.torque != NULL};
+    snprintf(sum, sizeof sum, "%08x", crc32_update(0, text, size));
+    if (word) {
+        recording->gain = find_gain(text, comment_size(text), word);
+    }
+    if (crc32 && strcmp(crc32, sum) != 0) {
+        code = error_set(error, ERROR_INPUT, "%.200s: found CRC-32 %s, expected %.16s", path, sum,
+                         crc32);
+    } else if (word && !(recording->gain > 0.0)) {
+        code = error_set(error, ERROR_INPUT,
+                         "%.200s: found no \"%.63s\" with a number in the comments at its begin, "
+                         "expected the gain of the servo",
+                         path, word);
+    } else if (!recording->file) {
+        code = error_set(error, ERROR_MEMORY, "no memory for a recording");
+    } else {
+        code = read_table(bench, path, text, size, arena, recording, error);
+    }
+    free(text);
+    return code;
+}
+
+enum error_code bench_read_recordings(const struct bench *bench, struct arena *arena,
+                                      struct recording **recording, struct error *error)
+{
+    struct recording *all = arena_alloc(arena, bench->nrecording + 1, sizeof *all);
+    enum error_code code = ERROR_NONE;
+
+    if (!all) {
+        return error_set(error, ERROR_MEMORY, "no memory for recordings");
+    }
+    for (size_t i = 0; i < bench->nrecording && !code; i++) {
+        const struct bench_recording *one = &bench->recording[i];
+        const char *path;
+
+        code = yaml_resolve_path(&one->file_mark, one->file, arena, &path, error);
+        code = code ? code : recording_read(bench, path, one->crc32, arena, &all[i], error);
+        all[i].group = one->group;
+        all[i].judge = one->judge;
+    }
+    *recording = all;
+    return code;
+}

@@ -1,0 +1,114 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Writes a drive that was identified as a file of the catalogue. */
+#include "app/identify/identify.h"
+
+#include "base/whole_file.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+/* Writes where the numbers come from, as comments. */
+static void write_head(const struct identify_bench *bench, const struct fit_problem *problem,
+                       const struct identify_result *result, FILE *out)
+{
+    const double crossed = identify_mean(result->crossed, bench->nrecording);
+
+    fprintf(out,
+            "# SPDX-License-Identifier: Apache-2.0\n"
+            "# Identified by coman-hil identify from these recordings, each simulated without\n"
+            "# being set back to what was measured:\n");
+    for (size_t i = 0; i < bench->nrecording; i++) {
+        if (!bench->recording[i].judge) {
+            const char *slash = strrchr(bench->recording[i].file, '/');
+
+            fprintf(out, "#   %-44s mean error %.4f rad\n",
+                    slash ? slash + 1 : bench->recording[i].file, result->fitted[i]);
+        }
+    }
+    if (crossed >= 0.0) {
+        fprintf(out, "# Cross-validated over %zu folds: %.4f rad.\n", result->nfold, crossed);
+    }
+    for (size_t i = 0; i < problem->nfree; i++) {
+        const char *key = parameter_key(problem->free[i].parameter);
+
+        if (!parameter_is_written(&result->fit.trial, problem->free[i].parameter)) {
+            fprintf(out, "# Of the bench, no number of the drive: %s %.6g.\n", key,
+                    result->fit.value[i]);
+        }
+    }
+    fprintf(
+        out,
+        "#\n# Behind each number stands how far it can be trusted: I, identified (with sigma, or "
+        "what\n# the recordings do not tell), F, follows such a one, or as in the drive that it "
+        "began\n# from.\n");
+}
+
+/* Returns the index of a parameter among the free ones, or -1. */
+static int find_free(const struct fit_problem *problem, int parameter)
+{
+    for (size_t i = 0; i < problem->nfree; i++) {
+        if (problem->free[i].parameter == parameter) {
+            return (int)i;
+        }
+    }
+    return -1;
+}
+
+/* Writes the keys of the drive, each with its trust. */
+static void write_keys(const struct identify_bench *bench, const struct fit_problem *problem,
+                       const struct identify_result *result, FILE *out)
+{
+    const struct trial_robot *made = &result->fit.trial;
+
+    fprintf(out, "drive:\n");
+    for (int i = 0; i < (int)parameter_count(); i++) {
+        const int free = find_free(problem, i);
+        const double value = parameter_get(made, i);
+
+        if (!parameter_is_written(made, i)) {
+            continue;
+        }
+        fprintf(out, "  %s: %.6g", parameter_key(i), value);
+        if (free >= 0) {
+            fprintf(out, "  # I: sigma %.2g, %s\n", result->fit.sigma[free],
+                    word_of(fit_verdict_words, (int)result->fit.verdict[free]));
+        } else {
+            fprintf(out, "  # %s\n", value != parameter_get(&bench->trial, i) ? "F" : "as it was");
+        }
+    }
+    if (made->effects.freewheel) {
+        fprintf(out, "  freewheel: true  # as it was\n");
+    }
+}
+
+enum error_code identify_write_drive(const struct identify_bench *bench,
+                                     const struct fit_problem *problem,
+                                     const struct identify_result *result, const char *path,
+                                     struct error *error)
+{
+    const struct robot_effects *effects = &bench->trial.effects;
+    const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
+    const int length = (int)strcspn(name, ".");
+    struct whole_file file;
+    enum error_code code;
+
+    if (effects->nerror + effects->ncogging > 0) {
+        return error_set(error, ERROR_INPUT,
+                         "%s: found a drive with cogging or gear errors, expected one without: "
+                         "these are not written back",
+                         bench->rig->file);
+    }
+    code = whole_file_open(&file, path, error);
+    if (code) {
+        return code;
+    }
+    write_head(bench, problem, result, file.out);
+    fprintf(file.out,
+            "name: %.*s\ndescription: \"%s, identified\"\nsource: \"identified from %s\"\n", length,
+            name, bench->bench.name,
+            bench->bench.source ? bench->bench.source : "recordings of coman-hil run --record");
+    fprintf(file.out, "supply_v: %.6g\n", bench->rig->supply_v);
+    write_keys(bench, problem, result, file.out);
+    return whole_file_close(&file, ERROR_NONE, error);
+}

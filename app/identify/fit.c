@@ -1,0 +1,447 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Least squares over recordings. The variable u of a number p within its bounds is
+ * p = lower + (upper - lower) (1 + sin u) / 2, on the logarithm of p where the bounds are a decade
+ * apart and above zero.
+ */
+#include "app/identify/fit.h"
+
+#include "base/count.h"
+#include "base/word.h"
+
+#include <cminpack.h>
+#include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+/* Step of differences in u, nearest that a start may be to a bound in sin u, and when the fit
+ * ends: a relative change of the sum of squares or of the variables. */
+#define DIFFERENCE 1e-3
+#define NEAREST 0.98
+#define TOLERANCE 1e-4
+
+/* Sine beyond which a number is at its bound. */
+#define AT_BOUND 0.9995
+
+enum { THREADS_MAX = 8 };
+
+const struct word fit_verdict_words[] = {{"known", FIT_KNOWN},
+                                         {"rough", FIT_ROUGH},
+                                         {"at its bound", FIT_BOUND},
+                                         {"not told by these recordings", FIT_NOT_TOLD},
+                                         {NULL, 0}};
+
+/* A fit on its way. */
+struct fit {
+    const struct fit_problem *problem;
+    size_t first[1024], nrow; /* where each recording's residuals begin; rows of recordings */
+    size_t m;                 /* rows with those of priors */
+    double level;             /* error of one independent measurement, rad: priors weigh by it */
+    double *work;             /* residuals of each set of variables, m * (nfree + 1) */
+    atomic_int simulations;
+    int step;
+    struct error *error;
+    enum error_code code;
+};
+
+/* ---- variables ---- */
+
+static bool is_logarithmic(const struct fit_free *free)
+{
+    return free->lower > 0.0 && free->upper > 10.0 * free->lower;
+}
+
+static double fit_value(const struct fit_free *free, double u)
+{
+    const double share = 0.5 * (1.0 + sin(u));
+
+    return is_logarithmic(free) ? free->lower * pow(free->upper / free->lower, share)
+                                : free->lower + (free->upper - free->lower) * share;
+}
+
+static double fit_variable(const struct fit_free *free, double value)
+{
+    const double share = is_logarithmic(free)
+                             ? log(value / free->lower) / log(free->upper / free->lower)
+                             : (value - free->lower) / (free->upper - free->lower);
+
+    return asin(fmax(-NEAREST, fmin(NEAREST, 2.0 * share - 1.0)));
+}
+
+/* Returns dp/du. */
+static double fit_slope(const struct fit_free *free, double u)
+{
+    const double half = 0.5 * cos(u);
+
+    return is_logarithmic(free) ? fit_value(free, u) * log(free->upper / free->lower) * half
+                                : (free->upper - free->lower) * half;
+}
+
+static void set_variables(const struct fit_problem *problem, const double *u,
+                          struct trial_robot *trial)
+{
+    int parameter[IDENTIFY_FREE_MAX];
+    double value[IDENTIFY_FREE_MAX];
+
+    *trial = *problem->trial;
+    for (size_t i = 0; i < problem->nfree; i++) {
+        parameter[i] = problem->free[i].parameter;
+        value[i] = fit_value(&problem->free[i], u[i]);
+    }
+    parameter_set(trial, parameter, value, problem->nfree);
+}
+
+/* ---- residuals ---- */
+
+/* Returns the root of the loss of an error: the error while it is small against robust, and growing
+ * with its square root beyond. */
+static double soften_error(double error, double robust)
+{
+    const double z = robust > 0.0 ? error / robust : 0.0;
+
+    return error * sqrt(2.0 / (1.0 + sqrt(1.0 + z * z)));
+}
+
+/* Simulates a recording for a set of variables. */
+static enum error_code residuals_of(struct fit *fit, size_t recording, const double *u, double *out,
+                                    struct error *error)
+{
+    const struct fit_problem *problem = fit->problem;
+    const struct recording *r = &problem->recording[recording];
+    struct trial_robot trial;
+    enum error_code code;
+
+    set_variables(problem, u, &trial);
+    code = simulate_recording(problem->rig, &trial, problem->law, r, out, error);
+    for (size_t i = 0; i < r->count && !code; i++) {
+        out[i] = soften_error(out[i] - r->position[i], problem->robust_rad);
+    }
+    atomic_fetch_add(&fit->simulations, 1);
+    return code;
+}
+
+/* Fills the residuals of priors, each of which weighs as one independent measurement. */
+static void prior_residuals(const struct fit *fit, const double *u, double *out)
+{
+    size_t row = fit->nrow;
+
+    for (size_t i = 0; i < fit->problem->nfree; i++) {
+        const struct fit_free *free = &fit->problem->free[i];
+
+        if (free->sigma > 0.0) {
+            out[row++] = fit->level * (fit_value(free, u[i]) - free->expected) / free->sigma;
+        }
+    }
+}
+
+/* Sets of variables that are simulated at once: each with each recording is a job. */
+struct batch {
+    struct fit *fit;
+    const double *u; /* nset sets of nfree */
+    size_t nset;
+    double *out; /* nset times m */
+    atomic_size_t next;
+    atomic_bool failed;
+};
+
+/* Returns whether a problem uses a recording. */
+static bool is_used(const struct fit_problem *problem, size_t recording)
+{
+    return !problem->use || problem->use[recording];
+}
+
+static void *run_jobs(void *context)
+{
+    struct batch *batch = context;
+    struct fit *fit = batch->fit;
+    const size_t n = fit->problem->nrecording;
+    size_t job;
+
+    while ((job = atomic_fetch_add(&batch->next, 1)) < n * batch->nset) {
+        const size_t set = job / n, recording = job % n;
+        struct error error;
+        enum error_code code;
+
+        if (!is_used(fit->problem, recording)) {
+            continue;
+        }
+        code = residuals_of(fit, recording, batch->u + set * fit->problem->nfree,
+                            batch->out + set * fit->m + fit->first[recording], &error);
+        if (code && !atomic_exchange(&batch->failed, true)) {
+            *fit->error = error;
+            fit->code = code;
+        }
+    }
+    return NULL;
+}
+
+/* Computes the residuals of several sets of variables with all processors. */
+static void run_batch(struct fit *fit, const double *u, size_t nset, double *out)
+{
+    struct batch batch = {.fit = fit, .u = u, .nset = nset, .out = out};
+    const long processors = sysconf(_SC_NPROCESSORS_ONLN);
+    pthread_t thread[THREADS_MAX];
+    int count = 0;
+
+    while (count + 1 < processors && count + 1 < THREADS_MAX &&
+           !pthread_create(&thread[count], NULL, run_jobs, &batch)) {
+        count++;
+    }
+    run_jobs(&batch);
+    while (count > 0) {
+        pthread_join(thread[--count], NULL);
+    }
+}
+
+/* ---- the solver's view ---- */
+
+/* Returns the root of the mean square of the residuals of recordings, rad. */
+static double rms_of(const struct fit *fit, const double *residual)
+{
+    double sum = 0.0;
+
+    for (size_t i = 0; i < fit->nrow; i++) {
+        sum += residual[i] * residual[i];
+    }
+    return sqrt(sum / (double)fit->nrow);
+}
+
+/* Computes residuals (flag 1) or the Jacobian by forward differences (flag 2), column by column;
+ * negative ends the fit. */
+static int fit_evaluate(void *context, int m, int n, const double *u, double *residual,
+                        double *jacobian, int stride, int flag)
+{
+    struct fit *fit = context;
+    double set[IDENTIFY_FREE_MAX * IDENTIFY_FREE_MAX] = {0};
+
+    if (flag == 1) {
+        run_batch(fit, u, 1, residual);
+        prior_residuals(fit, u, residual);
+        return fit->code ? -1 : 0;
+    }
+    for (int i = 0; i < n; i++) {
+        memcpy(set + i * n, u, (size_t)n * sizeof *set);
+        set[i * n + i] += u[i] > 0.0 ? -DIFFERENCE : DIFFERENCE;
+    }
+    if (fit->problem->progress) {
+        fit->problem->progress(fit->problem->context, ++fit->step, rms_of(fit, residual));
+    }
+    run_batch(fit, set, (size_t)n, fit->work);
+    for (int i = 0; i < n && !fit->code; i++) {
+        const double step = set[i * n + i] - u[i];
+
+        prior_residuals(fit, set + i * n, fit->work + i * m);
+        for (int row = 0; row < m; row++) {
+            jacobian[i * stride + row] = (fit->work[i * m + row] - residual[row]) / step;
+        }
+    }
+    return fit->code ? -1 : 0;
+}
+
+/* ---- what the fit tells ---- */
+
+/* Returns how many rows count as one measurement: 1 + 2 times the sum of the residual's
+ * autocorrelation up to its first zero, of the recordings together. */
+static double find_coherence(const struct fit *fit, const double *residual)
+{
+    double sum = 0.0, all = 0.0;
+
+    for (size_t r = 0; r < fit->problem->nrecording; r++) {
+        const double *x = residual + fit->first[r];
+        const size_t count = fit->problem->recording[r].count;
+        double power = 0.0, length = 1.0;
+
+        if (!is_used(fit->problem, r)) {
+            continue;
+        }
+        for (size_t i = 0; i < count; i++) {
+            power += x[i] * x[i];
+        }
+        for (size_t lag = 1; lag < count && power > 0.0; lag++) {
+            double product = 0.0;
+
+            for (size_t i = lag; i < count; i++) {
+                product += x[i] * x[i - lag];
+            }
+            if (product < 0.05 * power) {
+                break;
+            }
+            length += 2.0 * product / power;
+        }
+        sum += length * power;
+        all += power;
+    }
+    return all > 0.0 ? sum / all : 1.0;
+}
+
+/* Judges what is known of a number. */
+static enum fit_verdict judge_value(const struct fit_free *free, double u, double value,
+                                    double sigma)
+{
+    const double range = free->upper - free->lower;
+
+    return fabs(sin(u)) > AT_BOUND                        ? FIT_BOUND
+           : !(sigma > 0.0) || 2.0 * sigma >= 0.5 * range ? FIT_NOT_TOLD
+           : 2.0 * sigma <= FIT_KNOWN_SHARE * fabs(value) ? FIT_KNOWN
+           : 2.0 * sigma >= fabs(value)                   ? FIT_NOT_TOLD
+                                                          : FIT_ROUGH;
+}
+
+/* Fills sigmas and correlations from the solver's factors. */
+static void find_covariance(struct fit *fit, const double *u, double sum, double *factor,
+                            const int *pivot, struct fit_result *result)
+{
+    const int n = (int)fit->problem->nfree;
+    double work[IDENTIFY_FREE_MAX];
+
+    __cminpack_func__(covar1)((int)fit->m, n, sum, factor, (int)fit->m, pivot, 1e-10, work);
+    for (int i = 0; i < n; i++) {
+        const struct fit_free *free = &fit->problem->free[i];
+        const double own = factor[(size_t)i * fit->m + (size_t)i];
+
+        result->value[i] = fit_value(free, u[i]);
+        result->sigma[i] = sqrt(fmax(0.0, own) * result->coherence) * fabs(fit_slope(free, u[i]));
+        result->verdict[i] = judge_value(free, u[i], result->value[i], result->sigma[i]);
+        for (int k = 0; k < n; k++) {
+            const double other = factor[(size_t)k * fit->m + (size_t)k];
+
+            result->correlation[i][k] =
+                own > 0.0 && other > 0.0
+                    ? factor[(size_t)k * fit->m + (size_t)i] / sqrt(own * other)
+                    : i == k;
+        }
+    }
+}
+
+/* Fills rms and coherence of the residuals, and what an independent measurement's error is. */
+static void weigh_residuals(struct fit *fit, const double *residual, struct fit_result *result)
+{
+    result->rms_rad = rms_of(fit, residual);
+    result->coherence = find_coherence(fit, residual);
+    fit->level = result->rms_rad * sqrt(result->coherence);
+}
+
+/* Runs the solver with memory for residuals and Jacobian: once, and again where there are priors,
+ * which weigh by the errors that the first time left. */
+static enum error_code run_solver(struct fit *fit, double *u, double *residual, double *jacobian,
+                                  double *last, struct fit_result *result)
+{
+    const int n = (int)fit->problem->nfree, m = (int)fit->m;
+    double diagonal[IDENTIFY_FREE_MAX], qtf[IDENTIFY_FREE_MAX], work[3][IDENTIFY_FREE_MAX];
+    int pivot[IDENTIFY_FREE_MAX], evaluations, jacobians;
+
+    run_batch(fit, u, 1, residual);
+    weigh_residuals(fit, residual, result);
+    for (int round = 0; round <= (fit->m > fit->nrow) && !fit->code; round++) {
+        __cminpack_func__(lmder)(fit_evaluate, fit, m, n, u, residual, jacobian, m, TOLERANCE,
+                                 TOLERANCE, 0.0, 3 * fit->problem->steps, diagonal, 1, 1.0, 0,
+                                 &evaluations, &jacobians, pivot, qtf, work[0], work[1], work[2],
+                                 last);
+        weigh_residuals(fit, residual, result);
+    }
+    result->simulations = atomic_load(&fit->simulations);
+    if (!fit->code) {
+        find_covariance(fit, u, result->rms_rad * result->rms_rad * (double)fit->nrow, jacobian,
+                        pivot, result);
+        set_variables(fit->problem, u, &result->trial);
+    }
+    return fit->code;
+}
+
+enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *result,
+                          struct error *error)
+{
+    struct fit fit = {.problem = problem, .error = error};
+    double u[IDENTIFY_FREE_MAX], *memory;
+    enum error_code code;
+
+    if (problem->nfree == 0 || problem->nfree > IDENTIFY_FREE_MAX ||
+        problem->nrecording > ARRAY_COUNT(fit.first)) {
+        return error_set(error, ERROR_INPUT,
+                         "found %zu free numbers and %zu recordings, expected 1 to %d and no more "
+                         "than %zu",
+                         problem->nfree, problem->nrecording, IDENTIFY_FREE_MAX,
+                         ARRAY_COUNT(fit.first));
+    }
+
+    /* Where the rows of each recording are; then those of priors */
+    for (size_t r = 0; r < problem->nrecording; r++) {
+        fit.first[r] = fit.nrow;
+        fit.nrow += is_used(problem, r) ? problem->recording[r].count : 0;
+    }
+    fit.m = fit.nrow;
+    for (size_t i = 0; i < problem->nfree; i++) {
+        fit.m += problem->free[i].sigma > 0.0;
+        u[i] = fit_variable(&problem->free[i], problem->free[i].start);
+    }
+    if (fit.nrow < problem->nfree) {
+        return error_set(error, ERROR_INPUT,
+                         "found %zu rows of recordings for %zu numbers, expected more", fit.nrow,
+                         problem->nfree);
+    }
+
+    memory = calloc(fit.m * (2 * problem->nfree + 2), sizeof *memory);
+    if (!memory) {
+        return error_set(error, ERROR_MEMORY, "no memory for a fit of %zu rows", fit.m);
+    }
+    fit.work = memory + fit.m * (problem->nfree + 1);
+    code = run_solver(&fit, u, memory, memory + fit.m, fit.work + fit.m * problem->nfree, result);
+    free(memory);
+    return code;
+}
+
+/* ---- preparing ---- */
+
+/* Fills a free number from what the bench says of it, or else from what the drive is like. */
+static void prepare_free(const struct fit_problem *problem, const struct bench_free *given,
+                         struct fit_free *free)
+{
+    const int parameter = given->parameter;
+
+    *free = (struct fit_free){.parameter = parameter,
+                              .start = given->has_start ? given->start
+                                                        : parameter_get(problem->trial, parameter),
+                              .expected = given->expected,
+                              .sigma = given->has_sigma ? given->sigma : 0.0};
+    parameter_bounds(problem->trial, parameter, problem->rig->supply_v, &free->lower, &free->upper);
+    free->lower = given->has_lower ? given->lower : free->lower;
+    free->upper = given->has_upper ? given->upper : free->upper;
+}
+
+enum error_code fit_prepare(const struct bench *bench, const char *const *key, size_t nkey,
+                            struct fit_problem *problem, struct error *error)
+{
+    problem->nfree = 0;
+    for (size_t i = 0; i < (nkey ? nkey : bench->nfree); i++) {
+        struct bench_free one = {.key = nkey ? key[i] : bench->free[i].key};
+        struct fit_free *free;
+
+        one.parameter = parameter_find(one.key);
+        if (one.parameter == IDENTIFY_NONE || problem->nfree == IDENTIFY_FREE_MAX) {
+            return error_set(error, ERROR_INPUT,
+                             "found \"%.63s\", expected no more than %d numbers that can be "
+                             "identified: keys of a drive's file, offset_rad, delay_s, arm_kg",
+                             one.key, IDENTIFY_FREE_MAX);
+        }
+        for (size_t k = 0; k < bench->nfree; k++) {
+            if (bench->free[k].parameter == one.parameter) {
+                one = bench->free[k];
+            }
+        }
+        free = &problem->free[problem->nfree++];
+        prepare_free(problem, &one, free);
+        if (!(free->lower < free->upper)) {
+            return error_set(error, ERROR_INPUT,
+                             "found no room for \"%.63s\" between %g and %g, expected bounds for "
+                             "it in the bench's file",
+                             one.key, free->lower, free->upper);
+        }
+    }
+    if (problem->nfree == 0) {
+        return error_set(error, ERROR_INPUT, "found no free numbers, expected --free KEY,...");
+    }
+    return ERROR_NONE;
+}

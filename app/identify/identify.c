@@ -1,0 +1,233 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Opens benches, fits and judges. */
+#include "app/identify/identify.h"
+
+#include "base/config.h"
+
+#include <math.h>
+#include <string.h>
+#include <time.h>
+
+/* Loads the rig and copies its robot. */
+static enum error_code load_bench_rig(const char *path, struct arena *arena,
+                                      struct identify_bench *bench, struct error *error)
+{
+    enum error_code code = rig_load(path, arena, &bench->rig, error);
+
+    code = code ? code : trial_robot_copy(bench->rig->robot, &bench->trial, error);
+    if (!code && bench->rig->nfree > 0) {
+        code = error_set(error, ERROR_INPUT, "%s: found free bodies, expected a joint alone", path);
+    }
+    for (size_t i = 0; i < bench->bench.nnumber && !code; i++) {
+        const int parameter = parameter_find(bench->bench.number[i].name);
+
+        parameter_set(&bench->trial, &parameter, &bench->bench.number[i].value, 1);
+    }
+    return code;
+}
+
+enum error_code identify_open(const char *path, struct arena *arena, struct identify_bench *bench,
+                              struct error *error)
+{
+    const char *rig;
+    enum error_code code = bench_read(path, arena, &bench->bench, error);
+
+    if (code) {
+        return code;
+    }
+    if (bench->bench.nrecording > IDENTIFY_RECORDINGS_MAX) {
+        return yaml_error(error, &bench->bench.mark, "found %zu recordings, expected %d or fewer",
+                          bench->bench.nrecording, IDENTIFY_RECORDINGS_MAX);
+    }
+    code = yaml_resolve_path(&bench->bench.rig_mark, bench->bench.rig, arena, &rig, error);
+    code = code ? code : load_bench_rig(rig, arena, bench, error);
+    code = code ? code : bench_read_recordings(&bench->bench, arena, &bench->recording, error);
+    bench->nrecording = bench->bench.nrecording;
+    return code;
+}
+
+enum error_code identify_open_own(const char *rig, const char *joint, struct arena *arena,
+                                  struct identify_bench *bench, struct error *error)
+{
+    enum error_code code;
+
+    bench->bench = (struct bench){.name = "own"};
+    code = load_bench_rig(rig, arena, bench, error);
+    if (!code && joint && strcmp(joint, bench->trial.joint.name) != 0) {
+        code = error_set(error, ERROR_INPUT, "%s: found joint \"%s\", expected \"%.63s\"", rig,
+                         bench->trial.joint.name, joint);
+    }
+    return code ? code : bench_of_own(bench->trial.joint.name, arena, &bench->bench, error);
+}
+
+enum error_code identify_take_files(struct identify_bench *bench, const char *const *file,
+                                    size_t count, struct arena *arena, struct error *error)
+{
+    struct recording *all = arena_alloc(arena, count, sizeof *all);
+    enum error_code code = ERROR_NONE;
+
+    if (!all) {
+        return error_set(error, ERROR_MEMORY, "no memory for recordings");
+    }
+    for (size_t i = 0; i < count && !code; i++) {
+        code = recording_read(&bench->bench, file[i], NULL, arena, &all[i], error);
+        if (!code && all[i].voltage_before &&
+            all[i].time[1] - all[i].time[0] > 1.5e-9 * (double)bench->rig->tick_ns) {
+            code = error_set(error, ERROR_INPUT,
+                             "%s: found rows every %g s, expected one a tick, whose voltages are "
+                             "known (run --record-period 1)",
+                             file[i], all[i].time[1] - all[i].time[0]);
+        }
+    }
+    bench->recording = all;
+    bench->nrecording = count;
+    return code;
+}
+
+double identify_mean(const double *error, size_t count)
+{
+    double sum = 0.0;
+    size_t used = 0;
+
+    for (size_t i = 0; i < count; i++) {
+        if (error[i] >= 0.0) {
+            sum += error[i];
+            used++;
+        }
+    }
+    return used ? sum / (double)used : -1.0;
+}
+
+/* Simulates all recordings with a trial, and fills their mean errors; position may be NULL. */
+static enum error_code judge_all(const struct identify_bench *bench,
+                                 const struct trial_robot *trial, struct arena *arena,
+                                 double *error_rad, double **position, struct error *error)
+{
+    enum error_code code = ERROR_NONE;
+
+    for (size_t i = 0; i < bench->nrecording && !code; i++) {
+        const struct recording *r = &bench->recording[i];
+        double *simulated = arena_alloc(arena, r->count, sizeof *simulated);
+
+        if (!simulated) {
+            return error_set(error, ERROR_MEMORY, "no memory for simulated recordings");
+        }
+        code = simulate_recording(bench->rig, trial, &bench->bench.law, r, simulated, error);
+        if (!code) {
+            error_rad[i] = simulation_compare(r, simulated).mean;
+        }
+        if (position) {
+            position[i] = simulated;
+        }
+    }
+    return code;
+}
+
+/* Returns whether two recordings are left out together. */
+static bool same_group(const struct recording *recording, size_t a, size_t b)
+{
+    return a == b || (recording[a].group[0] && !strcmp(recording[a].group, recording[b].group));
+}
+
+/* Fits to all groups but that of a recording, and judges those of its group. */
+static enum error_code run_fold(const struct identify_bench *bench,
+                                const struct fit_problem *problem, size_t left_out,
+                                struct arena *arena, struct identify_result *result,
+                                struct error *error)
+{
+    bool use[IDENTIFY_RECORDINGS_MAX];
+    double all[IDENTIFY_RECORDINGS_MAX];
+    struct fit_problem fold = *problem;
+    struct fit_result fit;
+    size_t used = 0;
+    enum error_code code;
+
+    for (size_t i = 0; i < bench->nrecording; i++) {
+        use[i] = !bench->recording[i].judge && !same_group(bench->recording, i, left_out);
+        used += use[i];
+    }
+    if (used == 0) {
+        return ERROR_NONE;
+    }
+    fold.use = use;
+    code = fit_solve(&fold, &fit, error);
+    code = code ? code : judge_all(bench, &fit.trial, arena, all, NULL, error);
+    for (size_t i = 0; i < bench->nrecording && !code; i++) {
+        if (!bench->recording[i].judge && same_group(bench->recording, i, left_out)) {
+            result->crossed[i] = all[i];
+        }
+    }
+    result->nfold++;
+    return code;
+}
+
+/* Returns the seconds of a clock that does not jump. */
+static double now_s(void)
+{
+    struct timespec now;
+
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+enum error_code identify_run(const struct identify_bench *bench, struct fit_problem *problem,
+                             bool crossed, struct arena *arena, struct identify_result *result,
+                             struct error *error)
+{
+    const double begin = now_s();
+    bool use[IDENTIFY_RECORDINGS_MAX];
+    enum error_code code;
+
+    *result = (struct identify_result){.nfold = 0};
+    for (size_t i = 0; i < bench->nrecording; i++) {
+        use[i] = !bench->recording[i].judge;
+        result->crossed[i] = -1.0;
+    }
+
+    /* The fit, and what it and the start make of all recordings */
+    problem->use = use;
+    code = judge_all(bench, &bench->trial, arena, result->start, NULL, error);
+    code = code ? code : fit_solve(problem, &result->fit, error);
+    code =
+        code ? code
+             : judge_all(bench, &result->fit.trial, arena, result->fitted, result->position, error);
+
+    /* A fold for each group */
+    for (size_t i = 0; i < bench->nrecording && crossed && !code; i++) {
+        if (use[i] && result->crossed[i] < 0.0) {
+            code = run_fold(bench, problem, i, arena, result, error);
+        }
+    }
+    problem->use = NULL;
+    result->spent_s = now_s() - begin;
+    return code;
+}
+
+enum error_code validation_run(const char *path, struct arena *arena, struct validation *validation,
+                               struct error *error)
+{
+    struct identify_bench *bench = &validation->bench;
+    double judged[IDENTIFY_RECORDINGS_MAX];
+    bool any = false;
+    enum error_code code = identify_open(path, arena, bench, error);
+
+    if (!code && bench->nrecording == 0) {
+        code = yaml_error(error, &bench->bench.mark, "found no recordings, expected some");
+    }
+    code = code ? code
+                : judge_all(bench, &bench->trial, arena, validation->error, validation->position,
+                            error);
+    if (code) {
+        return code;
+    }
+    for (size_t i = 0; i < bench->nrecording; i++) {
+        any |= bench->recording[i].judge;
+    }
+    for (size_t i = 0; i < bench->nrecording; i++) {
+        judged[i] = bench->recording[i].judge || !any ? validation->error[i] : -1.0;
+    }
+    validation->mean = identify_mean(judged, bench->nrecording);
+    validation->passed =
+        bench->bench.limit_rad == 0.0 || validation->mean <= bench->bench.limit_rad;
+    return code;
+}

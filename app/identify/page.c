@@ -1,0 +1,249 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Writes the pages of identifications and of validations. */
+#include "app/identify/identify.h"
+
+#include "app/report/report.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Frequencies of a residual's spectrum: so many up to SPECTRUM_HZ. */
+enum { SPECTRUM_LINES = 100 };
+#define SPECTRUM_HZ 10.0
+
+/* Correlation of two numbers that is worth a row. */
+#define CORRELATED 0.8
+
+/* Computes the amplitudes of a residual (rad) at the middles of equal bands of frequency (Hz), by
+ * Fourier's sum over its own times, with a Hann window. */
+static void find_spectrum(const struct recording *r, const double *residual, double *frequency,
+                          double *amplitude)
+{
+    const double length = r->time[r->count - 1] - r->time[0];
+
+    for (size_t k = 0; k < SPECTRUM_LINES; k++) {
+        const double w = 2.0 * M_PI * SPECTRUM_HZ * ((double)k + 1.0) / SPECTRUM_LINES;
+        double real = 0.0, imaginary = 0.0;
+
+        for (size_t i = 0; i < r->count; i++) {
+            const double t = r->time[i] - r->time[0];
+            const double x = residual[i] * (1.0 - cos(2.0 * M_PI * t / length));
+
+            real += x * cos(w * t);
+            imaginary += x * sin(w * t);
+        }
+        frequency[k] = w / (2.0 * M_PI);
+        amplitude[k] = 2.0 * hypot(real, imaginary) / (double)r->count;
+    }
+}
+
+void identify_plot(struct report *report, const char *id, const struct recording *r,
+                   const double *position)
+{
+    double frequency[SPECTRUM_LINES], amplitude[SPECTRUM_LINES];
+    double *residual = calloc(r->count, sizeof *residual);
+    const struct simulation_error found = simulation_compare(r, position);
+    const char *slash = strrchr(r->file, '/');
+
+    if (!residual) {
+        report_text(report, "There was no memory for the plots of this recording.");
+        return;
+    }
+    for (size_t i = 0; i < r->count; i++) {
+        residual[i] = position[i] - r->position[i];
+    }
+    find_spectrum(r, residual, frequency, amplitude);
+
+    const struct svg_series angle[] = {
+        {.name = "measured", .x = r->time, .y = r->position, .count = r->count},
+        {.name = "simulated", .x = r->time, .y = position, .count = r->count},
+    };
+    const struct svg_series off = {.name = "", .x = r->time, .y = residual, .count = r->count};
+    const struct svg_series lines = {
+        .name = "", .x = frequency, .y = amplitude, .count = SPECTRUM_LINES};
+    const struct svg_plot panel[] = {
+        {.title = "",
+         .x = {.label = "time, s"},
+         .y = {.label = "angle, rad"},
+         .series = angle,
+         .nseries = 2},
+        {.title = "",
+         .x = {.label = "time, s"},
+         .y = {.label = "simulated - measured, rad"},
+         .series = &off,
+         .nseries = 1},
+        {.title = "",
+         .x = {.label = "frequency, Hz"},
+         .y = {.label = "amplitude, rad"},
+         .series = &lines,
+         .nseries = 1},
+    };
+    char caption[256];
+
+    snprintf(caption, sizeof caption,
+             "%.120s: mean error %.4f rad, RMS %.4f rad, at worst %.3f rad; the residual and its "
+             "spectrum",
+             slash ? slash + 1 : r->file, found.mean, found.rms, found.worst);
+    report_figure(report, id, caption, panel, 3);
+    free(residual);
+}
+
+/* Writes "-" for an error that there is none of. */
+static const char *error_text(double error, char text[32])
+{
+    if (error < 0.0) {
+        return "-";
+    }
+    snprintf(text, 32, "%.4f", error);
+    return text;
+}
+
+/* Adds the table of the numbers, and what the data cannot tell. */
+static void add_numbers(struct report *report, const struct fit_problem *problem,
+                        const struct identify_result *result)
+{
+    const struct fit_result *fit = &result->fit;
+
+    report_section(report, "numbers", "The numbers");
+    report_text(report,
+                "Sigma counts %.0f rows of a recording as one measurement, for that long the "
+                "residual is correlated with itself.",
+                fit->coherence);
+    report_table(report, "identified", "Numbers that were free",
+                 "key|what|start|found|sigma|sigma, %|bounds|prior|verdict");
+    for (size_t i = 0; i < problem->nfree; i++) {
+        const struct fit_free *free = &problem->free[i];
+        char prior[64] = "-";
+
+        if (free->sigma > 0.0) {
+            snprintf(prior, sizeof prior, "%.4g +- %.2g", free->expected, free->sigma);
+        }
+        report_row(report, "%s|%s|%.4g|%.5g|%.2g|%.1f|%.3g to %.3g|%s|%s",
+                   parameter_key(free->parameter), parameter_meaning(free->parameter), free->start,
+                   fit->value[i], fit->sigma[i],
+                   100.0 * fit->sigma[i] / fmax(fabs(fit->value[i]), 1e-300), free->lower,
+                   free->upper, prior, word_of(fit_verdict_words, (int)fit->verdict[i]));
+    }
+    report_table(report, "correlated", "Numbers that the recordings hardly tell apart",
+                 "one|other|correlation");
+    for (size_t i = 0; i < problem->nfree; i++) {
+        for (size_t k = 0; k < i; k++) {
+            if (fabs(fit->correlation[i][k]) > CORRELATED) {
+                report_row(report, "%s|%s|%.3f", parameter_key(problem->free[k].parameter),
+                           parameter_key(problem->free[i].parameter), fit->correlation[i][k]);
+            }
+        }
+    }
+}
+
+enum error_code identify_write_page(const struct identify_bench *bench,
+                                    const struct fit_problem *problem,
+                                    const struct identify_result *result, const char *folder,
+                                    struct error *error)
+{
+    static struct report report;
+    char text[3][32], id[32];
+    enum error_code code = report_open(&report, folder, "A drive identified", error);
+
+    if (code) {
+        return code;
+    }
+    report_section(&report, "errors", "Errors of free-running simulations");
+    report_text(&report,
+                "%s. %zu recordings; %d simulations. Cross-validated: each group was simulated "
+                "with numbers that were fitted to the others.",
+                bench->bench.description ? bench->bench.description : bench->bench.name,
+                bench->nrecording, result->fit.simulations);
+    report_table(&report, "recordings", "Mean of |simulated - measured|, rad",
+                 "recording|group|at the start|fitted|cross-validated|");
+    for (size_t i = 0; i < bench->nrecording; i++) {
+        const char *slash = strrchr(bench->recording[i].file, '/');
+
+        report_row(&report, "%s|%s|%.4f|%.4f|%s|%s", slash ? slash + 1 : bench->recording[i].file,
+                   bench->recording[i].group, result->start[i], result->fitted[i],
+                   error_text(result->crossed[i], text[0]),
+                   bench->recording[i].judge ? "not fitted to" : "");
+    }
+    report_row(&report, "mean||%s|%s|%s|",
+               error_text(identify_mean(result->start, bench->nrecording), text[0]),
+               error_text(identify_mean(result->fitted, bench->nrecording), text[1]),
+               error_text(identify_mean(result->crossed, bench->nrecording), text[2]));
+    for (size_t i = 0; i < bench->bench.npublished; i++) {
+        report_row(&report, "%s||||%.4f|published", bench->bench.published[i].what,
+                   bench->bench.published[i].error_rad);
+    }
+    add_numbers(&report, problem, result);
+    report_section(&report, "plots", "Measured and simulated");
+    for (size_t i = 0; i < bench->nrecording; i++) {
+        snprintf(id, sizeof id, "recording-%zu", i + 1);
+        identify_plot(&report, id, &bench->recording[i], result->position[i]);
+    }
+    return report_close(&report, error);
+}
+
+/* ---- validation ---- */
+
+/* Adds the section of a bench. */
+static void add_bench(struct report *report, const struct validation *v)
+{
+    const struct bench *bench = &v->bench.bench;
+    char id[64];
+
+    snprintf(id, sizeof id, "%.31s", bench->name);
+    report_section(report, id, bench->name);
+    report_text(report, "%s. Source: %s (%s). Supports: %s.",
+                bench->description ? bench->description : "", bench->source, bench->license,
+                bench->supports ? bench->supports : "nothing said");
+    snprintf(id, sizeof id, "%.20s-errors", bench->name);
+    report_table(report, id, "Mean of |simulated - measured|, rad", "recording|error|");
+    for (size_t i = 0; i < v->bench.nrecording; i++) {
+        const char *slash = strrchr(v->bench.recording[i].file, '/');
+
+        report_row(report, "%s|%.4f|%s", slash ? slash + 1 : v->bench.recording[i].file,
+                   v->error[i], v->bench.recording[i].judge ? "judged" : "");
+    }
+    for (size_t i = 0; i < bench->npublished; i++) {
+        report_row(report, "%s|%.4f|published", bench->published[i].what,
+                   bench->published[i].error_rad);
+    }
+    for (size_t i = 0; i < v->bench.nrecording; i++) {
+        snprintf(id, sizeof id, "%.20s-%zu", bench->name, i + 1);
+        identify_plot(report, id, &v->bench.recording[i], v->position[i]);
+    }
+}
+
+enum error_code validation_write_page(const struct validation *validation, size_t count,
+                                      const char *folder, struct error *error)
+{
+    static struct report report;
+    enum error_code code = report_open(&report, folder, "Held against the world", error);
+
+    if (code) {
+        return code;
+    }
+    report_section(&report, "benches", "Measured benches");
+    report_text(&report, "Simulations run free from the first row of a recording: they are never "
+                         "set back to what was measured.");
+    report_table(&report, "summary", "Mean of |simulated - measured|, rad",
+                 "bench|what|ours|best published|limit|verdict");
+    for (size_t i = 0; i < count; i++) {
+        const struct bench *bench = &validation[i].bench.bench;
+        double best = -1.0;
+        char text[32];
+
+        for (size_t k = 0; k < bench->npublished; k++) {
+            const double one = bench->published[k].error_rad;
+
+            best = best < 0.0 || one < best ? one : best;
+        }
+        report_row(&report, "%s|%s|%.4f|%s|%.4f|%s", bench->name,
+                   bench->description ? bench->description : "", validation[i].mean,
+                   error_text(best, text), bench->limit_rad,
+                   validation[i].passed ? "passed" : "failed");
+    }
+    for (size_t i = 0; i < count; i++) {
+        add_bench(&report, &validation[i]);
+    }
+    return report_close(&report, error);
+}

@@ -1,0 +1,185 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Runs the plant of a rig under the commands of a recording. */
+#include "app/identify/simulate.h"
+
+#include "model/plant.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Address space of a plant of one joint, bytes. */
+#define PLANT_BYTES ((size_t)1 << 22)
+
+/* Time from the begin of a recording over which its position is averaged for a start, s. */
+#define START_S 0.02
+
+/* Adds a uniform rod between the joint's axis, at the frame's origin, and the center of mass. */
+static void add_arm(struct robot_inertia *inertia, double arm)
+{
+    /* Both centers lie on one line: the distance between them turns their masses into inertia */
+    static const int row[6] = {0, 0, 0, 1, 1, 2}, column[6] = {0, 1, 2, 1, 2, 2};
+    const double total = inertia->mass + arm, *c = inertia->com;
+    const double apart = inertia->mass * arm / total * 0.25 + arm / 12.0;
+    const double square = c[0] * c[0] + c[1] * c[1] + c[2] * c[2];
+    const double moved = (inertia->mass + 0.5 * arm) / total;
+
+    for (int i = 0; i < 6; i++) {
+        inertia->I[i] += apart * ((row[i] == column[i] ? square : 0.0) - c[row[i]] * c[column[i]]);
+    }
+    for (int i = 0; i < 3; i++) {
+        inertia->com[i] *= moved;
+    }
+    inertia->mass = total;
+}
+
+/* Completes a trial in place: pointers to its own parts, the arm's mass, effects only where there
+ * are some, as a robot's file has them. */
+static void settle_trial(struct trial_robot *trial)
+{
+    static const struct robot_effects none;
+
+    if (trial->bench.arm_kg > 0.0) {
+        add_arm(&trial->body[1].inertia, trial->bench.arm_kg);
+    }
+    trial->robot.body = trial->body;
+    trial->robot.joint = &trial->joint;
+    trial->joint.sea.effects =
+        memcmp(&trial->effects, &none, sizeof none) != 0 ? &trial->effects : NULL;
+}
+
+/* Makes the plant of a trial at the begin of a recording. */
+static enum error_code make_plant(const struct rig *rig, const struct trial_robot *trial,
+                                  double start, struct dynamics *dynamics, struct arena *arena,
+                                  struct plant **plant, struct error *error)
+{
+    enum error_code code = dynamics_generic(&trial->robot, arena, dynamics, error);
+    const struct plant_config config = {.robot = &trial->robot,
+                                        .dynamics = dynamics,
+                                        .integrator = rig->integrator,
+                                        .substep_ns = rig->substep_ns,
+                                        .rtol = rig->tolerance,
+                                        .atol = rig->tolerance,
+                                        .supply_v = rig->supply_v,
+                                        .supply_ohm = rig->supply_ohm,
+                                        .bus = rig->supply_bus};
+
+    code = code ? code : plant_create(&config, arena, plant, error);
+    if (!code && plant_reset(*plant, NULL, NULL, &start)) {
+        code = error_set(error, ERROR_INPUT, "%s", plant_failure(*plant));
+    }
+    return code;
+}
+
+/* Parts of the state of a plant of one joint: behind its angle and rate. */
+enum { STATE_MOTOR_SPEED = 2 + DRIVE_MOTOR_SPEED };
+
+/* Returns the voltage by which a current loop holds the current of a torque. */
+static double torque_voltage(const struct robot_sea *sea, double torque, double speed)
+{
+    return sea->R * torque / sea->Kt + sea->Kw * speed;
+}
+
+/* Sets the command that holds from a time on; row is the last one at that time; position is as the
+ * recording counts it. */
+static void set_command(const struct bench_law *law, const struct robot_sea *sea,
+                        const double *state, const struct recording *r, size_t row, double position,
+                        double supply, struct motor_command *command)
+{
+    double duty;
+
+    command->bridge_on = r->enabled[row];
+    if (law->duty_per_rad > 0.0) {
+        duty = law->duty_per_rad * r->gain * (r->goal[row] - position);
+        duty = fmax(-law->duty_max, fmin(law->duty_max, duty));
+        command->voltage_v = duty * supply;
+    } else {
+        command->voltage_v = r->voltage[r->voltage_before && row + 1 < r->count ? row + 1 : row];
+        if (r->is_torque) {
+            command->voltage_v = torque_voltage(sea, command->voltage_v, state[STATE_MOTOR_SPEED]);
+        }
+    }
+}
+
+/* Returns the mean position at the begin of a recording. */
+static double start_position(const struct recording *r)
+{
+    double sum = 0.0;
+    size_t count = 0;
+
+    while (count < r->count && r->time[count] <= r->time[0] + START_S) {
+        sum += r->position[count++];
+    }
+    return sum / (double)count;
+}
+
+/* Runs the plant over the recording. */
+static void run_plant(const struct rig *rig, const struct trial_robot *trial,
+                      const struct bench_law *law, const struct recording *r, struct plant *plant,
+                      double *position)
+{
+    const double tick = (double)rig->tick_ns * 1e-9,
+                 supply = r->supply > 0.0 ? r->supply : rig->supply_v;
+    const struct robot_sea *sea = &trial->joint.sea;
+    struct motor_command *command = plant_command(plant)->motor;
+    double *state, before, after;
+    size_t length, row = 0, next = 0;
+
+    state = plant_state(plant, &length);
+    before = after = state[0] - trial->bench.offset_rad;
+    for (size_t k = 0; next < r->count; k++) {
+        const double now = r->time[0] + (double)k * tick;
+
+        /* Times up to the end of the tick lie between its two positions */
+        while (row + 1 < r->count && r->time[row + 1] <= now - trial->bench.delay_s + 1e-9) {
+            row++;
+        }
+        set_command(law, sea, state, r, row, after, supply, command);
+        before = after;
+        if (!plant_step(plant, rig->substeps) && isfinite(state[0])) {
+            after = state[0] - trial->bench.offset_rad;
+        }
+        for (; next < r->count && r->time[next] <= now + tick; next++) {
+            position[next] = before + (after - before) * (r->time[next] - now) / tick;
+        }
+    }
+}
+
+enum error_code simulate_recording(const struct rig *rig, const struct trial_robot *given,
+                                   const struct bench_law *law, const struct recording *recording,
+                                   double *position, struct error *error)
+{
+    struct trial_robot trial = *given;
+    struct dynamics dynamics;
+    struct plant *plant;
+    struct arena arena;
+    enum error_code code = arena_init(&arena, PLANT_BYTES, error);
+
+    if (code) {
+        return code;
+    }
+    settle_trial(&trial);
+    code = make_plant(rig, &trial, start_position(recording) + trial.bench.offset_rad, &dynamics,
+                      &arena, &plant, error);
+    if (!code) {
+        run_plant(rig, &trial, law, recording, plant, position);
+    }
+    arena_fini(&arena);
+    return code;
+}
+
+struct simulation_error simulation_compare(const struct recording *recording,
+                                           const double *position)
+{
+    struct simulation_error error = {0.0, 0.0, 0.0};
+    const double count = (double)recording->count;
+
+    for (size_t i = 0; i < recording->count; i++) {
+        const double off = fabs(position[i] - recording->position[i]);
+
+        error.mean += off / count;
+        error.rms += off * off / count;
+        error.worst = fmax(error.worst, off);
+    }
+    error.rms = sqrt(error.rms);
+    return error;
+}

@@ -1,0 +1,230 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Friction of a gear that follows from the torques it carries (model/drives/effects.h) against
+ * closed forms: its values, when a drive breaks away and when it is driven back, how a rotor speeds
+ * up, that it rests exactly, and where the energy goes. Integrators agree on a swinging link.
+ */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "model/drives/effects.h"
+#include "tests/physics/near.h"
+#include "tests/physics/toy.h"
+
+enum { MS = 1000000, AT_DRIVE = 2 };
+
+/* A link on a fixed base behind a drive, about an axis across gravity or along it. */
+struct bench {
+    struct toy toy;
+    struct robot_effects effects;
+    struct arena arena;
+    struct dynamics dynamics;
+    struct plant *plant;
+    double *drive, *state;
+    struct motor_command *motor;
+};
+
+static void bench_begin(struct bench *b, struct robot_sea sea, struct robot_effects effects,
+                        bool level, enum plant_integrator integrator, int64_t substep_ns)
+{
+    const double none[3] = {0.0, 0.0, 0.0}, com[3] = {level ? 0.1 : 0.0, 0.0, 0.0};
+    const double axis[3] = {0.0, level ? 1.0 : 0.0, level ? 0.0 : 1.0};
+    const double I[6] = {0.02, 0.0, 0.0, 0.02, 0.0, 0.02};
+    struct plant_config config;
+    struct error error;
+    size_t count;
+
+    *b = (struct bench){.effects = effects};
+    sea.effects = &b->effects;
+    toy_begin(&b->toy, false, 1.0, none, I);
+    b->toy.joint[toy_add(&b->toy, 0, JOINT_REVOLUTE, axis, none, 2.0, com, I)].sea = sea;
+    toy_finish(&b->toy);
+    config = (struct plant_config){.robot = &b->toy.robot,
+                                   .dynamics = &b->dynamics,
+                                   .integrator = integrator,
+                                   .substep_ns = substep_ns,
+                                   .rtol = 1e-10,
+                                   .atol = 1e-10,
+                                   .supply_v = 48.0,
+                                   .account_energy = true};
+    assert_int_equal(arena_init(&b->arena, 1 << 20, &error), ERROR_NONE);
+    assert_int_equal(dynamics_generic(&b->toy.robot, &b->arena, &b->dynamics, &error), ERROR_NONE);
+    assert_int_equal(plant_create(&config, &b->arena, &b->plant, &error), ERROR_NONE);
+    b->state = plant_state(b->plant, &count);
+    b->drive = b->state + AT_DRIVE;
+    b->motor = plant_command(b->plant)->motor;
+    assert_int_equal(plant_reset(b->plant, NULL, NULL, (const double[1]){0.0}), ERROR_NONE);
+}
+
+static void bench_end(struct bench *b)
+{
+    arena_fini(&b->arena);
+}
+
+/* A gear with all terms of the model m6 of Duclusaud et al. (ICRA 2025). */
+static struct robot_effects all_terms(void)
+{
+    return (struct robot_effects){.coulomb = 0.4,
+                                  .breakaway = 0.6,
+                                  .stribeck = 0.5,
+                                  .stribeck_exponent = 1.5,
+                                  .load = {.motor = 0.2,
+                                           .external = 0.1,
+                                           .motor_stribeck = 0.05,
+                                           .external_stribeck = 0.03,
+                                           .motor_quadratic = 0.01,
+                                           .external_quadratic = 0.02}};
+}
+
+static void terms_add_up_as_published(void **unused)
+{
+    struct robot_effects effects = all_terms();
+    struct robot_sea sea = toy_drive(100.0);
+    const struct {
+        double motor, external, speed;
+    } at[] = {{3.0, -2.0, 0.0}, {3.0, -2.0, 0.7}, {1.0, -4.0, -0.2},
+              {2.0, 1.0, 0.1},  {0.0, -1.0, 0.0}, {-3.0, 2.5, 3.0}};
+
+    (void)unused;
+    sea.effects = &effects;
+    for (size_t i = 0; i < sizeof at / sizeof at[0]; i++) {
+        const double M = at[i].motor, T = at[i].external;
+        const double dip = exp(-pow(fabs(at[i].speed / 0.5), 1.5));
+        double F = 0.4 + 0.2 * dip + fabs(0.1 * T - 0.2 * M) + dip * fabs(0.03 * T - 0.05 * M);
+
+        if (M * T < 0.0) {
+            F += dip * (fabs(T) < fabs(M) ? 0.02 * T * T : 0.01 * M * M);
+        }
+        assert_near(effects_friction(&sea, at[i].speed, &(struct effects_carried){M, T}), F, 1e-12);
+    }
+
+    /* Without the exponent it is Gauss's curve, and off is off */
+    effects.stribeck_exponent = 0.0;
+    effects.load = (struct robot_load_friction){0};
+    assert_near(effects_friction(&sea, 0.5, &(struct effects_carried){9.0, 9.0}),
+                0.4 + 0.2 * exp(-1.0), 1e-12);
+}
+
+/* The drive and back-drive diagram: forward when M (1 - a) - F > T (1 + b), back when
+ * T (1 - b) - F > M (1 + a), with the shares a, b at rest. */
+static void drives_break_away_where_the_diagram_says(void **unused)
+{
+    const double F = 0.5, a = 0.2, b = 0.1, load[] = {0.0, 1.0, 7.0};
+    struct robot_effects effects = {
+        .coulomb = F, .breakaway = F, .load = {.motor = a, .external = b}};
+    struct robot_sea sea = toy_drive(100.0);
+    const struct effects_bridge bridge = {.conducts = false};
+
+    (void)unused;
+    sea.effects = &effects;
+    for (size_t i = 0; i < 3; i++) {
+        const double T = load[i], forward = (T * (1.0 + b) + F) / (1.0 - a);
+        const double back = (T * (1.0 - b) - F) / (1.0 + a);
+        const double M[] = {forward * 1.001, forward * 0.999, back + 0.001, back - 0.001};
+        const int slide[] = {1, 0, 0, -1};
+
+        for (int k = 0; k < (back > 0.0 ? 4 : 2); k++) {
+            struct effects_state state = {.sea = {.qm = T / sea.Ks, .I = M[k] / sea.Kt}};
+
+            assert_int_equal(effects_find_mode(&sea, &state, 0.0, 0.0, &bridge).slide, slide[k]);
+        }
+    }
+}
+
+/* A rotor without a load under a constant current: J v' = M (1 - a) - F. */
+static void share_of_the_motor_slows_its_start(void **unused)
+{
+    struct robot_sea sea = toy_drive(0.0);
+    const double F = 1.0, a = 0.25, I = 5.0, M = sea.Kt * I;
+    const double rate = (M * (1.0 - a) - F) / sea.J;
+    struct plant_energy energy;
+    struct bench b;
+
+    (void)unused;
+    sea.Ds = sea.Dm = sea.Kw = 0.0;
+    bench_begin(&b, sea, (struct robot_effects){.coulomb = F, .breakaway = F, .load = {.motor = a}},
+                false, PLANT_IMPLICIT, MS);
+    plant_clamp(b.plant, true);
+    b.drive[DRIVE_CURRENT] = I;
+    b.motor->bridge_on = true;
+    b.motor->voltage_v = sea.R * I;
+    assert_int_equal(plant_restart_energy(b.plant), ERROR_NONE);
+    for (int k = 1; k <= 200; k++) {
+        assert_int_equal(plant_step(b.plant, 1), ERROR_NONE);
+        assert_near(b.drive[DRIVE_MOTOR_SPEED], rate * 1e-3 * k, 1e-9 * rate);
+    }
+    assert_int_equal(plant_energy(b.plant, &energy), ERROR_NONE);
+    assert_near(energy.gear_friction, (F + a * M) * b.drive[DRIVE_MOTOR_POSITION], 1e-6);
+    assert_near(energy.balance, 0.0, 1e-6);
+    bench_end(&b);
+}
+
+/* A load that shakes within what friction carries does not move the rotor by a bit in 10 s. */
+static void friction_by_load_holds_exactly(void **unused)
+{
+    struct robot_sea sea = toy_drive(100.0);
+    struct bench b;
+
+    (void)unused;
+    bench_begin(&b, sea, (struct robot_effects){.load = {.motor = 0.5, .external = 0.5}}, false,
+                PLANT_IMPLICIT, MS);
+    plant_clamp(b.plant, true);
+    b.drive[DRIVE_MOTOR_POSITION] = 0.03; /* 3 N m, which a motor of 1 N m and more holds */
+    b.motor->bridge_on = true;
+    b.drive[DRIVE_CURRENT] = 2.5 / sea.Kt;
+    for (int k = 0; k < 10000; k++) {
+        b.motor->voltage_v = sea.R / sea.Kt * (2.5 + sin(0.05 * k));
+        assert_int_equal(plant_step(b.plant, 1), ERROR_NONE);
+        assert_true(b.drive[DRIVE_MOTOR_POSITION] == 0.03);
+    }
+    bench_end(&b);
+}
+
+/* A link that swings with its drive, by the default step and by rk4 in steps of 2 us. */
+static void integrators_agree_on_a_swinging_link(void **unused)
+{
+    const struct robot_sea sea = toy_drive(100.0);
+    struct plant_energy energy;
+    double q[2][4];
+
+    (void)unused;
+    for (int n = 0; n < 2; n++) {
+        const size_t per_ms = n == 0 ? 1 : 500;
+        struct bench b;
+
+        bench_begin(&b, sea, all_terms(), true, n == 0 ? PLANT_IMPLICIT : PLANT_RK4,
+                    MS / (int64_t)per_ms);
+        b.motor->bridge_on = true;
+        for (int k = 0; k < 400; k++) {
+            b.motor->voltage_v = 20.0 * sin(0.02 * k);
+            assert_int_equal(plant_step(b.plant, per_ms), ERROR_NONE);
+            if (k % 100 == 99) {
+                q[n][k / 100] = b.state[0];
+            }
+        }
+        assert_int_equal(plant_energy(b.plant, &energy), ERROR_NONE);
+        assert_near(energy.balance, 0.0, 5e-3 * energy.electrical_in);
+        bench_end(&b);
+    }
+    for (int k = 0; k < 4; k++) {
+        assert_near(q[0][k], q[1][k], 2e-3 * fabs(q[1][k]) + 1e-4);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(terms_add_up_as_published),
+        cmocka_unit_test(drives_break_away_where_the_diagram_says),
+        cmocka_unit_test(share_of_the_motor_slows_its_start),
+        cmocka_unit_test(friction_by_load_holds_exactly),
+        cmocka_unit_test(integrators_agree_on_a_swinging_link),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
