@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What the parts of the page's server share: server.c has the thread, connection.c the bytes from
- * and to a client, respond.c answers requests of HTTP, message.c carries out what a client asks,
- * control_link.c passes the rest on to the control socket; hello.c and its parts describe the
+ * and to a client, http_respond.c answers requests of HTTP, message.c carries out what a client
+ * asks, control_link.c passes the rest on to the control socket; hello.c and its parts describe the
  * scene, state.c makes the binary states, trace.c hears the buses. All in the server's thread but
  * for what viewer.h says. Not RT-safe.
  */
@@ -14,7 +14,7 @@
 #include "viewer/history.h"
 #include "viewer/message.h"
 #include "viewer/recorded.h"
-#include "viewer/request.h"
+#include "viewer/http_request.h"
 #include "viewer/viewer.h"
 #include "viewer/websocket.h"
 
@@ -217,7 +217,7 @@ bool viewer_find_file(const struct viewer *viewer, const char *name, struct view
 /* Publishes how many clients stay. */
 void viewer_count_staying(struct viewer *viewer);
 
-/* ---- respond.c ---- */
+/* ---- http_respond.c ---- */
 
 /* Answers a request of HTTP, or makes a WebSocket of its connection. */
 void viewer_respond(struct viewer *viewer, struct viewer_client *client, int status,

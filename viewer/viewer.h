@@ -7,7 +7,7 @@
  * page gets its token in the fragment of its address, which no browser sends to anybody, and hands
  * it over in its first message. Who may only look can neither change the simulator nor send frames.
  * A request has to name the address that the server is bound to as its Host, and its pages as its
- * Origin (viewer/request.h).
+ * Origin (viewer/http_request.h).
  *
  * What a client asks is carried out by the control socket (control/control.h), to which the
  * viewer connects once for each client with the right to control; `coman-hil ctl` does the same.

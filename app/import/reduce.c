@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes the robot's bodies and joints; reduce_tree.c, reduce_follow.c and reduce_frames.c do the
+/* Makes the robot's bodies and joints; reduce_tree.c, reduce_mimic.c and reduce_frames.c do the
  * steps before and after. */
 #include "app/import/reduce_private.h"
 

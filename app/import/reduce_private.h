@@ -39,7 +39,7 @@ enum error_code reduce_fix_joints(struct reducer *r);
 /* Fixes a joint at a position, rad or m, and notes the reason. */
 void reduce_fix_joint(struct reducer *r, size_t j, double at, const char *why);
 
-/* ---- joints that follow others: reduce_follow.c ---- */
+/* ---- joints that follow others: reduce_mimic.c ---- */
 
 /* Checks whether a joint does not move: fixed by type or by the reduction. */
 bool reduce_is_rigid(const struct reducer *r, size_t j);

@@ -2,7 +2,7 @@
 /*
  * A robot file as it is read, before it is a robot, and what the parts of the reader share:
  * schema.c (keys and ranges), yaml.c (names, variants, the order of the work),
- * yaml_tree.c (bodies and joints), yaml_drive.c (drives and their catalogue),
+ * yaml_joints.c (bodies and joints), yaml_drive.c (drives and their catalogue),
  * yaml_hydraulic.c (hydraulic drives), yaml_effects.c (what drives do beside the
  * paper's equations), yaml_couplings.c (joints that follow others), yaml_frames.c
  * (frames, sensors, poses), yaml_visuals.c (what bodies look like).

@@ -7,7 +7,7 @@
  */
 #include "tests/fuzz/fuzz.h"
 #include "viewer/message.h"
-#include "viewer/request.h"
+#include "viewer/http_request.h"
 #include "viewer/viewer.h"
 #include "viewer/websocket.h"
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Parses HTTP requests: RFC 9112 as far as a page needs it. */
-#include "viewer/request.h"
+#include "viewer/http_request.h"
 
 #include <arpa/inet.h>
 #include <stdio.h>

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Requests of HTTP: what a browser sends is understood, anything else has its status; and who may
  * ask at which address. */
-#include "viewer/request.h"
+#include "viewer/http_request.h"
 
 #include <stdio.h>
 #include <string.h>

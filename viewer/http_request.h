@@ -7,8 +7,8 @@
  * points to this machine (DNS rebinding). No memory is allocated. Not RT-safe by purpose: it runs
  * in the viewer's thread.
  */
-#ifndef VIEWER_REQUEST_H
-#define VIEWER_REQUEST_H
+#ifndef VIEWER_HTTP_REQUEST_H
+#define VIEWER_HTTP_REQUEST_H
 
 #include <stdbool.h>
 #include <stddef.h>
