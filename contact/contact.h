@@ -194,9 +194,9 @@ enum contact_axis {
  * about -(K X + D V). Both are positive semidefinite. For implicit integration, which stays stable
  * when they err upward: friction counts by a bound of its slope, and what turns the normals or
  * scales friction with the normal force is left out. Bristles count in D, as the time ahead that
- * they were bent for makes them follow V; they themselves change by bristle_per_m_s times what V
- * has across the normal, and the twist by bristle_per_rad_s times what the angular velocity has
- * along it. */
+ * they were bent for makes them follow V; they themselves change by bristle_per_m_s times what the
+ * velocity at bristle_arm has across the normal, and the twist by bristle_per_rad_s times what the
+ * angular velocity has along it. */
 struct contact_tangent {
     int pair;
     int body_a, body_b; /* indices into the motions, -1 = the fixed world */
@@ -205,6 +205,7 @@ struct contact_tangent {
     double D[CONTACT_TANGENT_SIZE];            /* N s/m, N s, N m s */
     double normal[3];                          /* mean, the way b is pushed; 0 without bristles */
     double bristle_per_m_s, bristle_per_rad_s; /* with the time ahead */
+    double bristle_arm[3];                     /* from center to where the bristles stand */
 };
 
 /* Parts of a pair's bristles: the shear y_s in the world frame, J^0.5, of b's motion against a, and

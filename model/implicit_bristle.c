@@ -24,11 +24,15 @@ void implicit_advance_bristles(struct plant *plant, double h)
         const struct contact_tangent *tangent = &im->tangent[t];
         const struct spatial *beyond = &im->active[t].beyond;
         double *own = y + CONTACT_BRISTLE * (size_t)tangent->pair;
-        double along = vec3_dot(tangent->normal, beyond->l);
+        double velocity[3], along;
 
+        /* Where they stand */
+        vec3_cross(beyond->a, tangent->bristle_arm, velocity);
+        vec3_add_scaled(velocity, 1, beyond->l, velocity);
+        along = vec3_dot(tangent->normal, velocity);
         for (int k = 0; k < 3; k++) {
             own[BRISTLE_SHEAR + k] +=
-                h * tangent->bristle_per_m_s * (beyond->l[k] - along * tangent->normal[k]);
+                h * tangent->bristle_per_m_s * (velocity[k] - along * tangent->normal[k]);
         }
         own[BRISTLE_TWIST] += h * tangent->bristle_per_rad_s * vec3_dot(tangent->normal, beyond->a);
     }
