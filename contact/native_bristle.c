@@ -120,10 +120,10 @@ static void grip_find(const struct springs *s, const struct native_sum *sum,
     radius = moments_find_radius(&pressure, grip->pressure, n);
     grip->inverse_pressure_radius = radius > 0 ? 1 / radius : 0;
 
-    /* Springs act between the surfaces; the centroid is a point of the first one, which rocks about
-     * the other without sliding on it */
+    /* Springs act between the surfaces. What rocks on the other without sliding is a point of the
+     * surface that the normals do not belong to */
     if (area->zeroth > 0) {
-        vec3_add_scaled(grip->center, -s->pair->law.share[0] * gather->elastic / area->zeroth, n,
+        vec3_add_scaled(grip->center, s->pair->onto * gather->elastic / area->zeroth, n,
                         grip->center);
     }
 

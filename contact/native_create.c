@@ -180,6 +180,9 @@ static void pair_make(const struct contact_config *config, size_t index,
         pair->law.dissipation = 1.5 * (share * a->material.dissipation_s_per_m +
                                        (1 - share) * b->material.dissipation_s_per_m);
     }
+    pair->onto = native_pair_is_one_way(pair) ? -pair->law.share[0]
+                 : pair->kind == PAIR_FIELDS  ? pair->law.share[1]
+                                              : 0;
     pair->law.shear_root = sqrt(pair_shear_stiffness(a, b, pair, surface));
     pair->kernels = kernels ? kernels : native_kernels_used();
 }

@@ -44,6 +44,8 @@ struct native_pair {
     int surface[2]; /* in the order in which contact/native_pairs.h takes them */
     const struct native_kernels *kernels;
     double sign; /* of the force on the configured pair's b, from that on the first */
+    double onto; /* of the depth, along the push: from where springs act to the surface that rocks
+                  * on the one whose normals they have; 0 where both have some */
     struct native_law law;
 };
 

@@ -14,7 +14,7 @@ static void gather_springs(const struct native_batch *b, const struct native_law
     const double *const p[3] = {b->p[0] + b->start, b->p[1] + b->start, b->p[2] + b->start};
     lanes along[3] = {zero, zero, zero}, lever[3] = {zero, zero, zero};
     lanes moment[3] = {zero, zero, zero}, second[6] = {zero, zero, zero, zero, zero, zero};
-    lanes normal = zero, potential = zero, power = zero;
+    lanes normal = zero, potential = zero, power = zero, elastic = zero;
 
     for (size_t i = b->start; i < b->n; i += LANES) {
         struct friction_spring s;
@@ -37,6 +37,7 @@ static void gather_springs(const struct native_batch *b, const struct native_law
         second[4] += fp[1] * s.p[2];
         second[5] += fp[2] * s.p[2];
         normal += s.normal;
+        elastic += s.force;
         potential += s.force * depth;
         power += (s.force - s.normal) * s.leaving;
     }
@@ -53,6 +54,7 @@ static void gather_springs(const struct native_batch *b, const struct native_law
         out->second[k] += lanes_sum(second[k]);
     }
     moments_add_springs(p, b->rate + b->start, b->n - b->start, &out->area);
+    out->elastic += lanes_sum(elastic);
     sum->normal += lanes_sum(normal);
     sum->potential += lanes_sum(potential) / 2;
     sum->power += lanes_sum(power);

@@ -16,7 +16,7 @@ struct native_gather {
     double along[3];     /* f times its direction */
     double second[6];    /* f p p: xx, xy, xz, yy, yz, zz */
     struct moments area; /* of the springs' stiffness, which is as their area, about the origin */
-    double elastic;      /* their elastic forces; only of springs that push one way */
+    double elastic;      /* their elastic forces */
     /* Only of springs that push one way: what is needed for their tangent, about the frame's
      * origin */
     struct moments stiffness, damping;

@@ -145,10 +145,10 @@ static void bristles_at_rest_hold_and_do_not_yield(void **state)
         scene_place(&motion[1], 0, 0, 0);
 
         /* Moved to where the force is two thirds of what friction can hold, and stopped there */
-        motion[0].v[0] = 1e-3;
+        motion[0].v[0] = 1e-5;
         do {
             follow(world, motion, 10 * H, y);
-            moved += 1e-3 * 10 * H;
+            moved += 1e-5 * 10 * H;
             evaluate(world, motion, y, 0, NULL, wrench);
         } while (-wrench[0].force[0] < 2.0 / 3 * 0.7 * wrench[0].force[2] && moved < 0.01);
         motion[0].v[0] = 0;
@@ -164,8 +164,8 @@ static void bristles_at_rest_hold_and_do_not_yield(void **state)
         }
 
         /* Back where it came from it bears nothing */
-        motion[0].v[0] = -1e-3;
-        follow(world, motion, moved / 1e-3, y);
+        motion[0].v[0] = -1e-5;
+        follow(world, motion, moved / 1e-5, y);
         assert_near(sqrt(square(y)), 0, 1e-6 * sqrt(held * moved));
     }
 }
@@ -410,7 +410,7 @@ static void bristles_ahead_are_those_that_the_rates_lead_to(void **state)
 {
     (void)state;
     for (int kind = 0; kind < KINDS; kind++) {
-        const double y[CONTACT_BRISTLE] = {1e-4, -7e-5, 0, 5e-5};
+        const double y[CONTACT_BRISTLE] = {1e-5, -7e-6, 0, 5e-6};
         double rate[CONTACT_BRISTLE], soon[CONTACT_BRISTLE], change;
         struct contact_wrench wrench[BODIES], faster[BODIES];
         struct body_motion motion[BODIES];
