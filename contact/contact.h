@@ -56,29 +56,42 @@
  * Sticking friction: each pair has bristles, springs along the surfaces between a and b that are
  * bent by what b moves against a, and give way where they bear more than mu f_n. Their state in the
  * pair, which the integrator keeps, is y = (shear y_s, twist y_n), of the dimension of a root of
- * energy. Over the elements of the patch, with N the sum of their f_n, w = f_n/N their shares, c
- * the center of pressure, n the mean normal, r the elements' RMS distance from the axis through c
- * along n, and v the sliding velocity of b against a,
+ * energy. How stiff they are and where they stand follows the area that touches, never the load:
+ * with n the mean normal, c_A the centroid of that area on the surface that the normals do not
+ * belong to, r_A the RMS distance of the area from the axis through c_A along n, v_A the sliding
+ * velocity of b against a at c_A, w_n their relative spin about n,
  *
- *     bend       g = y_s + y_n n x (p - c)/r   at p, less its part along the element's normal
- *     stiffness  s = N/l_b: where friction mu N is reached the bristles are bent by mu l_b
- *     friction   f_t = -w sqrt(s) e min(1, l/|e|), e = g + sqrt(s) t_d v, l = mu(v) N/sqrt(s)
- *                with mu as above but us S(u) = us below v_t: it holds at rest
- *     rate       y_s' = sqrt(s) (mean of w v) + W x y_s - q y_s, W the bodies' mean spin about n
- *                y_n' = sqrt(s) (mean of w v . n x (p - c)/r) - q y_n
- *     yield      q = max(q_1, q_2, 0) with
+ *     stiffness  s = 0.8 k A_0, a constant of the pair: 0.8 = 2 (1 - nu)/(2 - nu) with nu = 1/3 is
+ *                the ratio of a layer's stiffness in shear to that in pressure (Mindlin 1949), A_0
+ *                the largest side of the box about the smaller surface, or the cap of a sphere or
+ *                capsule whose depth is a hundredth of its radius; 1.6 E sqrt(R R/100) with Hertz
+ *     rate       y_s' = sqrt(s) v_A + W x y_s - q y_s, W the bodies' mean spin about n
+ *                y_n' = sqrt(s) r_A w_n - q y_n
+ *     whole      F = -sqrt(s) (y_s + t_d y_s') at c_A, M = -sqrt(s) r_A (y_n + t_d y_n') about n,
+ *                y' without W and q
+ *     demand     x = sqrt(|F|^2 + (M_c/r)^2)/(mu N): N the sum of the f_n, M_c the moment about the
+ *                center of pressure, r as r_A but of the pressure about it; 1 on the ellipsoid that
+ *                stands for all forces with which the patch slides (Howe, Cutkosky 1996)
+ *     elements   f_t = -w sqrt(s) e min(1, l/|e|), w = f_n/N, e = g + sqrt(s) t_d v,
+ *                g = y_s + y_n n x (p - c_A)/r_A at p, less its part along the element's normal,
+ *                l = mu(v) N/sqrt(s), mu as above but us S(u) = us below v_t: it holds at rest
+ *     friction   that of the whole for x <= 0.80, of the elements for x >= 0.95, between them
+ *                weighted by S
+ *     yield      q = 0 for x <= 0.80, else max(q_1, q_2, 0) with
  *                q_1 = (1 - a)/t_y, a the scale at which a y would have sum w min(|g|, l)|g| =
  *                0.998 sum w l |g|: all but two thousandths of what sliding that way would give
  *                q_2 = (y . y' without q - power of friction)/|y|^2
  *     stored     |y|^2/2; dissipated: what else friction takes from the motion
  *
- * with l_b = 0.1 mm, t_d = 1 ms, t_y = 0.5 ms. A pair that does not touch loses y at the rate
- * 1/t_y. So while the load is inside what friction can hold nothing yields and nothing creeps; all
- * elements yield at once in a pure translation; sliding, y follows the sliding motion, and f_t is
- * Coulomb's at every element. The stored energy depends on y alone, and q_2 lets it grow by no more
- * than the work of friction: nothing that normal forces, patches and normals do in the meantime
- * makes energy. It is the elasto-plastic bristle of Dupont, Hayward, Armstrong, Altpeter (2002)
- * with one rigid motion for the bristles of a patch.
+ * with t_d = 1 ms, t_y = 0.5 ms. A patch that shrinks keeps its y; a pair that does not touch loses
+ * y at the rate 1/t_y. So while the load is inside what friction can hold nothing yields, and the
+ * force depends on places alone: nothing creeps, however the load swings. All elements yield at
+ * once in a pure translation; sliding, y follows the sliding motion, and f_t is Coulomb's at every
+ * element. The stored energy depends on y alone; the power of the whole is y . y' and what the
+ * retardation t_d takes, q_2 lets it grow by no more than the work of the elements: nothing that
+ * normal forces, patches and normals do in the meantime makes energy (docs/contact.md). The
+ * elements are the elasto-plastic bristle of Dupont, Hayward, Armstrong, Altpeter (2002) with one
+ * rigid motion for the bristles of a patch.
  */
 #ifndef CONTACT_CONTACT_H
 #define CONTACT_CONTACT_H

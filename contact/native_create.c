@@ -56,7 +56,7 @@ static bool shape_is_mesh(enum contact_shape shape)
 /* Shear stiffness over the normal one of two equal bodies or layers that touch, at a Poisson's
  * ratio of 1/3: (1 - nu)/(1 - nu/2) (Mindlin, J. Appl. Mech. 16, 1949). */
 #define SHEAR_RATIO 0.8
-#define NOMINAL_DEPTH 0.01 /* of a curved surface, over its radius */
+#define NOMINAL_DEPTH 0.25 /* of the radius */
 
 /* The area in which a surface touches a flat one, m2: the two longer sides of its box, or of what
  * is curved where it is a hundredth of its radius deep. Infinite for a half-space. */
