@@ -2,10 +2,9 @@
 /*
  * The boards of a rig: motor drivers and force-torque boards that speak on the buses. They receive
  * frames, turn them into bridge voltages, and send telemetry made from the plant's sensors. Each
- * bus speaks one of four protocols: boards/icub/protocol.h, boards/foc/protocol.h,
- * boards/compact/protocol.h or boards/cia402/protocol.h. Every message with its lengths and fields,
- * or object of a dictionary, is a row of a table in the same folder; boards/messages.h lists all
- * messages. Or it speaks one that a file describes (boards/described/protocol.h).
+ * bus speaks one protocol of the list in boards/protocols.h, each a folder of its own with its wire
+ * format in protocol.h. Every message with its lengths and fields, or object of a dictionary, is a
+ * row of a table in the same folder; boards/messages.h lists all messages.
  *
  * Once a tick the loop calls, in this order: boards_receive for every frame that arrived,
  * boards_control (state machines, time-outs, control modes -> voltages), and, after the plant has
@@ -43,31 +42,19 @@ enum board_kind {
     BOARD_INERTIAL, /* the robot's inertial sensor: acceleration, rate, field, orientation */
 };
 
-/* What the boards of a bus speak. */
-enum board_personality {
-    BOARD_ICUB,    /* two axes an address, telemetry every 4 ms: boards/icub/protocol.h */
-    BOARD_FOC,     /* one axis an address, 1 kHz, at most four axes a bus: boards/foc/protocol.h */
-    BOARD_COMPACT, /* ours, classic or FD, 1 kHz: boards/compact/protocol.h */
-    BOARD_CIA402,  /* CANopen drives, 1 to 4 axes a node: boards/cia402/protocol.h */
-    BOARD_DESCRIBED, /* by a file, 1 to 4 axes a board: boards/described/protocol.h */
-};
-
+struct protocol;
 struct described_protocol;
 
 struct boards_bus_config {
-    enum board_personality personality;
-    bool fd;     /* BOARD_COMPACT: CAN FD frames */
-    bool padded; /* icub, foc: a command may be padded to 8 bytes, whatever its length is */
-    const struct described_protocol *described; /* BOARD_DESCRIBED; outlives the boards */
+    const struct protocol *protocol; /* what the boards speak (boards/protocols.h); NULL: the first
+                                      * of the list */
+    bool fd;                         /* CAN FD frames, where the protocol has them */
+    bool padded; /* a command may be padded to 8 bytes, whatever its length is */
+    const struct described_protocol *described; /* of a protocol that a file describes; outlives
+                                                 * the boards */
 };
 
 enum { BOARD_AXES_MAX = 4, BOARD_CHANNELS = 6, BOARD_REPLIES_MAX = 64 };
-
-/* Axes of a motor board at most. */
-static inline size_t board_axes_max(enum board_personality personality)
-{
-    return personality == BOARD_ICUB ? 2 : personality == BOARD_FOC ? 1 : BOARD_AXES_MAX;
-}
 
 /* A supply below this is an under-voltage fault: half of the nominal 48 V. */
 #define BOARD_UNDER_VOLTAGE_V 24.0
@@ -92,15 +79,14 @@ struct board_axis_config {
     /* TorqueMax: 0x8000 counts of the torque source, which is the axis's own sensor until the host
      * names a STRAIN board; 0 = no such sensor */
     double torque_full_scale_nm;
-    double gear; /* rotor revolutions a link revolution; BOARD_FOC tells rotor angles */
+    double gear; /* rotor revolutions a link revolution; foc boards tell rotor angles */
     /* The bridge moves a servo valve (docs/hydraulics.md), which is a source of speed: there is no
      * current, and no mode that would control one; bemf_v_s_rad is the voltage for a rad/s */
     bool valve;
-    /* BOARD_COMPACT, BOARD_CIA402, BOARD_DESCRIBED: the motor that the factory has tuned the loops
-     * for, its back-EMF per link-side rad/s; winding_ohm 0 = not tuned, the gains are 0 until the
-     * host sets them */
+    /* compact, cia402, described: the motor that the factory has tuned the loops for, its back-EMF
+     * per link-side rad/s; winding_ohm 0 = not tuned, the gains are 0 until the host sets them */
     double winding_ohm, winding_h, bemf_v_s_rad;
-    double torque_nm_a; /* BOARD_DESCRIBED: link-side torque of an ampere */
+    double torque_nm_a; /* described: link-side torque of an ampere */
 };
 
 struct board_config {
@@ -115,10 +101,9 @@ struct board_config {
                                  * for so long becomes 0; 0 = off; foc boards have the firmware's
                                  * time-out, strict icub boards none */
     double over_voltage_v;      /* motor boards: a supply above this is a fault; 0 = none is */
-    /* BOARD_CIA402, BOARD_DESCRIBED: a supply of the valves' axes outside of these is a fault, Pa;
-     * 0 = none is */
+    /* cia402, described: a supply of the valves' axes outside of these is a fault, Pa; 0 = none */
     double under_pressure_pa, over_pressure_pa;
-    struct board_axis_config axis[BOARD_AXES_MAX]; /* BOARD_MOTOR: the first board_axes_max */
+    struct board_axis_config axis[BOARD_AXES_MAX]; /* BOARD_MOTOR: the first axes_max */
     int ft;                                        /* BOARD_FT: index in the plant's ft array */
     int torque_joint[BOARD_CHANNELS];              /* BOARD_TORQUE: joints, -1 = none */
     double full_scale[BOARD_CHANNELS]; /* BOARD_FT: N, N, N, Nm, Nm, Nm, whole numbers, for the
@@ -142,7 +127,7 @@ struct boards_config {
     size_t nboard;
     const struct board_config *board;
     size_t nbus;
-    const struct boards_bus_config *bus; /* nbus entries; NULL: BOARD_ICUB everywhere */
+    const struct boards_bus_config *bus; /* nbus entries; NULL: the first protocol's */
     size_t njoint, nft;
     const struct faults *faults; /* those of boards act; NULL = none (boards/faults.h) */
     int64_t tick_ns;             /* boards_control is called once a tick; up to 100 ms */
@@ -154,7 +139,7 @@ struct boards_config {
 
 enum board_event_kind {
     BOARD_EVENT_MODE,        /* an axis changed its control mode: a = old, b = new */
-    BOARD_EVENT_FAULT,       /* fault bits rose on an axis: a = bits, of the personality's enum */
+    BOARD_EVENT_FAULT,       /* fault bits rose on an axis: a = bits, of the protocol's enum */
     BOARD_EVENT_TIMEOUT,     /* a command of an axis timed out: a = its mode */
     BOARD_EVENT_SOURCE_LOST, /* the torque source of an axis timed out: a = its address */
     BOARD_EVENT_LIMIT,       /* voltage refused beyond a joint limit: a = position in ticks */
@@ -169,9 +154,6 @@ enum board_event_kind {
                               * last frame */
     BOARD_EVENT_HEARD,       /* an external board is heard, for the first time or again */
 };
-
-/* What the fault bits of a personality mean, from bit 0 on; NULL at the end. */
-const char *const *board_fault_names(enum board_personality personality);
 
 /* An event for the log; formatted outside the loop. */
 struct board_event {
@@ -255,9 +237,6 @@ bool boards_external_present(const struct boards *boards, size_t board);
 /* In the thread of the boards; RT-safe. */
 void boards_state(const struct boards *boards, size_t board, struct board_state *state);
 
-/* What people call a mode; static. RT-safe. */
-const char *board_mode_name(enum board_personality personality, uint32_t mode);
-
 /* Most frames that the boards of a bus can send in a tick. RT-safe. */
 size_t boards_transmit_max(const struct boards *boards, size_t bus);
 
@@ -288,8 +267,9 @@ bool boards_set(struct boards *boards, size_t board, size_t axis, size_t index, 
  * Read in the thread of the boards; RT-safe. */
 struct board_firmware {
     uint32_t lines, bytes, crc;
-    const uint16_t *image; /* program memory, then data memory, 65536 words each, 0xffff where
-                            * nothing came; NULL unless keep_firmware */
+    const uint16_t *image; /* program memory, then data memory, 0xffff where nothing came; NULL
+                            * unless keep_firmware */
+    size_t words;          /* of the image */
 };
 bool boards_firmware(const struct boards *boards, size_t board, struct board_firmware *firmware);
 

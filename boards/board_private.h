@@ -15,6 +15,7 @@
 #include "base/ring.h"
 #include "boards/board.h"
 #include "boards/faults.h"
+#include "boards/protocol.h"
 
 #include <math.h>
 #include <stdint.h>
@@ -145,13 +146,12 @@ struct boards {
 /* The joint of an axis, -1 = none: a spare axis, or one that such a board does not have. */
 static inline int board_joint(const struct board *board, size_t axis)
 {
-    return board->config.kind == BOARD_MOTOR &&
-                   axis < board_axes_max(board->bus->config.personality)
+    return board->config.kind == BOARD_MOTOR && axis < board->bus->config.protocol->axes_max
                ? board->config.axis[axis].joint
                : -1;
 }
 
-/* Axes of a compact or cia402 board: they end with the first spare one. */
+/* Axes of a board whose axes end with the first spare one. */
 static inline unsigned board_config_axes(const struct board_config *config)
 {
     unsigned count = 0;
@@ -204,8 +204,9 @@ static inline bool board_is_deaf(const struct board *board)
 /* Whether the boards can be made (check.c). Not RT-safe. */
 enum error_code boards_check(const struct boards_config *config, struct error *error);
 
-/* What the boards of a bus speak. */
-enum board_personality boards_personality(const struct boards_config *config, int bus);
+/* How a bus is, and what the boards of it speak, where config says nothing too. */
+const struct boards_bus_config *boards_bus(const struct boards_config *config, int bus);
+const struct protocol *boards_protocol(const struct boards_config *config, int bus);
 
 enum board_verdict { BOARD_OBEYED, BOARD_UNKNOWN, BOARD_MALFORMED };
 

@@ -4,12 +4,7 @@
  * events, its address, its bootloader), and the phases of a tick.
  */
 #include "boards/board_private.h"
-#include "boards/cia402/board.h"
-#include "boards/compact/board.h"
-#include "boards/described/board.h"
-#include "boards/foc/board.h"
-#include "boards/icub/board.h"
-
+#include "boards/protocols.h"
 #include "canbus/frame.h"
 
 #include <string.h>
@@ -18,51 +13,25 @@ enum { EVENT_SLOTS = 1024 };
 
 /* ---- creation ---- */
 
-enum board_personality boards_personality(const struct boards_config *config, int bus)
+const struct boards_bus_config *boards_bus(const struct boards_config *config, int bus)
 {
-    return config->bus ? config->bus[bus].personality : BOARD_ICUB;
+    static const struct boards_bus_config unsaid;
+
+    return config->bus ? &config->bus[bus] : &unsaid;
 }
 
-static struct board_bus *boards_create_bus(enum board_personality personality, struct arena *arena)
+const struct protocol *boards_protocol(const struct boards_config *config, int bus)
 {
-    return personality == BOARD_DESCRIBED ? described_bus_create(arena)
-           : personality == BOARD_CIA402  ? cia402_bus_create(arena)
-           : personality == BOARD_COMPACT ? compact_bus_create(arena)
-                                          : icub_bus_create(arena);
-}
+    const struct protocol *protocol = boards_bus(config, bus)->protocol;
 
-static struct board *boards_create_board(enum board_personality personality, enum board_kind kind,
-                                         struct arena *arena)
-{
-    if (personality == BOARD_DESCRIBED) {
-        return kind == BOARD_MOTOR      ? described_motor_create(arena)
-               : kind == BOARD_INERTIAL ? described_inertial_create(arena)
-                                        : described_ft_create(arena);
-    }
-    if (personality == BOARD_CIA402) {
-        return kind == BOARD_MOTOR      ? cia402_motor_create(arena)
-               : kind == BOARD_INERTIAL ? cia402_inertial_create(arena)
-                                        : cia402_ft_create(arena);
-    }
-    if (personality == BOARD_COMPACT) {
-        return kind == BOARD_MOTOR      ? compact_motor_create(arena)
-               : kind == BOARD_INERTIAL ? compact_inertial_create(arena)
-                                        : compact_ft_create(arena);
-    }
-    if (kind == BOARD_INERTIAL) {
-        return inertial_board_create(arena);
-    }
-    if (kind != BOARD_MOTOR) {
-        return strain_board_create(kind, arena);
-    }
-    return personality == BOARD_FOC ? foc_board_create(arena) : motor_board_create(arena);
+    return protocol ? protocol : protocol_at(0);
 }
 
 static bool boards_make_board(struct boards *boards, size_t index,
                               const struct board_config *config, struct arena *arena)
 {
     struct board_bus *bus = boards->bus[config->bus];
-    struct board *board = boards_create_board(bus->config.personality, config->kind, arena);
+    struct board *board = bus->config.protocol->make_board(config, arena);
 
     if (!board) {
         return false;
@@ -86,16 +55,6 @@ static bool boards_make_board(struct boards *boards, size_t index,
     bus->transmit_max += BOARD_REPLIES_MAX + board->ops->periodic_max;
     bus->ops->add_board(bus, board);
 
-    if (config->keep_firmware && config->kind == BOARD_MOTOR &&
-        bus->config.personality == BOARD_ICUB) {
-        uint16_t **image = &icub_board_of(board)->loader.image;
-
-        *image = arena_alloc(arena, (size_t)ICUB_MEMORIES * ICUB_MEMORY_WORDS, sizeof **image);
-        if (!*image) {
-            return false;
-        }
-    }
-
     board->ops->power_up(board);
     board->away = config->external;
     if (config->boot_ns > 0 && !config->external) {
@@ -108,14 +67,9 @@ static bool boards_make_board(struct boards *boards, size_t index,
 bool boards_firmware(const struct boards *boards, size_t board, struct board_firmware *firmware)
 {
     const struct board *of = boards->board[board];
-    const struct icub_loader *loader;
+    const struct protocol *protocol = of->bus->config.protocol;
 
-    if (of->bus->config.personality != BOARD_ICUB && of->bus->config.personality != BOARD_FOC) {
-        return false;
-    }
-    loader = &icub_board_of(of)->loader;
-    *firmware = (struct board_firmware){loader->lines, loader->bytes, loader->crc, loader->image};
-    return loader->lines > 0;
+    return protocol->firmware && protocol->firmware(of, firmware);
 }
 
 static bool boards_make_buses(struct boards *boards, const struct boards_config *config,
@@ -124,11 +78,14 @@ static bool boards_make_buses(struct boards *boards, const struct boards_config 
     boards->nbus = config->nbus;
     boards->bus = arena_alloc(arena, config->nbus + 1, sizeof(struct board_bus *));
     for (size_t i = 0; boards->bus && i < config->nbus; i++) {
-        boards->bus[i] = boards_create_bus(boards_personality(config, (int)i), arena);
+        const struct protocol *protocol = boards_protocol(config, (int)i);
+
+        boards->bus[i] = protocol->make_bus(arena);
         if (!boards->bus[i]) {
             return false;
         }
-        boards->bus[i]->config = config->bus ? config->bus[i] : (struct boards_bus_config){0};
+        boards->bus[i]->config = *boards_bus(config, (int)i);
+        boards->bus[i]->config.protocol = protocol;
     }
     return boards->bus;
 }

@@ -1,10 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Whether a configuration of boards can be built: addresses, axes, channels, ranges. */
 #include "boards/board_private.h"
-#include "boards/cia402/protocol.h"
-#include "boards/compact/protocol.h"
-#include "boards/described/protocol.h"
-#include "boards/foc/protocol.h"
+#include "boards/protocols.h"
 
 #include <math.h>
 
@@ -86,17 +83,12 @@ static enum error_code check_channel_configs(const struct boards_config *config,
 static enum error_code check_motor_board(const struct boards_config *config,
                                          const struct board_config *board, struct error *error)
 {
-    enum board_personality personality = boards_personality(config, board->bus);
-
-    for (size_t i = 0; i < board_axes_max(personality); i++) {
+    for (size_t i = 0; i < boards_protocol(config, board->bus)->axes_max; i++) {
         const struct board_axis_config *axis = &board->axis[i];
         enum error_code code = check_axis_config(config, board, axis, error);
 
         if (code) {
             return code;
-        }
-        if (personality == BOARD_FOC && axis->joint >= 0 && !check_is_positive(axis->gear)) {
-            return check_refuse(error, board, "the gear must be above 0");
         }
         for (size_t k = 0; k < i; k++) {
             if (axis->joint >= 0 && board->axis[k].joint == axis->joint) {
@@ -107,41 +99,43 @@ static enum error_code check_motor_board(const struct boards_config *config,
     return ERROR_NONE;
 }
 
+/* The address and the kind of a board, as the protocol of its bus has them. */
+static enum error_code check_place(const struct protocol *protocol,
+                                   const struct board_config *board, struct error *error)
+{
+    int most = board->kind == BOARD_MOTOR ? protocol->motor_address_max : protocol->address_max;
+    char text[80];
+
+    if (board->address < 1 || board->address > most) {
+        snprintf(text, sizeof text, "the address must be 1 to %d on a bus that speaks %s", most,
+                 protocol->name);
+        return check_refuse(error, board, text);
+    }
+    if (board->kind == BOARD_TORQUE && !protocol->torque_boards) {
+        snprintf(text, sizeof text, "a bus that speaks %s has no torque boards", protocol->name);
+        return check_refuse(error, board, text);
+    }
+    return ERROR_NONE;
+}
+
 static enum error_code check_board_config(const struct boards_config *config,
                                           const struct board_config *board, struct error *error)
 {
-    enum board_personality personality;
+    const struct protocol *protocol;
+    enum error_code code;
 
     if (board->bus < 0 || (size_t)board->bus >= config->nbus) {
         return check_refuse(error, board, "there is no bus with its index");
     }
 
-    /* Addresses, as the protocol of the bus has them */
-    personality = boards_personality(config, board->bus);
-    if (personality == BOARD_COMPACT) {
-        if (board->address < 1 || board->address > COMPACT_NODE_MAX) {
-            return check_refuse(error, board, "the address must be 1 to 31 on a compact bus");
-        }
-    } else if (personality == BOARD_CIA402) {
-        if (board->address < 1 || board->address > CIA402_NODE_MAX) {
-            return check_refuse(error, board, "the Node-ID must be 1 to 31 on a cia402 bus");
-        }
-    } else if (personality == BOARD_DESCRIBED) {
-        const struct described_protocol *protocol = config->bus[board->bus].described;
-
-        if (board->address < 1 || board->address > protocol->address_max) {
-            return check_refuse(error, board, "the address is beyond those of its protocol");
-        }
-        if (board_config_axes(board) > protocol->axes) {
-            return check_refuse(error, board, "it has more axes than boards of its protocol");
-        }
-    } else if (personality == BOARD_FOC && board->kind == BOARD_MOTOR) {
-        if (board->address < 1 || board->address > FOC_AXES_MAX) {
-            return check_refuse(error, board,
-                                "the address must be 1 to 4, for only these have a target");
-        }
-    } else if (board->address < 1 || board->address > ICUB_ADDRESS_MAX) {
-        return check_refuse(error, board, "the address must be 1 to 14");
+    /* What the protocol of the bus has */
+    protocol = boards_protocol(config, board->bus);
+    code = check_place(protocol, board, error);
+    if (!code && protocol->check_board) {
+        code = protocol->check_board(boards_bus(config, board->bus), board, error);
+    }
+    if (code) {
+        return code;
     }
 
     if (board->command_timeout_ns < 0) {
@@ -163,17 +157,6 @@ static enum error_code check_board_config(const struct boards_config *config,
     case BOARD_MOTOR:
         return check_motor_board(config, board, error);
     case BOARD_TORQUE:
-        if (personality == BOARD_COMPACT) {
-            return check_refuse(error, board,
-                                "a compact bus needs no torque board: TELEMETRY has it");
-        }
-        if (personality == BOARD_CIA402) {
-            return check_refuse(error, board,
-                                "a cia402 bus needs no torque board: the drives measure it");
-        }
-        if (personality == BOARD_DESCRIBED) {
-            return check_refuse(error, board, "a described protocol has no torque boards");
-        }
         return check_channel_configs(config, board, error);
     case BOARD_FT:
         return check_channel_configs(config, board, error);
@@ -189,8 +172,8 @@ static enum error_code check_board_pair(const struct boards_config *config,
                                         const struct board_config *a, const struct board_config *b,
                                         struct error *error)
 {
-    size_t na = board_axes_max(boards_personality(config, a->bus));
-    size_t nb = board_axes_max(boards_personality(config, b->bus));
+    size_t na = boards_protocol(config, a->bus)->axes_max;
+    size_t nb = boards_protocol(config, b->bus)->axes_max;
 
     if (a->bus == b->bus && a->address == b->address) {
         return error_set(error, ERROR_INPUT, "board %s: its address %d is that of board %s",
@@ -215,20 +198,44 @@ static enum error_code check_board_pair(const struct boards_config *config,
 static enum error_code check_slots(const struct boards_config *config, struct error *error)
 {
     for (size_t bus = 0; bus < config->nbus; bus++) {
+        const struct protocol *protocol = boards_protocol(config, (int)bus);
         size_t slots = 0;
 
-        for (size_t i = 0; i < config->nboard; i++) {
+        for (size_t i = 0; protocol->slots_max > 0 && i < config->nboard; i++) {
             const struct board_config *board = &config->board[i];
 
             slots += board->bus == (int)bus ? board_config_axes(board) : 0;
-            if (slots > COMPACT_SLOTS && boards_personality(config, (int)bus) == BOARD_COMPACT) {
-                return check_refuse(error, board, "a compact bus has at most 32 axes");
-            }
-            if (slots > DESCRIBED_SLOTS &&
-                boards_personality(config, (int)bus) == BOARD_DESCRIBED) {
-                return check_refuse(error, board, "a described bus has at most 32 axes");
+            if (slots > protocol->slots_max) {
+                char text[80];
+
+                snprintf(text, sizeof text, "a bus that speaks %s has at most %d axes",
+                         protocol->name, protocol->slots_max);
+                return check_refuse(error, board, text);
             }
         }
+    }
+    return ERROR_NONE;
+}
+
+/* A bus, as far as its protocol goes. */
+static enum error_code check_bus_config(const struct boards_config *config, int index,
+                                        struct error *error)
+{
+    const struct boards_bus_config *bus = boards_bus(config, index);
+    const struct protocol *protocol = boards_protocol(config, index);
+    char list[80];
+
+    if (bus->fd && !protocol->canfd) {
+        return error_set(error, ERROR_INPUT, "boards: only %s boards speak CAN FD",
+                         protocols_list(offsetof(struct protocol, canfd), list, sizeof list));
+    }
+    if (protocol->needs_file && !bus->described) {
+        return error_set(error, ERROR_INPUT, "boards: a %s bus without its protocol",
+                         protocol->name);
+    }
+    if (bus->padded && !protocol->padded) {
+        return error_set(error, ERROR_INPUT, "boards: only frames of %s boards may be padded",
+                         protocols_list(offsetof(struct protocol, padded), list, sizeof list));
     }
     return ERROR_NONE;
 }
@@ -242,19 +249,11 @@ enum error_code boards_check(const struct boards_config *config, struct error *e
     if (config->nboard > UINT16_MAX) {
         return error_set(error, ERROR_INPUT, "boards: %zu are too many", config->nboard);
     }
-    for (size_t i = 0; config->bus && i < config->nbus; i++) {
-        if (config->bus[i].fd && config->bus[i].personality != BOARD_COMPACT &&
-            config->bus[i].personality != BOARD_DESCRIBED) {
-            return error_set(error, ERROR_INPUT,
-                             "boards: only compact and described boards speak CAN FD");
-        }
-        if (config->bus[i].personality == BOARD_DESCRIBED && !config->bus[i].described) {
-            return error_set(error, ERROR_INPUT, "boards: a described bus without its protocol");
-        }
-        if (config->bus[i].padded && config->bus[i].personality != BOARD_ICUB &&
-            config->bus[i].personality != BOARD_FOC) {
-            return error_set(error, ERROR_INPUT,
-                             "boards: only frames of icub and foc boards may be padded");
+    for (size_t i = 0; i < config->nbus; i++) {
+        enum error_code code = check_bus_config(config, (int)i, error);
+
+        if (code) {
+            return code;
         }
     }
 

@@ -61,10 +61,10 @@
  * belong to, r_A the RMS distance of the area from the axis through c_A along n, v_A the sliding
  * velocity of b against a at c_A, w_n their relative spin about n,
  *
- *     stiffness  s = 0.8 k A_0, a constant of the pair: 0.8 = 2 (1 - nu)/(2 - nu) with nu = 1/3 is
- *                the ratio of a layer's stiffness in shear to that in pressure (Mindlin 1949), A_0
- *                the largest side of the box about the smaller surface, or the cap of a sphere or
- *                capsule whose depth is a hundredth of its radius; 1.6 E sqrt(R R/100) with Hertz
+ *     stiffness  s = a k A_0, a constant of the pair: a = shear_ratio is the ratio of a layer's
+ *                stiffness in shear to that in pressure (Mindlin 1949), A_0 the largest side of the
+ *                box about the smaller surface, or the cap of a sphere or capsule whose depth is a
+ *                quarter of its radius; with Hertz s = a E R
  *     rate       y_s' = sqrt(s) v_A + W x y_s - q y_s, W the bodies' mean spin about n
  *                y_n' = sqrt(s) r_A w_n - q y_n
  *     whole      F = -sqrt(s) (y_s + t_d y_s') at c_A, M = -sqrt(s) r_A (y_n + t_d y_n') about n,
@@ -72,14 +72,15 @@
  *     demand     x = sqrt(|F|^2 + (M_c/r)^2)/(mu N): N the sum of the f_n, M_c the moment about the
  *                center of pressure, r as r_A but of the pressure about it; 1 on the ellipsoid that
  *                stands for all forces with which the patch slides (Howe, Cutkosky 1996)
- *     elements   f_t = -w sqrt(s) e min(1, l/|e|), w = f_n/N, e = g + sqrt(s) t_d v,
- *                g = y_s + y_n n x (p - c_A)/r_A at p, less its part along the element's normal,
- *                l = mu(v) N/sqrt(s), mu as above but us S(u) = us below v_t: it holds at rest
+ *     elements   f_t = -sqrt(s) e min(alpha, l/|e|), e = g + sqrt(s) t_d v, alpha the element's
+ *                share of the area, g = y_s + y_n n x (p - c_A)/r_A at p, less its part along the
+ *                element's normal, l = mu(v) f_n/sqrt(s), mu as above but us S(u) = us below v_t:
+ *                it holds at rest. Where none is at its limit they bear what the whole does
  *     friction   that of the whole for x <= 0.80, of the elements for x >= 0.95, between them
  *                weighted by S
  *     yield      q = 0 for x <= 0.80, else max(q_1, q_2, 0) with
- *                q_1 = (1 - a)/t_y, a the scale at which a y would have sum w min(|g|, l)|g| =
- *                0.998 sum w l |g|: all but two thousandths of what sliding that way would give
+ *                q_1 = (1 - b)/t_y, b the scale at which b y would have sum min(alpha |g|, l)|g| =
+ *                0.998 sum l |g|: all but two thousandths of what sliding that way would give
  *                q_2 = (y . y' without q - power of friction)/|y|^2
  *     stored     |y|^2/2; dissipated: what else friction takes from the motion
  *
@@ -103,6 +104,9 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+
+/* 2 (1 - nu)/(2 - nu) at a Poisson's ratio nu of 1/3 (Mindlin, J. Appl. Mech. 16, 1949) */
+#define CONTACT_SHEAR_RATIO 0.8
 
 #define CONTACT_MAX_BODIES 1024
 #define CONTACT_MAX_SURFACES 1024
@@ -165,6 +169,7 @@ struct contact_config {
     double transition_velocity_m_s; /* of the friction law, > 0 */
     enum contact_mesh_law mesh_law;
     enum contact_friction friction;
+    double shear_ratio; /* of sticking friction; 0 = CONTACT_SHEAR_RATIO */
 };
 
 /* World frame, about the body's origin. */

@@ -103,7 +103,8 @@ static void grip_find(const struct springs *s, const struct native_sum *sum,
     double *n = grip->normal, radius, along;
 
     /* Mean normal, center of pressure and centroid of the area */
-    *grip = (struct native_grip){.inverse_normal = 1 / sum->normal};
+    *grip = (struct native_grip){.inverse_normal = 1 / sum->normal,
+                                 .inverse_area = area->zeroth > 0 ? 1 / area->zeroth : 0};
     for (int k = 0; k < 3; k++) {
         n[k] = length > DBL_MIN ? gather->along[k] / length : k == 2;
         grip->pressure[k] = sum->lever[k] / sum->normal;

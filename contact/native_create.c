@@ -53,13 +53,10 @@ static bool shape_is_mesh(enum contact_shape shape)
     return shape == CONTACT_BOX || shape == CONTACT_MESH;
 }
 
-/* Shear stiffness over the normal one of two equal bodies or layers that touch, at a Poisson's
- * ratio of 1/3: (1 - nu)/(1 - nu/2) (Mindlin, J. Appl. Mech. 16, 1949). */
-#define SHEAR_RATIO 0.8
 #define NOMINAL_DEPTH 0.25 /* of the radius */
 
-/* The area in which a surface touches a flat one, m2: the two longer sides of its box, or of what
- * is curved where it is a hundredth of its radius deep. Infinite for a half-space. */
+/* The largest area in which a surface touches a flat one, m2: the two longer sides of its box, or of
+ * what is curved where it is a quarter of its radius deep. Infinite for a half-space. */
 static double surface_nominal_area(const struct contact_surface *given,
                                    const struct native_surface *s)
 {
@@ -81,9 +78,10 @@ static double surface_nominal_area(const struct contact_surface *given,
     return fmax(side[0] * side[1], fmax(side[1] * side[2], side[2] * side[0]));
 }
 
-/* The stiffness of a pair's bristles, N/m. It does not follow what presses on them. */
-static double pair_shear_stiffness(const struct contact_surface *a, const struct contact_surface *b,
-                                   const struct native_pair *pair,
+/* The stiffness of a pair's bristles, N/m: its ratio to that along the normal. It does not follow
+ * what presses on them. */
+static double pair_shear_stiffness(double ratio, const struct contact_surface *a,
+                                   const struct contact_surface *b, const struct native_pair *pair,
                                    const struct native_surface *surface)
 {
     double radius;
@@ -92,9 +90,9 @@ static double pair_shear_stiffness(const struct contact_surface *a, const struct
         radius = pair->kind == PAIR_HERTZ_HALF_SPACE
                      ? a->radius_m
                      : a->radius_m * b->radius_m / (a->radius_m + b->radius_m);
-        return SHEAR_RATIO * 2 * pair->law.hertz * radius * sqrt(NOMINAL_DEPTH);
+        return ratio * 2 * pair->law.hertz * radius * sqrt(NOMINAL_DEPTH);
     }
-    return SHEAR_RATIO * pair->law.stiffness *
+    return ratio * pair->law.stiffness *
            fmin(surface_nominal_area(a, &surface[pair->surface[0]]),
                 surface_nominal_area(b, &surface[pair->surface[1]]));
 }
@@ -183,7 +181,8 @@ static void pair_make(const struct contact_config *config, size_t index,
     pair->onto = native_pair_is_one_way(pair) ? -pair->law.share[0]
                  : pair->kind == PAIR_FIELDS  ? pair->law.share[1]
                                               : 0;
-    pair->law.shear_root = sqrt(pair_shear_stiffness(a, b, pair, surface));
+    pair->law.shear_root = sqrt(pair_shear_stiffness(
+        config->shear_ratio > 0 ? config->shear_ratio : CONTACT_SHEAR_RATIO, a, b, pair, surface));
     pair->kernels = kernels ? kernels : native_kernels_used();
 }
 

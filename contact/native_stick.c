@@ -174,14 +174,14 @@ void native_stick_hold(struct native_batch *b, const struct native_law *law,
     for (size_t i = b->start; i < b->n; i += LANES) {
         struct friction_spring s;
         struct friction_bend bend;
-        lanes f[3], size, bound, share;
+        lanes f[3], size, bears;
+        lanes_mask below;
 
         friction_load_spring(b, i, law, relative, &s);
         friction_find_bend(&s, law, grip, &bend);
         if (grip->keeps) {
             lanes_store(bend.stiffness, b->held + i);
         }
-        share = s.normal * grip->inverse_normal;
 
         /* The force */
         for (int k = 0; k < 3; k++) {
@@ -195,10 +195,11 @@ void native_stick_hold(struct native_batch *b, const struct native_law *law,
 
         /* How near the bristles alone are to what friction can bear */
         size = lanes_root(bend.square);
-        bound = lanes_pick(lanes_less(size, bend.limit), size, bend.limit);
-        held += share * bound * size;
-        most += share * bend.limit * size;
-        open += share * lanes_pick(lanes_less(size, bend.limit), bend.square, zero);
+        bears = bend.share * size;
+        below = lanes_less(bears, bend.limit);
+        held += lanes_pick(below, bears, bend.limit) * size;
+        most += bend.limit * size;
+        open += lanes_pick(below, bend.share * bend.square, zero);
     }
 
     for (int k = 0; k < 3; k++) {

@@ -30,6 +30,7 @@ struct native_grip {
     double pressure[3];             /* center of pressure */
     double inverse_pressure_radius; /* 1/r of the pressure about it; 0 for a point */
     double inverse_normal;          /* 1/N */
+    double inverse_area;            /* of the sum of the springs' rates */
     double root;                    /* sqrt(s) */
     double reach;                   /* N/sqrt(s) */
     double bristle[CONTACT_BRISTLE];
@@ -38,8 +39,8 @@ struct native_grip {
     double bend_s;   /* the bristles do: for tangents */
     double whole; /* share of the force that the patch bears as a whole, by its springs' area; the
                       * rest is what each spring bears by its pressure */
-    /* Found with the force: power of friction (W); sums over the springs of w min(|g|, l)|g|, of
-     * w l |g|, and of w |g|^2 where |g| < l, when whole < 1 */
+    /* Found with the force: power of friction (W); sums over the springs of min(alpha |g|, l)|g|,
+     * of l |g|, and of alpha |g|^2 where alpha |g| < l, when whole < 1 */
     double power, held, most, open;
     bool keeps;                        /* what springs resist is kept in the batch, for tangents */
     struct moments stiffness, damping; /* those of struct native_gather, when whole is 1 */

@@ -20,6 +20,7 @@
  *
  *   drives      solved exactly for joints that move at a stage's rates (model/drive_flow.h): on its
  *               joint remain a torque and an inertia; parallel springs likewise by implicit Euler;
+ *   couplings   of joints by implicit Euler too, beside the tree (model/implicit_coupling.c);
  *   end stops   likewise, those that the joints press at the stage; where one turns out to pull, or
  *               to be missing, the stage is solved again without it or with it;
  *   contact     a pair with the tangents K and D has, at its center, the wrench
@@ -252,6 +253,11 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->stop, robot->njoint);
     TAKE(im->lower, robot->njoint);
     TAKE(im->upper, robot->njoint);
+    TAKE(im->compliance, robot->ncoupling);
+    TAKE(im->pull, robot->ncoupling);
+    TAKE(im->column, robot->ncoupling * robot->nv);
+    TAKE(im->factor, robot->ncoupling * robot->ncoupling);
+    TAKE(im->force, robot->ncoupling);
     TAKE(im->added, im->nobserved);
     TAKE(im->number, ncontact);
     TAKE(im->contact_inertia, ncontact);

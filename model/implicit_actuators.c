@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Drives and parallel springs in a stage of the implicit integrator: what torque they give at the
+ * Drives and springs in a stage of the implicit integrator: what torque they give at the
  * stage as a function of the joint's acceleration, how they get there, and their accounts.
  *
  * In a stage the joint moves at the rate r = u_base + h a that it has at the stage's end (h that of
@@ -269,6 +269,7 @@ void implicit_linearize_actuators(struct plant *plant)
         implicit_linearize_hydraulics(plant);
     }
     linearize_stops(plant);
+    implicit_linearize_couplings(plant);
 }
 
 /* ---- to the end of a span, and the accounts ---- */
@@ -361,5 +362,6 @@ void implicit_account_joints(struct plant *plant, double weight, const double *s
     }
     if (!plant->clamped) {
         work[WORK_STOPS] += weight * plant_stop_loss(plant, state);
+        work[WORK_SPRING_DAMPING] += weight * plant_coupling_loss(plant, state);
     }
 }

@@ -3,7 +3,8 @@
  * What the parts of the implicit integrator share: implicit.c (steps and their length),
  * implicit_stage.c (one stage), implicit_actuators.c (drives and springs), implicit_lanes.c (drives
  * side by side), implicit_effects.c (drives with effects), implicit_contact.c (pairs in touch),
- * implicit_bristle.c (their bristles), implicit_solve.c (the linear system). The scheme and its
+ * implicit_bristle.c (their bristles), implicit_coupling.c (joint couplings), implicit_solve.c (the
+ * linear system). The scheme and its
  * symbols: implicit.c. Contact bodies go by the index of their motion among those given to the
  * engine. SI units. Memory is the plant's. No errors but those that are returned. RT-safe.
  */
@@ -123,6 +124,11 @@ struct implicit {
     bool stops_rest;           /* all of stop is 0 */
     double *lower, *upper;     /* by joint: its range */
 
+    /* By joint coupling */
+    double *compliance, *pull; /* reciprocal of h (D + h K), and that times the force for a = 0 */
+    double *column, *factor;   /* nv numbers each; of all of them: coupling.h */
+    double *force;             /* N m or N */
+
     /* Contact */
     size_t nactive;
     struct contact_tangent *tangent;
@@ -235,7 +241,7 @@ void implicit_linearize_drive(struct plant *plant, size_t d);
 void implicit_advance_drive(struct plant *plant, size_t d, enum implicit_span span, double rate);
 
 /* Adds the powers over weight seconds of parallel springs, their pretensions offset seconds after
- * state, and of end stops to work. */
+ * state, of end stops and of joint couplings to work. */
 void implicit_account_joints(struct plant *plant, double weight, const double *state,
                              double offset);
 
@@ -269,6 +275,19 @@ void implicit_advance_effects(struct plant *plant, size_t d, enum implicit_span 
 /* Adds to torque and extra; takes them through t seconds with the joints at those rates. */
 void implicit_linearize_hydraulics(struct plant *plant);
 void implicit_advance_hydraulics(struct plant *plant, double t, const double *rates);
+
+/* ---- joint couplings: implicit_coupling.c ---- */
+
+/* Fills compliance and pull of the stage from base. */
+void implicit_linearize_couplings(struct plant *plant);
+
+/* Fills column and factor, given extra, torque, added, ext and the accelerations a that these make
+ * of the tree alone. */
+void implicit_find_columns(struct plant *plant, const double *a);
+
+/* Changes the accelerations of the tree alone, whatever the loads on it, to those with the
+ * couplings. */
+void implicit_hold_couplings(struct plant *plant, double *a);
 
 /* ---- active pairs: implicit_contact.c ---- */
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The linear system of a stage of the implicit integrator, (P + C) a = right-hand side: P falls
- * into the robot's tree and the free bodies and is solved directly; C is what pairs between two
- * moving bodies couple, and takes conjugate gradients (Golub, Van Loan, Matrix Computations, 11.5)
- * preconditioned by P.
+ * into the robot's tree with its joint couplings and the free bodies and is solved directly; C is
+ * what pairs between two moving bodies couple, and takes conjugate gradients (Golub, Van Loan,
+ * Matrix Computations, 11.5) preconditioned by P.
  */
 #include "model/implicit_private.h"
 
@@ -115,7 +115,19 @@ static void prepare_free_bodies(struct plant *plant)
     }
 }
 
-/* a = P^-1 (right-hand side + w), with wrenches w on the contact bodies; NULL = none. */
+/* The accelerations of the tree alone become those with its joint couplings. */
+static void solve_couplings(struct plant *plant, bool first, double *a)
+{
+    if (plant->config.robot->ncoupling > 0) {
+        if (first) {
+            implicit_find_columns(plant, a);
+        }
+        implicit_hold_couplings(plant, a);
+    }
+}
+
+/* a = P^-1 (right-hand side + w), with wrenches w on the contact bodies; NULL = none, which has to
+ * come first in a stage. */
 static void solve_uncoupled(struct plant *plant, const struct spatial *w, double *a)
 {
     struct implicit *im = plant->implicit;
@@ -137,6 +149,7 @@ static void solve_uncoupled(struct plant *plant, const struct spatial *w, double
     } else {
         dynamics->ops->implicit(dynamics, plant->q, v, im->torque, im->ext, im->extra, im->added,
                                 a);
+        solve_couplings(plant, !w, a);
     }
 
     /* Each free body: its own 6x6 system, in its frame about its center of mass */

@@ -10,8 +10,9 @@
  * (model/supply.h), an enum hydraulic_part for each hydraulic joint and the pressure of their
  * supply (model/hydraulic.h), with account_energy the integrals of the powers, and at last the
  * bristles of sticking friction (contact.h), an enum contact_bristle_part for each pair. Joints
- * without a drive have no actuator state and no torque but that of their parallel spring and of
- * the stops at the ends of their range (model/stop.h). Time is int64_t ns.
+ * without a drive have no actuator state and no torque but that of their parallel spring, of the
+ * stops at the ends of their range (model/stop.h) and of their coupling to another joint
+ * (model/coupling.h). Time is int64_t ns.
  *
  * Free bodies are the scene's: rigid, joined to nothing, moved by gravity, contact and pushes.
  * Wherever a body is meant by its index they follow the robot's: free[i] is body nbody + i. (Bodies
@@ -100,7 +101,7 @@ enum { PLANT_PATCHES = 256 };
  * effects of drives gear_friction, gear_hysteresis and bridge_loss (of diodes), with a bus
  * source_loss and chopper_heat): zero for an exact integration. electrical_in is what the bridges
  * take, with a bus what its source gives. stop_loss is that of the joints' stops; what the stops of
- * series springs lose is in spring_damping.
+ * series springs and the couplings of joints lose is in spring_damping.
  *
  * Contact enters the balance by the work of its wrenches on the bodies, whatever the engine says of
  * its own energies: contact_dissipation is that work, negated, less the growth of what the patches
@@ -111,7 +112,7 @@ struct plant_energy {
     double contact_dissipation;
     double gear_friction, gear_hysteresis, bridge_loss, source_loss, chopper_heat;
     double hydraulic_in, orifice_loss, leakage_loss, cylinder_friction, relief_loss;
-    double stored; /* kinetic, gravity, springs, stops, windings, contact layers, bus, oil */
+    double stored; /* kinetic, gravity, springs, stops, couplings, windings, contacts, bus, oil */
     double balance;
 };
 

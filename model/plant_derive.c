@@ -5,6 +5,7 @@
  * dynamics (eq. 1), drives (eqs 2 to 4), parallel springs (eq. 5) and contact at one and the same
  * state.
  */
+#include "model/coupling.h"
 #include "model/plant_private.h"
 #include "model/spatial.h"
 
@@ -77,7 +78,25 @@ void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *
     }
 }
 
-/* Torques of drives, eq. (3), of parallel springs, eq. (5), and of end stops on the joints. */
+/* Adds the torques of joint couplings. */
+static void apply_couplings(struct plant *plant, const double *state)
+{
+    const struct robot *robot = plant->config.robot;
+    const double *q = state + plant->at.v - robot->njoint;
+    const double *qd = state + plant->at.drive - robot->njoint;
+
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+
+        coupling_press(
+            coupling,
+            coupling_force(coupling, coupling_error(coupling, q), coupling_rate(coupling, qd)),
+            plant->tau);
+    }
+}
+
+/* Torques of drives, eq. (3), of parallel springs, eq. (5), of end stops and couplings on the
+ * joints. */
 static void apply_joint_torques(struct plant *plant, const double *state)
 {
     const struct robot *robot = plant->config.robot;
@@ -104,6 +123,7 @@ static void apply_joint_torques(struct plant *plant, const double *state)
                 stop_torque(&robot->joint[j].stop, depth, plant_joint_rate(plant, state, j));
         }
     }
+    apply_couplings(plant, state);
 }
 
 /* A clamped robot has no acceleration, and no wrench acts on it unless it is balanced: the clamp
@@ -225,6 +245,20 @@ double plant_stop_loss(const struct plant *plant, const double *state)
     return loss;
 }
 
+double plant_coupling_loss(const struct plant *plant, const double *state)
+{
+    const struct robot *robot = plant->config.robot;
+    double loss = 0.0;
+
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+
+        loss += coupling_loss(coupling,
+                              coupling_rate(coupling, state + plant->at.drive - robot->njoint));
+    }
+    return loss;
+}
+
 void plant_derivative(void *context, double t, const double *state, double *derivative)
 {
     struct plant *plant = context;
@@ -266,5 +300,6 @@ void plant_derivative(void *context, double t, const double *state, double *deri
         work[WORK_CONTACT] = load.contact;
         work[WORK_PUSH] = load.push;
         work[WORK_STOPS] = plant->clamped ? 0.0 : plant_stop_loss(plant, state);
+        work[WORK_SPRING_DAMPING] += plant->clamped ? 0.0 : plant_coupling_loss(plant, state);
     }
 }

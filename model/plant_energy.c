@@ -2,11 +2,12 @@
 /* The plant's energies: what is stored where, and the balance since the start. */
 #include "model/plant.h"
 
+#include "model/coupling.h"
 #include "model/plant_private.h"
 
 #include <string.h>
 
-/* Energy of motion, gravity, springs, stops and windings, J. */
+/* Energy of motion, gravity, springs, stops, couplings and windings, J. */
 static double stored_mechanical(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -30,6 +31,12 @@ static double stored_mechanical(struct plant *plant)
     }
     for (size_t j = 0; j < robot->njoint; j++) {
         energy += stop_energy(&robot->joint[j].stop, plant_joint_depth(plant, state, j));
+    }
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+
+        energy += coupling_energy(coupling,
+                                  coupling_error(coupling, state + plant->at.v - robot->njoint));
     }
     if (plant->config.bus.capacitance_f > 0.0) {
         double V = state[plant->at.supply + SUPPLY_VOLTAGE];

@@ -54,7 +54,8 @@ struct motor_sense {
     double q, qd;     /* joint, rad, rad/s */
     double qm, qmd;   /* motor behind the gear (the paper's q^m), rad, rad/s */
     double current_a; /* motor current I^m */
-    double torque_nm; /* on the link: Ks (qm - q) + Ds (qm' - q'), and the spring's stop */
+    double torque_nm; /* on the link: Ks (qm - q) + Ds (qm' - q'), and the spring's stop; of a joint
+                       * that follows another, its coupling's */
     double voltage_v; /* applied, after saturation */
     double
         winding_c; /* temperature, deg C; where the drive's effects or boards/sensing.h model it */

@@ -258,8 +258,9 @@ static inline double plant_joint_depth(const struct plant *plant, const double *
  * the rates are then zero. */
 void plant_derivative(void *plant, double t, const double *state, double *derivative);
 
-/* What the joints' stops turn into heat, W. */
+/* What the joints' stops, and their couplings, turn into heat, W. */
 double plant_stop_loss(const struct plant *plant, const double *state);
+double plant_coupling_loss(const struct plant *plant, const double *state);
 
 /* Fills q, ext, tau, vdot and the free bodies' motion from state; the robot's motion and
  * contact_wrench too when there is contact. */

@@ -7,6 +7,7 @@
  */
 #include "model/plant.h"
 
+#include "model/coupling.h"
 #include "model/implicit.h"
 #include "model/plant_private.h"
 #include "model/spatial.h"
@@ -99,6 +100,21 @@ static void sample_ft_sensor(const struct plant *plant, const struct robot_ft_se
     }
 }
 
+/* Torque of its coupling on each joint that follows another. */
+static void sample_couplings(const struct plant *plant, struct motor_sense *motor)
+{
+    const struct robot *robot = plant->config.robot;
+    const double *q = plant->state + plant->at.v - robot->njoint;
+    const double *qd = plant->state + plant->at.drive - robot->njoint;
+
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+
+        motor[coupling->follower].torque_nm =
+            -coupling_force(coupling, coupling_error(coupling, q), coupling_rate(coupling, qd));
+    }
+}
+
 /* A joint without a drive reads as one whose motor follows the link */
 static void sample_motors(struct plant *plant)
 {
@@ -111,6 +127,7 @@ static void sample_motors(struct plant *plant)
 
         motor[j] = (struct motor_sense){.q = q, .qd = qd, .qm = q, .qmd = qd};
     }
+    sample_couplings(plant, motor);
     if (plant->nhydraulic > 0) {
         plant_hydraulic_sample(plant);
     }

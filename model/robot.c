@@ -267,6 +267,56 @@ static enum error_code check_capsules(const struct robot *robot, struct error *e
     return ERROR_NONE;
 }
 
+/* A coupling by itself; "" or what is wrong with it. */
+static const char *find_coupling_fault(const struct robot *robot,
+                                       const struct robot_coupling *coupling)
+{
+    const double value[] = {coupling->multiplier, coupling->offset, coupling->stiffness,
+                            coupling->damping};
+    const int count = (int)robot->njoint;
+
+    if (coupling->follower < 0 || coupling->follower >= count || coupling->leader < 0 ||
+        coupling->leader >= count) {
+        return "one of its joints is none";
+    }
+    if (coupling->follower == coupling->leader) {
+        return "the joint follows itself";
+    }
+    if (!all_finite(value, ARRAY_COUNT(value)) || coupling->multiplier == 0.0 ||
+        !(coupling->stiffness > 0.0) || !(coupling->damping >= 0.0)) {
+        return "it needs a multiplier that is not 0, a stiffness > 0 and no negative damping";
+    }
+    if (robot_joint_is_driven(&robot->joint[coupling->follower])) {
+        return "the joint has a drive of its own";
+    }
+    return "";
+}
+
+/* Couplings, each by itself; a follower has one leader, which follows nothing. */
+static enum error_code check_couplings(const struct robot *robot, struct error *error)
+{
+    if (robot->ncoupling > ROBOT_COUPLINGS_MAX) {
+        return error_set(error, ERROR_INPUT, "%s: found %zu couplings, expected at most %d",
+                         robot->name, robot->ncoupling, ROBOT_COUPLINGS_MAX);
+    }
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+        const char *fault = find_coupling_fault(robot, coupling);
+
+        for (size_t k = 0; k < robot->ncoupling && !*fault; k++) {
+            if (k != i && robot->coupling[k].follower == coupling->follower) {
+                fault = "the joint follows two others";
+            } else if (robot->coupling[k].follower == coupling->leader) {
+                fault = "its leader follows another joint";
+            }
+        }
+        if (*fault) {
+            return error_set(error, ERROR_INPUT, "%s: coupling %zu: %s", robot->name, i, fault);
+        }
+    }
+    return ERROR_NONE;
+}
+
 /* y = A s for the unit motion s of a joint, and s . y */
 static double joint_inertia(const struct robot_joint *joint, const struct spatial_inertia *A,
                             struct spatial *y)
@@ -437,7 +487,8 @@ enum error_code robot_finish(struct robot *robot, struct error *error)
 
     /* What every part has to be */
     if ((code = check_tree(robot, error)) || (code = check_body_inertias(robot, error)) ||
-        (code = check_frames(robot, error)) || (code = check_capsules(robot, error))) {
+        (code = check_frames(robot, error)) || (code = check_capsules(robot, error)) ||
+        (code = check_couplings(robot, error))) {
         return code;
     }
     for (size_t j = 0; j < robot->njoint; j++) {
@@ -473,6 +524,16 @@ enum error_code robot_finish(struct robot *robot, struct error *error)
     robot->hash = robot_hash(robot, true);
     robot->massless_hash = robot_hash(robot, false);
     return ERROR_NONE;
+}
+
+const struct robot_coupling *robot_find_coupling(const struct robot *robot, size_t j)
+{
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        if (robot->coupling[i].follower == (int)j) {
+            return &robot->coupling[i];
+        }
+    }
+    return NULL;
 }
 
 int robot_find_body(const struct robot *robot, const char *name)

@@ -160,6 +160,20 @@ struct robot_joint {
     struct robot_parallel_spring spring;
 };
 
+/* A gear, linkage or tendon by which one joint follows another, model/coupling.h: the follower's
+ * position is multiplier times the leader's + offset, but for what a spring and a damper without
+ * mass between the two give way by. Units are the follower's. */
+struct robot_coupling {
+    int follower, leader; /* joints; a follower has one leader, no drive, and leads nothing */
+    double multiplier;    /* follower's unit by leader's; never 0 */
+    double offset;        /* rad or m */
+    double stiffness;     /* N m/rad or N/m, > 0 */
+    double damping;       /* N m s/rad or N s/m */
+};
+
+/* Most couplings of a robot: two hands of 14 joints that follow. */
+enum { ROBOT_COUPLINGS_MAX = 32 };
+
 /* A named frame on a body, for sensors and contact surfaces. */
 struct robot_frame {
     const char *name;
@@ -233,6 +247,8 @@ struct robot {
     int imu_frame; /* -1 = none */
     struct robot_hydraulic_supply hydraulic_supply;
     double total_mass;
+    struct robot_coupling *coupling;
+    size_t ncoupling;
     struct robot_visual *visual; /* what it looks like */
     size_t nvisual;
 };
@@ -268,8 +284,9 @@ enum error_code robot_describe_drive(const char *path, struct arena *arena,
 
 /* Checks a robot built by hand and fills what follows from the rest: nq, nv, total_mass, the
  * hashes, and observed for bodies with a frame or a capsule. Masses >= 0, inertias physically
- * possible, axes of unit length, parents first, and no joint (nor a floating base) that would move
- * without inertia: the dynamics of what passes are not singular. Not RT-safe. */
+ * possible, axes of unit length, parents first, couplings as they are described above, and no joint
+ * (nor a floating base) that would move without inertia: the dynamics of what passes are not
+ * singular. Not RT-safe. */
 enum error_code robot_finish(struct robot *robot, struct error *error);
 
 /* A copy that may be changed: bodies, joints, frames, capsules and visuals are its own, the rest is
@@ -299,6 +316,9 @@ static inline bool robot_joint_is_driven(const struct robot_joint *joint)
 {
     return joint->sea.present || joint->hydraulic.present;
 }
+
+/* The coupling by which joint j follows another one, or NULL. RT-safe. */
+const struct robot_coupling *robot_find_coupling(const struct robot *robot, size_t j);
 
 /* Index by name or -1. Not RT-safe (linear search). */
 int robot_find_body(const struct robot *robot, const char *name);

@@ -375,6 +375,32 @@ static const struct yaml_field joint_fields[] = {
 };
 static const struct yaml_schema joint_schema = SCHEMA("a joint", struct joint_yaml, joint_fields);
 
+#define COUPLING(word, joint, parameter, lowest, most)                                             \
+    {                                                                                              \
+        .key = word, .type = YAML_REAL,                                                            \
+        .offset = offsetof(struct coupling_yaml, value[joint][parameter]), .min = lowest,          \
+        .max = most, .given_offset = offsetof(struct coupling_yaml, given[joint][parameter])       \
+    }
+static const struct yaml_field coupling_fields[] = {
+    REFERENCE("follower", struct coupling_yaml, follower),
+    REFERENCE("leader", struct coupling_yaml, leader),
+    {.key = "multiplier",
+     .type = YAML_REAL,
+     .required = true,
+     .offset = offsetof(struct coupling_yaml, multiplier),
+     .min = -1e3,
+     .max = 1e3,
+     .mark_offset = offsetof(struct coupling_yaml, multiplier_mark)},
+    COUPLING("offset_rad", JOINT_REVOLUTE, COUPLING_OFFSET, -1e3, 1e3),
+    COUPLING("stiffness_nm_rad", JOINT_REVOLUTE, COUPLING_STIFFNESS, 1e-9, 1e9),
+    COUPLING("damping_nm_s_rad", JOINT_REVOLUTE, COUPLING_DAMPING, 0.0, 1e9),
+    COUPLING("offset_m", JOINT_PRISMATIC, COUPLING_OFFSET, -1e3, 1e3),
+    COUPLING("stiffness_n_m", JOINT_PRISMATIC, COUPLING_STIFFNESS, 1e-9, 1e9),
+    COUPLING("damping_n_s_m", JOINT_PRISMATIC, COUPLING_DAMPING, 0.0, 1e9),
+};
+static const struct yaml_schema coupling_schema =
+    SCHEMA("a coupling", struct coupling_yaml, coupling_fields);
+
 static const struct yaml_field frame_fields[] = {
     NAME(struct frame_yaml),
     REFERENCE("body", struct frame_yaml, body),
@@ -577,6 +603,7 @@ static const struct yaml_field robot_fields[] = {
      .count_offset = offsetof(struct robot_yaml, nbody),
      .schema = &body_schema},
     LIST("joints", YAML_LIST, struct robot_yaml, joint, njoint, joint_schema),
+    LIST("couplings", YAML_LIST, struct robot_yaml, coupling, ncoupling, coupling_schema),
     LIST("frames", YAML_LIST, struct robot_yaml, frame, nframe, frame_schema),
     LIST("capsules", YAML_LIST, struct robot_yaml, capsule, ncapsule, capsule_schema),
     LIST("visuals", YAML_LIST, struct robot_yaml, visual, nvisual, visual_schema),

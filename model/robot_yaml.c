@@ -212,9 +212,9 @@ enum error_code robot_load(const char *path, const char *variant, struct arena *
     if ((code = check_all_names(&b)) || (code = robot_take_drive(&b, &b.file.drive)) ||
         (code = choose_variant(&b, variant)) || (code = robot_check_own_drives(&b)) ||
         (code = robot_build_hydraulic_supply(&b)) || (code = robot_build_tree(&b)) ||
-        (code = robot_build_frames(&b)) || (code = robot_build_capsules(&b)) ||
-        (code = robot_build_visuals(&b)) || (code = robot_build_sensors(&b)) ||
-        (code = robot_build_poses(&b))) {
+        (code = robot_build_couplings(&b)) || (code = robot_build_frames(&b)) ||
+        (code = robot_build_capsules(&b)) || (code = robot_build_visuals(&b)) ||
+        (code = robot_build_sensors(&b)) || (code = robot_build_poses(&b))) {
         return code;
     }
 

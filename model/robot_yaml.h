@@ -4,8 +4,8 @@
  * robot_schema.c (keys and ranges), robot_yaml.c (names, variants, the order of the work),
  * robot_yaml_tree.c (bodies and joints), robot_yaml_drive.c (drives and their catalogue),
  * robot_yaml_hydraulic.c (hydraulic drives), robot_yaml_effects.c (what drives do beside the
- * paper's equations), robot_yaml_frames.c (frames, sensors, poses), robot_yaml_visuals.c (what
- * bodies look like).
+ * paper's equations), robot_yaml_couplings.c (joints that follow others), robot_yaml_frames.c
+ * (frames, sensors, poses), robot_yaml_visuals.c (what bodies look like).
  *
  * Units are in the keys of the file and the same here. Memory is the arena's. Functions return
  * ERROR_INPUT with file:line:column, or ERROR_MEMORY. Not RT-safe.
@@ -195,6 +195,23 @@ struct joint_yaml {
     bool has_drive, has_hydraulic, has_spring;
 };
 
+/* The numbers of a coupling whose keys say the unit of the follower. */
+enum coupling_parameter {
+    COUPLING_OFFSET,
+    COUPLING_STIFFNESS,
+    COUPLING_DAMPING,
+    COUPLING_PARAMETERS
+};
+
+struct coupling_yaml {
+    struct yaml_mark mark;
+    const char *follower, *leader;
+    struct yaml_mark follower_mark, leader_mark, multiplier_mark;
+    double multiplier;
+    double value[2][COUPLING_PARAMETERS]; /* by enum joint_type */
+    bool given[2][COUPLING_PARAMETERS];
+};
+
 struct frame_yaml {
     struct yaml_mark mark;
     const char *name;
@@ -275,6 +292,7 @@ struct robot_yaml {
     struct stops_yaml stops;
     struct body_yaml *body;
     struct joint_yaml *joint;
+    struct coupling_yaml *coupling;
     struct frame_yaml *frame;
     struct capsule_yaml *capsule;
     struct visual_yaml *visual;
@@ -282,7 +300,7 @@ struct robot_yaml {
     struct imu_yaml imu;
     struct pose_yaml *pose;
     struct variant_yaml *variant;
-    size_t nbody, njoint, nframe, ncapsule, nvisual, nft, npose, nvariant;
+    size_t nbody, njoint, ncoupling, nframe, ncapsule, nvisual, nft, npose, nvariant;
     bool has_imu, has_hydraulic_supply;
 };
 
@@ -356,8 +374,10 @@ enum error_code robot_build_hydraulic_supply(struct robot_builder *b);
 enum error_code robot_build_effects(struct robot_builder *b, const struct drive_yaml *given,
                                     struct robot_sea *sea);
 
-/* Bodies and joints, in the order of the joints; then frames, capsules, visuals, sensors, poses. */
+/* Bodies and joints, in the order of the joints; then couplings, frames, capsules, visuals,
+ * sensors, poses. */
 enum error_code robot_build_tree(struct robot_builder *b);
+enum error_code robot_build_couplings(struct robot_builder *b);
 enum error_code robot_build_frames(struct robot_builder *b);
 enum error_code robot_build_capsules(struct robot_builder *b);
 enum error_code robot_build_visuals(struct robot_builder *b);

@@ -2,6 +2,7 @@
 /* Frames, capsules, sensors and poses of a robot file. */
 #include "base/portable_math.h"
 #include "base/vec3.h"
+#include "model/coupling.h"
 #include "model/robot_yaml.h"
 
 #include <math.h>
@@ -130,28 +131,30 @@ static enum error_code build_joint_positions(struct robot_builder *b, enum joint
     return ERROR_NONE;
 }
 
-static bool pose_names_joint(const struct pose_yaml *pose, const char *joint)
+/* What a pose says of a joint, or NULL. */
+static const struct yaml_real_entry *find_position(const struct pose_yaml *pose, const char *joint)
 {
     for (size_t i = 0; i < pose->njoint_rad; i++) {
         if (strcmp(pose->joint_rad[i].name, joint) == 0) {
-            return true;
+            return &pose->joint_rad[i];
         }
     }
     for (size_t i = 0; i < pose->njoint_m; i++) {
         if (strcmp(pose->joint_m[i].name, joint) == 0) {
-            return true;
+            return &pose->joint_m[i];
         }
     }
-    return false;
+    return NULL;
 }
 
-/* Joints that a pose does not name stand at zero, if they can. */
+/* Joints that a pose does not name stand at zero, if they can, or follow. */
 static enum error_code check_unnamed_joints(struct robot_builder *b, const struct pose_yaml *given)
 {
     for (size_t j = 0; j < b->robot->njoint; j++) {
         const struct robot_joint *joint = &b->robot->joint[j];
 
-        if ((joint->lower > 0.0 || joint->upper < 0.0) && !pose_names_joint(given, joint->name)) {
+        if ((joint->lower > 0.0 || joint->upper < 0.0) && !find_position(given, joint->name) &&
+            !robot_find_coupling(b->robot, j)) {
             return yaml_error(
                 b->error, &given->mark,
                 "found pose \"%s\" without joint \"%s\", expected it: its limits %g to "
@@ -159,6 +162,45 @@ static enum error_code check_unnamed_joints(struct robot_builder *b, const struc
                 given->name, joint->name, joint->lower, joint->upper);
         }
     }
+    return ERROR_NONE;
+}
+
+/* Followers stand where their leaders want them, within their limits; a pose may name them, but not
+ * put them elsewhere. */
+static enum error_code align_followers(struct robot_builder *b, const struct pose_yaml *given,
+                                       double *position)
+{
+    const struct robot *robot = b->robot;
+    double *aligned = arena_alloc(b->arena, robot->njoint, sizeof *aligned);
+
+    if (!aligned) {
+        return robot_no_memory(b);
+    }
+    memcpy(aligned, position, robot->njoint * sizeof *aligned);
+    coupling_align(robot, aligned);
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const int j = robot->coupling[i].follower;
+        const struct robot_joint *joint = &robot->joint[j];
+        const struct yaml_real_entry *entry = find_position(given, joint->name);
+        const double near = COUPLING_ALIGNED * fmax(1.0, fabs(aligned[j]));
+
+        if (entry && fabs(position[j] - aligned[j]) > near) {
+            return yaml_error(b->error, &entry->mark,
+                              "found joint \"%s\" at %g, expected %.9g, where \"%s\" leads it, or "
+                              "no such key",
+                              joint->name, position[j], aligned[j],
+                              robot->joint[robot->coupling[i].leader].name);
+        }
+        if (aligned[j] < joint->lower - near || aligned[j] > joint->upper + near) {
+            return yaml_error(b->error, &given->mark,
+                              "found pose \"%s\" with joint \"%s\" at %g, where \"%s\" leads it, "
+                              "expected %g to %g (its limits)",
+                              given->name, joint->name, aligned[j],
+                              robot->joint[robot->coupling[i].leader].name, joint->lower,
+                              joint->upper);
+        }
+    }
+    memcpy(position, aligned, robot->njoint * sizeof *aligned);
     return ERROR_NONE;
 }
 
@@ -201,7 +243,8 @@ static enum error_code build_pose(struct robot_builder *b, const struct pose_yam
                                       position))) {
         return code;
     }
-    return check_unnamed_joints(b, given);
+    code = check_unnamed_joints(b, given);
+    return code ? code : align_followers(b, given, position);
 }
 
 enum error_code robot_build_poses(struct robot_builder *b)

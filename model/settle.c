@@ -6,6 +6,7 @@
 #include "model/settle.h"
 
 #include "base/portable_math.h"
+#include "model/coupling.h"
 #include "model/settle_private.h"
 #include "model/spatial.h"
 
@@ -181,11 +182,29 @@ static enum error_code check_equilibrium(struct settle *s, struct settled *settl
 
 /* ---- the robot's drives ---- */
 
+/* Torque of the couplings of joint j, N m, at rest. */
+static double coupling_torque(const struct plant *plant, size_t j)
+{
+    const struct robot *robot = plant->config.robot;
+    double torque = 0.0;
+
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+        const double error = coupling_error(coupling, plant->state + plant->at.v - robot->njoint);
+        const double force = coupling_force(coupling, error, 0.0);
+
+        torque -= coupling->follower == (int)j ? force : 0.0;
+        torque += coupling->leader == (int)j ? coupling->multiplier * force : 0.0;
+    }
+    return torque;
+}
+
 /* What the drive of joint j has to give, N m. */
 static double drive_torque(const struct settle *s, size_t j)
 {
     const struct plant *plant = s->plant;
-    double tau = s->f[plant->config.robot->nv - plant->config.robot->njoint + j];
+    double tau =
+        s->f[plant->config.robot->nv - plant->config.robot->njoint + j] - coupling_torque(plant, j);
 
     for (size_t k = 0; k < plant->nspring; k++) {
         if (plant->spring_joint[k] == j) {
@@ -198,22 +217,49 @@ static double drive_torque(const struct settle *s, size_t j)
                              plant_joint_depth(plant, plant->state, j), 0.0);
 }
 
+/* Lets joints that follow others give way until their couplings, with the stops that they press,
+ * carry what is left over; expects drive_torque to be that of the rest. True when some joint has
+ * moved. */
+static bool lean_on_couplings(struct settle *s, double least)
+{
+    struct plant *plant = s->plant;
+    const struct robot *robot = plant->config.robot;
+    double *q = plant->state + plant->at.v - robot->njoint;
+    bool moved = false;
+
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+        const size_t j = (size_t)coupling->follower;
+        const double depth = plant_joint_depth(plant, plant->state, j);
+        const double left = drive_torque(s, j);
+
+        if (fabs(left) > least) {
+            q[j] -= left /
+                    (coupling->stiffness + (depth != 0.0 ? robot->joint[j].stop.stiffness : 0.0));
+            moved = true;
+        }
+    }
+    return moved;
+}
+
 /* Lets joints without a drive that stand at a limit give way until the stop there carries what is
- * left over; expects plant->ext to be that of the rest. True when some joint has moved. */
+ * left over, and those that follow others likewise; expects plant->ext to be that of the rest. True
+ * when some joint has moved. */
 static bool lean_on_stops(struct settle *s)
 {
     struct plant *plant = s->plant;
     const struct robot *robot = plant->config.robot;
-    double gravity = sqrt(vec3_dot(robot->gravity, robot->gravity));
-    bool moved = false;
+    double least = LEANING * robot->total_mass * sqrt(vec3_dot(robot->gravity, robot->gravity));
+    bool moved;
 
     settle_weigh_robot(s, NULL);
+    moved = lean_on_couplings(s, least);
     for (size_t j = 0; j < robot->njoint; j++) {
         const struct robot_joint *joint = &robot->joint[j];
         double *q = &plant->state[plant->at.v - robot->njoint + j];
         double left = robot_joint_is_driven(joint) ? 0.0 : drive_torque(s, j), past;
 
-        if (fabs(left) <= LEANING * robot->total_mass * gravity || joint->stop.stiffness == 0.0) {
+        if (fabs(left) <= least || joint->stop.stiffness == 0.0 || robot_find_coupling(robot, j)) {
             continue;
         }
 

@@ -3,10 +3,8 @@
 #include "base/config.h"
 #include "base/count.h"
 #include "base/text.h"
-#include "boards/cia402/protocol.h"
-#include "boards/compact/protocol.h"
 #include "boards/described/protocol.h"
-#include "boards/foc/protocol.h"
+#include "boards/protocols.h"
 #include "model/hydraulic.h"
 #include "rig/builder_private.h"
 
@@ -14,11 +12,10 @@
 #include <stdio.h>
 #include <string.h>
 
-static enum board_personality bus_personality(const struct rig_builder *b,
-                                              const struct raw_bus *bus)
+static const struct protocol *raw_bus_protocol(const struct rig_builder *b,
+                                               const struct raw_bus *bus)
 {
-    return (enum board_personality)(bus->personality_given ? bus->personality
-                                                           : b->raw->personality);
+    return protocol_at((size_t)(bus->personality_given ? bus->personality : b->raw->personality));
 }
 
 static enum error_code board_check_full_scale(struct rig_builder *b, const struct yaml_mark *mark,
@@ -208,9 +205,12 @@ static enum error_code board_check_valve(struct rig_builder *b, const struct des
 }
 
 static enum error_code board_build_motor(struct rig_builder *b, const struct raw_board *raw,
-                                         size_t most, struct board_config *board)
+                                         const struct protocol *protocol,
+                                         struct board_config *board)
 {
     static const struct yaml_name spare = {.name = "spare"};
+    const size_t most = protocol->axes_max;
+    char list[RIG_LIST];
 
     if (raw->naxis < 1 || raw->naxis > most) {
         return most == 1
@@ -233,11 +233,11 @@ static enum error_code board_build_motor(struct rig_builder *b, const struct raw
         if (code) {
             return code;
         }
-        if (i < raw->naxis && board->axis[i].joint < 0 &&
-            bus_personality(b, &b->raw->bus[board->bus]) != BOARD_ICUB) {
-            return yaml_error(b->error, &raw->axis[i].mark,
-                              "found a spare axis, expected a joint: only icub boards have axes "
-                              "to spare");
+        if (i < raw->naxis && board->axis[i].joint < 0 && !protocol->spare_axes) {
+            return yaml_error(
+                b->error, &raw->axis[i].mark,
+                "found a spare axis, expected a joint: only %s boards have axes to spare",
+                protocols_list(offsetof(struct protocol, spare_axes), list, sizeof list));
         }
     }
     return ERROR_NONE;
@@ -255,36 +255,21 @@ static const char *board_make_name(struct rig_builder *b, const struct raw_bus *
     return arena_strdup(b->arena, text);
 }
 
-/* What the protocol of a personality can address. */
-static const struct personality_limits {
-    const char *name;
-    int64_t motor_address_max, address_max;
-    size_t axes; /* of a motor board */
-    bool torque; /* has boards that send joint torques on their own */
-} personality_limits[] = {
-    [BOARD_ICUB] = {"icub", ICUB_ADDRESS_MAX, ICUB_ADDRESS_MAX, 2, true},
-    [BOARD_FOC] = {"foc", FOC_AXES_MAX, ICUB_ADDRESS_MAX, 1, true},
-    [BOARD_COMPACT] = {"compact", COMPACT_NODE_MAX, COMPACT_NODE_MAX, COMPACT_BOARD_AXES, false},
-    [BOARD_CIA402] = {"cia402", CIA402_NODE_MAX, CIA402_NODE_MAX, CIA402_BOARD_AXES, false},
-    [BOARD_DESCRIBED] = {"described", DESCRIBED_ADDRESS_MAX, DESCRIBED_ADDRESS_MAX, DESCRIBED_AXES,
-                         false},
-};
-
 static enum error_code board_check_address(struct rig_builder *b, const struct raw_board *raw,
-                                           const struct personality_limits *limits)
+                                           const struct protocol *protocol)
 {
-    int64_t max = raw->kind == BOARD_MOTOR ? limits->motor_address_max : limits->address_max;
+    int64_t max = raw->kind == BOARD_MOTOR ? protocol->motor_address_max : protocol->address_max;
 
-    if (raw->kind == BOARD_TORQUE && !limits->torque) {
+    if (raw->kind == BOARD_TORQUE && !protocol->torque_boards) {
         return yaml_error(b->error, &raw->mark,
                           "found a torque board on a bus with personality %s, expected none: its "
                           "motor boards report the torques",
-                          limits->name);
+                          protocol->name);
     }
     if (raw->address > max) {
         return yaml_error(b->error, &raw->address_mark,
                           "found address %d, expected 1 to %d with personality %s",
-                          (int)raw->address, (int)max, limits->name);
+                          (int)raw->address, (int)max, protocol->name);
     }
     return ERROR_NONE;
 }
@@ -325,11 +310,11 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
 {
     const struct raw_bus *raw_bus = &b->raw->bus[bus];
     const struct raw_motors *motors = &b->raw->motors;
-    const struct personality_limits *limits = &personality_limits[bus_personality(b, raw_bus)];
+    const struct protocol *protocol = raw_bus_protocol(b, raw_bus);
     enum error_code code = board_check_keys(b, raw);
 
-    code = code ? code : board_check_address(b, raw, limits);
-    code = code ? code : rig_check_external(b, raw, bus_personality(b, raw_bus), limits->name);
+    code = code ? code : board_check_address(b, raw, protocol);
+    code = code ? code : rig_check_external(b, raw, protocol);
     if (!code && b->bus[bus].described) {
         code = board_check_described(b, raw, b->bus[bus].described);
     }
@@ -379,7 +364,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
     }
     switch (board->kind) {
     case BOARD_MOTOR:
-        return board_build_motor(b, raw, limits->axes, board);
+        return board_build_motor(b, raw, protocol, board);
     case BOARD_FT:
         return board_build_ft(b, raw, board);
     case BOARD_INERTIAL:
@@ -391,7 +376,9 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
 
 static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus *bus)
 {
+    const struct protocol *protocol = raw_bus_protocol(b, bus);
     enum error_code code;
+    char list[RIG_LIST];
 
     /* Name and interface are its own */
     for (const struct raw_bus *other = b->raw->bus; other < bus; other++) {
@@ -409,12 +396,10 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
     }
 
     /* CAN FD: with boards that speak it, and with a second bit rate */
-    if (bus->fd && bus_personality(b, bus) != BOARD_COMPACT &&
-        bus_personality(b, bus) != BOARD_DESCRIBED) {
+    if (bus->fd && !protocol->canfd) {
         return yaml_error(b->error, &bus->fd_mark,
-                          "found fd on bus \"%s\", expected it with personality compact or "
-                          "described only",
-                          bus->name);
+                          "found fd on bus \"%s\", expected it with personality %s only", bus->name,
+                          protocols_list(offsetof(struct protocol, canfd), list, sizeof list));
     }
     if (bus->fd != bus->data_bitrate_given ||
         (bus->data_bitrate_given && bus->data_bitrate < bus->bitrate)) {
@@ -428,12 +413,11 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
     }
 
     /* A DBC has one length for all commands of an iCub board, but each length of another one */
-    if (bus->padded && bus_personality(b, bus) != BOARD_ICUB &&
-        bus_personality(b, bus) != BOARD_FOC) {
+    if (bus->padded && !protocol->padded) {
         return yaml_error(b->error, &bus->padded_mark,
-                          "found padded_frames on bus \"%s\", expected it with personality icub or "
-                          "foc only",
-                          bus->name);
+                          "found padded_frames on bus \"%s\", expected it with personality %s only",
+                          bus->name,
+                          protocols_list(offsetof(struct protocol, padded), list, sizeof list));
     }
 
     /* Settings of the interface only where the simulator sets it */
@@ -482,24 +466,28 @@ static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw
     const struct yaml_mark *mark = raw->protocol ? &raw->protocol_mark : &b->raw->protocol_mark;
     enum error_code code;
 
-    if (bus_personality(b, raw) != BOARD_DESCRIBED) {
+    if (!raw_bus_protocol(b, raw)->needs_file) {
+        char list[RIG_LIST];
+
         return !raw->protocol
                    ? ERROR_NONE
-                   : yaml_error(b->error, &raw->protocol_mark,
-                                "found a protocol on bus \"%s\", expected it with personality "
-                                "described",
-                                raw->name);
+                   : yaml_error(
+                         b->error, &raw->protocol_mark,
+                         "found a protocol on bus \"%s\", expected it with personality %s",
+                         raw->name,
+                         protocols_list(offsetof(struct protocol, needs_file), list, sizeof list));
     }
     if (!file) {
-        return yaml_error(b->error, &raw->mark,
-                          "found personality described on bus \"%s\" without a protocol, expected "
-                          "the file that describes it",
-                          raw->name);
+        return yaml_error(
+            b->error, &raw->mark,
+            "found personality %s on bus \"%s\" without a protocol, expected the file "
+            "that describes it",
+            raw_bus_protocol(b, raw)->name, raw->name);
     }
 
     /* Buses that have the rig's share one table */
     for (const struct raw_bus *other = b->raw->bus; other < raw && !raw->protocol; other++) {
-        if (!other->protocol && bus_personality(b, other) == BOARD_DESCRIBED) {
+        if (!other->protocol && raw_bus_protocol(b, other)->needs_file) {
             *protocol = b->bus[other - b->raw->bus].described;
             return rig_check_format(b, raw, *protocol);
         }
@@ -519,17 +507,12 @@ static struct rig_bus rig_make_bus(const struct rig_builder *b, const struct raw
                             .configure = raw->configure,
                             .sample_point = raw->sample_point,
                             .restart_ms = raw->restart_ms,
-                            .personality = bus_personality(b, raw),
+                            .protocol = raw_bus_protocol(b, raw),
                             .nboard = raw->nboard};
 }
 
 enum error_code rig_build_boards(struct rig_builder *b)
 {
-    static const enum host_personality host_personality[] = {[BOARD_ICUB] = HOST_ICUB,
-                                                             [BOARD_FOC] = HOST_FOC,
-                                                             [BOARD_COMPACT] = HOST_COMPACT,
-                                                             [BOARD_CIA402] = HOST_CIA402,
-                                                             [BOARD_DESCRIBED] = HOST_DESCRIBED};
     const struct raw_rig *raw = b->raw;
     struct rig_bus *bus = b->bus = arena_alloc(b->arena, raw->nbus, sizeof *bus);
     struct boards_bus_config *bus_config = arena_alloc(b->arena, raw->nbus, sizeof *bus_config);
@@ -566,10 +549,9 @@ enum error_code rig_build_boards(struct rig_builder *b)
         bus[i] = rig_make_bus(b, from);
         bus[i].first_board = n;
         code = code ? code : rig_load_protocol(b, from, &bus[i].described);
-        bus_config[i] = (struct boards_bus_config){bus[i].personality, bus[i].fd, from->padded,
-                                                   bus[i].described};
-        host_bus[i] =
-            (struct host_bus){host_personality[bus[i].personality], bus[i].fd, bus[i].described};
+        bus_config[i] =
+            (struct boards_bus_config){bus[i].protocol, bus[i].fd, from->padded, bus[i].described};
+        host_bus[i] = (struct host_bus){bus[i].protocol->name, bus[i].fd, bus[i].described};
         for (size_t k = 0; k < from->nboard && !code; k++) {
             code = rig_build_board(b, (int)i, &from->board[k], &board[n++]);
         }

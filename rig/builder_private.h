@@ -24,6 +24,8 @@ struct rig_place {
     double rotation[9]; /* of it, row-major */
 };
 
+enum { RIG_LIST = 80 }; /* of names of protocols in a message */
+
 struct rig_builder {
     struct rig *rig;
     const struct raw_rig *raw;
@@ -76,9 +78,9 @@ enum error_code rig_add_robot_surfaces(struct rig_builder *b, struct contact_sur
 enum error_code rig_add_robot_pairs(struct rig_builder *b, struct contact_pair *pair,
                                     size_t *npair);
 
-/* Whether a board may be external, and one with such an axis; name: of the personality. */
+/* Whether a board may be external, and one with such an axis. */
 enum error_code rig_check_external(struct rig_builder *b, const struct raw_board *raw,
-                                   enum board_personality personality, const char *name);
+                                   const struct protocol *protocol);
 enum error_code rig_check_external_axis(struct rig_builder *b, const struct raw_board *raw,
                                         const struct yaml_name *name,
                                         const struct robot_joint *joint);

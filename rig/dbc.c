@@ -4,10 +4,8 @@
 
 #include "base/count.h"
 #include "boards/described/protocol.h"
-#include "boards/messages.h"
 #include "rig/dbc_private.h"
 
-#include <stdarg.h>
 #include <string.h>
 
 /* ---- messages ---- */
@@ -57,7 +55,7 @@ static void dbc_export_multiplexor(struct dbc_exporter *e, struct dbc_message *t
 
 static void dbc_export_command(struct dbc_exporter *e, const struct message *message)
 {
-    int axes = dbc_is_icub_motor(e, message) ? 2 : 1;
+    int axes = message->axis_bit ? 2 : 1;
     struct dbc_message *to = dbc_find_message(e->dbc, message->id);
 
     if (!to) {
@@ -67,7 +65,7 @@ static void dbc_export_command(struct dbc_exporter *e, const struct message *mes
         }
     }
     for (int axis = 0; axis < axes && !e->code; axis++) {
-        int command = message->code + axis * AXIS_BIT;
+        int command = message->code + axis * MESSAGE_AXIS_BIT;
         char text[80];
 
         snprintf(text, sizeof text, axes > 1 ? "%s_%d" : "%s", message->name, axis);
@@ -78,83 +76,26 @@ static void dbc_export_command(struct dbc_exporter *e, const struct message *mes
     }
 }
 
-/* The row of a described message. */
-static const struct described_frame *dbc_find_row(const struct dbc_exporter *e,
-                                                  const struct message *message)
-{
-    const struct described_frame *frame = e->rig->bus[e->bus].described->frame;
-
-    while (frame->layout != message->fields) {
-        frame++;
-    }
-    return frame;
-}
-
-/* Whether all that a described frame says is which it is: to switch on, to ask for another. */
-static bool dbc_is_constant(const struct described_frame *frame)
-{
-    for (size_t k = 0; k < frame->nfield; k++) {
-        if (frame->field[k].meaning != DESCRIBED_CONSTANT) {
-            return false;
-        }
-    }
-    return true;
-}
-
-/* Adds to a text of DBC_TEXT_MAX letters at most. */
-static void dbc_add_text(char text[DBC_TEXT_MAX + 1], const char *format, ...)
-    __attribute__((format(printf, 2, 3)));
-
-static void dbc_add_text(char text[DBC_TEXT_MAX + 1], const char *format, ...)
-{
-    size_t used = strlen(text);
-    va_list arguments;
-
-    va_start(arguments, format);
-    vsnprintf(text + used, DBC_TEXT_MAX + 1 - used, format, arguments);
-    va_end(arguments);
-}
-
-/* Comments a described message with what signals cannot say: fields of the identifier, the counter,
- * the checksum. */
-static void dbc_comment_described(struct dbc_exporter *e, struct dbc_message *to,
-                                  const struct described_frame *row)
+/* Comments a message with what signals cannot say. */
+static void dbc_comment_message(struct dbc_exporter *e, struct dbc_message *to,
+                                const struct message *message)
 {
     char text[DBC_TEXT_MAX + 1] = "";
-    unsigned bit = 0;
-    size_t i = row->ndata;
 
-    for (const struct field *f = row->id_layout; f && f->type != FIELD_END; f++) {
-        unsigned bits = f->type & FIELD_BITS_MASK;
-
-        if (!(f->type & FIELD_PADDING) && row->field[i++].meaning != DESCRIBED_CONSTANT) {
-            dbc_add_text(text, "%s%u|%u@1%c %s (%.9g,%.9g)%s%s",
-                         *text ? ", " : "in the identifier ", bit, bits,
-                         f->type & FIELD_SIGNED ? '-' : '+', f->name, f->scale, f->offset,
-                         f->unit ? " " : "", f->unit ? f->unit : "");
-        }
-        bit += bits;
-    }
-    if (row->counter >= 0) {
-        dbc_add_text(text, "%s%s counts the frames", *text ? "; " : "",
-                     described_layout(row, (size_t)row->counter)->name);
-    }
-    if (row->checksum) {
-        dbc_add_text(text, "%sbyte %u is the %s of the others", *text ? "; " : "",
-                     row->checksum_byte, described_checksum_name(row->checksum));
+    if (e->protocol->comment_message) {
+        e->protocol->comment_message(message, text, sizeof text);
     }
     if (*text) {
         e->code = dbc_set_comment(e->dbc, &to->comment, text, e->error);
     }
 }
 
-/* Of described frames with one identifier, which a DBC cannot tell apart, it has the first, and one
- * that carries values rather than one that does not. */
+/* Of messages with one identifier and no code, which a DBC cannot tell apart, it has the first, and
+ * one that carries values rather than one that does not. */
 static bool dbc_leaves_out(const struct dbc_exporter *e, const struct message *message)
 {
-    return e->personality == BOARD_DESCRIBED &&
-           (dbc_is_constant(dbc_find_row(e, message)) != e->constants ||
-            dbc_find_message(e->dbc, dbc_id(message)));
+    return message->constant != e->constants ||
+           (message->code == MESSAGE_NO_CODE && dbc_find_message(e->dbc, dbc_id(message)));
 }
 
 static bool dbc_visit_message(void *context, const struct message *message)
@@ -172,8 +113,8 @@ static bool dbc_visit_message(void *context, const struct message *message)
         if (!e->code) {
             dbc_export_fields(e, added, message, MESSAGE_NO_CODE);
         }
-        if (!e->code && e->personality == BOARD_DESCRIBED) {
-            dbc_comment_described(e, added, dbc_find_row(e, message));
+        if (!e->code) {
+            dbc_comment_message(e, added, message);
         }
     }
     return !e->code;
@@ -283,11 +224,6 @@ static void dbc_export_nodes(struct dbc_exporter *e)
 
 static void dbc_describe_bus(struct dbc_exporter *e)
 {
-    static const char *const speaks[] = {[BOARD_ICUB] = "icub",
-                                         [BOARD_FOC] = "foc",
-                                         [BOARD_COMPACT] = "compact",
-                                         [BOARD_CIA402] = "cia402",
-                                         [BOARD_DESCRIBED] = "described"};
     const struct rig_bus *bus = &e->rig->bus[e->bus];
     char text[DBC_TEXT_MAX + 1], name[40] = "";
 
@@ -301,7 +237,7 @@ static void dbc_describe_bus(struct dbc_exporter *e)
         text, sizeof text,
         "Rig %.40s, bus %.40s on %.15s: protocol %s%s, supply %.6g V. A number without a unit is "
         "bare or depends on a setting of the board. A command's frame has its FrameLength.",
-        e->rig->name, bus->name, bus->interface, speaks[e->personality], name, e->rig->supply_v);
+        e->rig->name, bus->name, bus->interface, e->protocol->name, name, e->rig->supply_v);
     e->code = dbc_set_comment(e->dbc, &e->dbc->comment, text, e->error);
 }
 
@@ -311,7 +247,7 @@ enum error_code rig_dbc(const struct rig *rig, size_t bus, struct arena *arena, 
     struct dbc_exporter e = {
         .rig = rig,
         .bus = bus,
-        .personality = rig->bus[bus].personality,
+        .protocol = rig->bus[bus].protocol,
         .dbc = dbc_create(arena, rig->bus[bus].name),
         .error = error,
     };
@@ -327,7 +263,7 @@ enum error_code rig_dbc(const struct rig *rig, size_t bus, struct arena *arena, 
         boards_messages(&rig->boards, (int)bus, dbc_visit_length, &e);
         boards_messages(&rig->boards, (int)bus, dbc_visit_message, &e);
     }
-    if (!e.code && e.personality == BOARD_DESCRIBED) {
+    if (!e.code) {
         e.constants = true;
         boards_messages(&rig->boards, (int)bus, dbc_visit_message, &e);
     }

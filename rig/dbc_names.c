@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Names of nodes, messages and signals in a rig's DBC database: unique, legal and short enough. */
-#include "boards/cia402/protocol.h"
-#include "boards/compact/protocol.h"
-#include "boards/icub/protocol.h"
 #include "rig/dbc_private.h"
 
 #include <string.h>
@@ -86,39 +83,6 @@ static const char *dbc_board_name(const struct dbc_exporter *e, const struct boa
                  : everyone;
 }
 
-static unsigned compact_message_function(const struct message *message)
-{
-    return message->id >> 5;
-}
-
-bool dbc_is_list(const struct dbc_exporter *e, const struct message *message)
-{
-    if (e->personality == BOARD_CIA402) {
-        const struct board_config *board = dbc_message_board(e, message);
-
-        return board && board->kind == BOARD_MOTOR && fields_count(message->fields) == 1 &&
-               message->slot < 0 && message->id < CIA402_SDO_REPLY;
-    }
-    if (e->personality == BOARD_DESCRIBED) {
-        return message->from_host && message->receiver == MESSAGE_NO_BOARD && message->slot >= 0;
-    }
-    return e->personality == BOARD_COMPACT &&
-           (compact_message_function(message) == COMPACT_COMMAND ||
-            compact_message_function(message) == COMPACT_TELEMETRY_FD);
-}
-
-int dbc_first_slot(const struct dbc_exporter *e, const struct board_config *board)
-{
-    int slot = 0;
-
-    for (const struct board_config *b = e->rig->boards.board; b < board; b++) {
-        for (int k = 0; k < BOARD_AXES_MAX && b->kind == BOARD_MOTOR && b->bus == board->bus; k++) {
-            slot += b->axis[k].joint >= 0;
-        }
-    }
-    return slot;
-}
-
 void dbc_make_message_name(const struct dbc_exporter *e, const struct message *message,
                            char name[NAME_SIZE])
 {
@@ -127,29 +91,17 @@ void dbc_make_message_name(const struct dbc_exporter *e, const struct message *m
 
     snprintf(before, sizeof before, "%.*s_", DBC_NAME_MAX, dbc_board_name(e, board));
     if (message->code != MESSAGE_NO_CODE) {
-        bool management = message->id >> 8 == ICUB_MANAGEMENT;
-
-        dbc_fit_name(name, before,
-                     management           ? message->from_host ? "MANAGEMENT" : "MANAGEMENT_REPLY"
-                     : message->from_host ? "COMMAND"
-                                          : "REPLY",
-                     after);
+        dbc_fit_name(name, before, message->family, after);
         return;
     }
-    if (message->slot >= 0 && board) {
-        snprintf(after, sizeof after, "_%d", message->slot - dbc_first_slot(e, board));
-    } else if (dbc_is_list(e, message) && !board) {
-        snprintf(after, sizeof after, "_%u", (unsigned)(message->id & 0x1f));
+    if (message->list && !board) {
+        snprintf(after, sizeof after, "_%u", message->number);
+    } else if (message->slot >= 0 && !message->list && board) {
+        unsigned first = boards_first_slot(&e->rig->boards, (int)(board - e->rig->boards.board));
+
+        snprintf(after, sizeof after, "_%u", (unsigned)message->slot - first);
     }
     dbc_fit_name(name, before, message->name, after);
-}
-
-bool dbc_is_icub_motor(const struct dbc_exporter *e, const struct message *message)
-{
-    const struct board_config *board = dbc_message_board(e, message);
-
-    return e->personality == BOARD_ICUB && board && board->kind == BOARD_MOTOR &&
-           message->id >> 8 != ICUB_MANAGEMENT;
 }
 
 /* JOINT_QUANTITY. The digit that ends a field's name, as in position0 or target1, says which axis
@@ -180,24 +132,24 @@ static void dbc_make_joint_name(const struct dbc_field *p, char name[NAME_SIZE])
 static void dbc_make_table_name(const struct dbc_exporter *e, const struct dbc_field *p,
                                 char name[NAME_SIZE])
 {
+    const struct message *message = p->of.message;
     char after[64] = "";
 
-    if (p->command != MESSAGE_NO_CODE) {
-        snprintf(after, sizeof after, "_%s", p->field->name);
-        if (dbc_is_icub_motor(e, p->message)) {
+    if (p->of.code != MESSAGE_NO_CODE) {
+        snprintf(after, sizeof after, "_%s", p->of.field->name);
+        if (message->axis_bit) {
             snprintf(after + strlen(after), sizeof after - strlen(after), "_%d",
-                     p->command >= AXIS_BIT);
+                     p->of.code >= MESSAGE_AXIS_BIT);
         }
-        dbc_fit_name(name, "", p->message->name, after);
+        dbc_fit_name(name, "", message->name, after);
         return;
     }
-    if (dbc_is_list(e, p->message)) {
-        bool all = !dbc_message_board(e, p->message);
+    if (message->list) {
+        bool all = !dbc_message_board(e, message);
 
-        snprintf(after, sizeof after, "_%d",
-                 p->repeat + (all ? (int)(p->message->id & 0x1f) * COMPACT_GROUP : 0));
+        snprintf(after, sizeof after, "_%d", p->of.repeat + (all ? message->slot : 0));
     }
-    dbc_fit_name(name, "", p->field->name, after);
+    dbc_fit_name(name, "", p->of.field->name, after);
 }
 
 void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_message *to,
@@ -205,9 +157,9 @@ void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_message
 {
     char made[NAME_SIZE];
 
-    bool to_one = p->message->from_host && dbc_message_board(e, p->message);
+    bool to_one = p->of.message->from_host && dbc_message_board(e, p->of.message);
 
-    if (p->command != MESSAGE_NO_CODE || to_one || (!p->joint && !p->component)) {
+    if (p->of.code != MESSAGE_NO_CODE || to_one || (!p->joint && !p->component)) {
         dbc_make_table_name(e, p, name);
         return;
     }

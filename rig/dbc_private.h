@@ -6,31 +6,28 @@
 #ifndef RIG_DBC_PRIVATE_H
 #define RIG_DBC_PRIVATE_H
 
-#include "boards/messages.h"
+#include "boards/protocol.h"
 #include "rig/dbc.h"
 
 enum { HOST = 0, SIMULATOR = 1, FIRST_BOARD = 2 }; /* nodes */
-enum { IDS = 0x800, NAME_SIZE = DBC_NAME_MAX + 1, AXIS_BIT = 0x80 };
+enum { IDS = 0x800, NAME_SIZE = DBC_NAME_MAX + 1 };
 
 struct dbc_exporter {
     const struct rig *rig;
     size_t bus;
-    enum board_personality personality;
+    const struct protocol *protocol;
     struct dbc *dbc;
     struct error *error;
     enum error_code code;
     uint8_t longest[IDS]; /* frame of an identifier */
-    bool constants;       /* of described frames now those that are all constant */
+    bool constants;       /* now those messages that only say which they are */
 };
 
 /* A field that becomes a signal. */
 struct dbc_field {
-    const struct message *message;
-    const struct field *field;
+    struct message_field of;
+    struct field_subject subject;
     unsigned bit;          /* where it starts in the frame */
-    int repeat;            /* of message->repeats */
-    int command;           /* value of byte 0, MESSAGE_NO_CODE: none */
-    int index;             /* of the field in its list, padding aside */
     const char *joint;     /* that it is about; NULL = none */
     const char *quantity;  /* of the joint; the field's name but for torque sensors */
     const char *component; /* of a force-torque sensor: "fx" to "mz"; NULL = none */
@@ -44,15 +41,6 @@ const struct board_config *dbc_message_board(const struct dbc_exporter *e,
 
 /* Node of a board, by its index in the rig. */
 int dbc_board_node(const struct dbc_exporter *e, int board);
-
-/* Slot of a board's first axis. */
-int dbc_first_slot(const struct dbc_exporter *e, const struct board_config *board);
-
-/* Whether the fields of a message repeat for each axis or slot. */
-bool dbc_is_list(const struct dbc_exporter *e, const struct message *message);
-
-/* Whether a message is of or for an icub motor board, which has two axes. */
-bool dbc_is_icub_motor(const struct dbc_exporter *e, const struct message *message);
 
 /* A board's name as an identifier that no other node has. */
 void dbc_make_node_name(const struct dbc *dbc, const char *board, char name[NAME_SIZE]);

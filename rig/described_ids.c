@@ -16,18 +16,6 @@ struct id_check {
     enum error_code code;
 };
 
-static const struct described_frame *message_row(const struct id_check *check,
-                                                 const struct message *message)
-{
-    const struct described_protocol *protocol = check->b->bus[check->bus].described;
-    size_t i = 0;
-
-    while (protocol->frame[i].layout != message->fields) {
-        i++;
-    }
-    return &protocol->frame[i];
-}
-
 /* The board that sends a message or is its only receiver; NULL: none. */
 static const struct board_config *message_board(const struct id_check *check,
                                                 const struct message *message)
@@ -38,10 +26,9 @@ static const struct board_config *message_board(const struct id_check *check,
 }
 
 /* Whether two messages of one identifier cannot be told apart, or would meet on the wire. */
-static bool messages_collide(const struct id_check *check, const struct message *x,
-                             const struct message *y)
+static bool messages_collide(const struct message *x, const struct message *y)
 {
-    const struct described_frame *a = message_row(check, x), *b = message_row(check, y);
+    const struct described_frame *a = x->row, *b = y->row;
 
     if (x->extended != y->extended || ((x->id ^ y->id) & ~(x->id_mask | y->id_mask))) {
         return false;
@@ -75,7 +62,7 @@ static bool check_inner(void *context, const struct message *message)
     if (check->inner++ == check->outer) {
         return false;
     }
-    if (messages_collide(check, message, later)) {
+    if (messages_collide(message, later)) {
         check->code = yaml_error(
             check->b->error, board_mark(check, y),
             "found %s%s, whose frame %s has the identifier 0x%x that frame %s of %s%s (line %d) "

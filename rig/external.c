@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Which boards of a rig file may be external, that is real ones on the same bus. */
+#include "boards/protocols.h"
 #include "rig/builder_private.h"
 
 /* Keys that mean something only of an external board. */
@@ -18,16 +19,18 @@ static enum error_code external_check_keys(struct rig_builder *b, const struct r
 
 /* A real board is one whose frames the host's codec reads without having configured it. */
 enum error_code rig_check_external(struct rig_builder *b, const struct raw_board *raw,
-                                   enum board_personality personality, const char *name)
+                                   const struct protocol *protocol)
 {
+    char list[RIG_LIST];
+
     if (!raw->external) {
         return external_check_keys(b, raw);
     }
-    if (personality == BOARD_CIA402 || personality == BOARD_DESCRIBED) {
+    if (!protocol->external) {
         return yaml_error(b->error, &raw->external_mark,
-                          "found external: true with personality %s, expected it with icub, foc or "
-                          "compact only",
-                          name);
+                          "found external: true with personality %s, expected it with %s only",
+                          protocol->name,
+                          protocols_list(offsetof(struct protocol, external), list, sizeof list));
     }
     if (raw->kind != BOARD_MOTOR && raw->kind != BOARD_FT) {
         return yaml_error(b->error, &raw->external_mark,
@@ -41,11 +44,13 @@ enum error_code rig_check_external(struct rig_builder *b, const struct raw_board
                           "found external_follows on an F/T board, expected it on a motor board: "
                           "no joint follows a sensor");
     }
-    if (raw->external_torque && personality != BOARD_COMPACT) {
-        return yaml_error(b->error, &raw->external_follows_mark,
-                          "found external_follows: torque with personality %s, expected it with "
-                          "compact only, whose motor boards tell the torque of their joints",
-                          name);
+    if (raw->external_torque && !protocol->external_torque) {
+        return yaml_error(
+            b->error, &raw->external_follows_mark,
+            "found external_follows: torque with personality %s, expected it with %s "
+            "only, whose motor boards tell the torque of their joints",
+            protocol->name,
+            protocols_list(offsetof(struct protocol, external_torque), list, sizeof list));
     }
     return ERROR_NONE;
 }

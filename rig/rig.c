@@ -9,10 +9,7 @@
 #include "base/count.h"
 #include "base/hash.h"
 #include "base/text.h"
-#include "boards/cia402/protocol.h"
-#include "boards/compact/protocol.h"
-#include "boards/described/protocol.h"
-#include "boards/icub/protocol.h"
+#include "boards/protocols.h"
 #include "contact/mesh.h"
 #include "rig/builder_private.h"
 #include "base/config.h"
@@ -400,56 +397,36 @@ static enum error_code rig_build_tasks(struct rig_builder *b)
 
 /* ---- how it runs ---- */
 
-static enum error_code rig_check_described_id(struct rig_builder *b, const struct yaml_mark *mark,
-                                              int64_t id, const struct described_protocol *protocol)
+/* Whether an identifier is one that boards send or receive: of a protocol that keeps it from every
+ * rig, or on a bus of this rig. */
+static bool rig_find_id_owner(const struct rig *rig, uint32_t id, char *text, size_t size)
 {
-    unsigned number;
+    const struct protocol *protocol;
 
-    for (size_t i = 0; protocol && i < protocol->nframe; i++) {
-        if (described_number(&protocol->frame[i], (uint32_t)id, false, &number)) {
-            return yaml_error(b->error, mark,
-                              "found id 0x%03x, which belongs to frame %s of protocol %s, expected "
-                              "another",
-                              (unsigned)id, protocol->frame[i].name, protocol->name);
+    for (size_t i = 0; (protocol = protocol_at(i)); i++) {
+        if (protocol->claims_id && protocol->claims_id(NULL, id, text, size)) {
+            return true;
         }
     }
-    return ERROR_NONE;
+    for (size_t i = 0; i < rig->nbus; i++) {
+        protocol = rig->bus[i].protocol;
+        if (protocol->claims_id && protocol->claims_id(&rig->boards.bus[i], id, text, size)) {
+            return true;
+        }
+    }
+    return false;
 }
 
 /* The lockstep frames must not have an identifier that a board sends or receives. */
 static enum error_code rig_check_lockstep_id(struct rig_builder *b, const struct yaml_mark *mark,
                                              int64_t id)
 {
-    int64_t cls = id >> 8, function = id >> 5;
-    enum error_code code = ERROR_NONE;
+    char owner[160];
 
-    if (function == COMPACT_REQUEST || function == COMPACT_REPLY) {
-        return yaml_error(b->error, mark,
-                          "found id 0x%03x, which belongs to compact boards, expected one from "
-                          "0x400 to 0x67f or from 0x6c0 to 0x6ff",
-                          (unsigned)id);
-    }
-    if (cls == ICUB_POLLING_MOTOR || cls == ICUB_PERIODIC_MOTOR || cls == ICUB_POLLING_ANALOG ||
-        cls == ICUB_PERIODIC_ANALOG || cls == ICUB_MANAGEMENT) {
-        return yaml_error(b->error, mark,
-                          "found id 0x%03x, which belongs to the boards, expected one from 0x400 "
-                          "to 0x6ff",
-                          (unsigned)id);
-    }
-
-    /* CANopen nodes have ids that other boards have not: the last TPDO and RPDO, and SDO */
-    for (size_t i = 0; i < b->rig->nbus; i++) {
-        if (b->rig->bus[i].personality == BOARD_CIA402 &&
-            (id <= CIA402_SDO_REPLY + CIA402_NODE_MAX ||
-             (id >= CIA402_SDO_REQUEST && id <= CIA402_SDO_REQUEST + CIA402_NODE_MAX))) {
-            return yaml_error(b->error, mark,
-                              "found id 0x%03x, which belongs to cia402 boards, expected one from "
-                              "0x5a0 to 0x5ff, 0x620 to 0x67f or 0x6c0 to 0x6ff",
-                              (unsigned)id);
-        }
-        code = code ? code : rig_check_described_id(b, mark, id, b->rig->bus[i].described);
-    }
-    return code;
+    return rig_find_id_owner(b->rig, (uint32_t)id, owner, sizeof owner)
+               ? yaml_error(b->error, mark, "found id 0x%03x, which belongs to %s", (unsigned)id,
+                            owner)
+               : ERROR_NONE;
 }
 
 static enum error_code rig_build_lockstep(struct rig_builder *b)

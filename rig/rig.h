@@ -51,8 +51,8 @@ struct rig_bus {
     bool configure;        /* the simulator sets the interface (sim/interfaces.h) */
     double sample_point;   /* of a bit, for configure; 0 = the driver's choice */
     int64_t restart_ms;    /* by the kernel after bus-off, for configure; 0 = by the simulator */
-    enum board_personality personality;
-    const struct described_protocol *described; /* BOARD_DESCRIBED */
+    const struct protocol *protocol;            /* what its boards speak */
+    const struct described_protocol *described; /* of a protocol that a file describes */
     size_t first_board, nboard;                 /* of struct boards_config */
     size_t naxis;                               /* joints driven from this bus */
 };

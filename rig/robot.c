@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The rig's robot: its file, what the rig makes different, and how it stands at the start. */
 #include "base/portable_math.h"
+#include "model/coupling.h"
 #include "model/spatial.h"
 #include "rig/builder_private.h"
 #include "base/config.h"
@@ -167,6 +168,28 @@ enum error_code rig_build_robot(struct rig_builder *b)
     return b->torque && b->driver && b->ft ? ERROR_NONE : rig_no_memory(b);
 }
 
+/* Followers stand where their leaders want them, with the joints where the rig puts them. */
+static enum error_code rig_align_followers(struct rig_builder *b, double *joint)
+{
+    const struct robot *robot = b->robot;
+
+    coupling_align(robot, joint);
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+        const struct robot_joint *follower = &robot->joint[coupling->follower];
+        const double at = joint[coupling->follower], near = COUPLING_ALIGNED * fmax(1.0, fabs(at));
+
+        if (at < follower->lower - near || at > follower->upper + near) {
+            return yaml_error(b->error, &b->raw->initial.mark,
+                              "found joint \"%s\" at %g, where \"%s\" leads it, expected %g to "
+                              "%g (its limits)",
+                              follower->name, at, robot->joint[coupling->leader].name,
+                              follower->lower, follower->upper);
+        }
+    }
+    return ERROR_NONE;
+}
+
 /* The joints of the pose with those that the rig puts elsewhere. */
 static enum error_code rig_build_joints(struct rig_builder *b, const struct robot_pose *pose)
 {
@@ -181,6 +204,7 @@ static enum error_code rig_build_joints(struct rig_builder *b, const struct robo
     memcpy(joint, pose->joint, b->robot->njoint * sizeof *joint);
     for (size_t i = 0; i < raw->njoint; i++) {
         const struct yaml_real_entry *entry = &raw->joint[i];
+        const struct robot_coupling *coupling;
         const struct robot_joint *limits;
         int index;
         enum error_code code = rig_find(b, &entry->mark, "joint", entry->name,
@@ -197,10 +221,16 @@ static enum error_code rig_build_joints(struct rig_builder *b, const struct robo
                               "limits, %g to %g",
                               entry->name, entry->value, limits->lower, limits->upper);
         }
+        coupling = robot_find_coupling(b->robot, (size_t)index);
+        if (coupling) {
+            return yaml_error(b->error, &entry->mark,
+                              "found joint \"%s\", which follows \"%s\", expected that one",
+                              entry->name, b->robot->joint[coupling->leader].name);
+        }
         joint[index] = entry->value;
     }
     b->rig->joint = joint;
-    return ERROR_NONE;
+    return rig_align_followers(b, joint);
 }
 
 void rig_quaternion_of_rpy(const double rpy[3], double q[4])

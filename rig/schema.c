@@ -4,7 +4,7 @@
 #include "rig/schema.h"
 
 #include "base/count.h"
-#include "boards/icub/protocol.h"
+#include "boards/protocols.h"
 #include "canbus/lockstep.h"
 #include "base/config.h"
 #include "rig/rig.h"
@@ -28,11 +28,6 @@ static const struct yaml_enum integrator_names[] = {
     {"rk4", PLANT_RK4}, {"implicit", PLANT_IMPLICIT}, {"dopri5", PLANT_DOPRI5}, {NULL, 0}};
 static const struct yaml_enum dynamics_names[] = {
     {"fastest", RIG_DYNAMICS_FASTEST}, {"generic", RIG_DYNAMICS_GENERIC}, {NULL, 0}};
-static const struct yaml_enum personality_names[] = {
-    {"icub", BOARD_ICUB},           {"foc", BOARD_FOC},
-    {"compact", BOARD_COMPACT},     {"cia402", BOARD_CIA402},
-    {"described", BOARD_DESCRIBED}, {NULL, 0},
-};
 static const struct yaml_enum engine_names[] = {
     {"none", RIG_CONTACT_NONE},
     {"native", RIG_CONTACT_NATIVE},
@@ -252,6 +247,7 @@ static const struct yaml_field scene_fields[] = {
      .given_offset = AT(friction_given), .names = friction_names},
     {"transition_velocity_m_s", YAML_REAL, false, AT(transition_velocity_m_s), .min = 1e-6,
      .max = 10.0},
+    {"shear_ratio", YAML_REAL, false, AT(shear_ratio), .min = 0.01, .max = 1000.0},
     {"mesh_law", YAML_ENUM, false, AT(mesh_law), .names = mesh_law_names},
     {"materials", YAML_DICT, false, AT(material), AT(nmaterial), .schema = &material_schema},
     {"bodies", YAML_LIST, false, AT(body), AT(nbody), .schema = &body_schema},
@@ -263,6 +259,7 @@ static const struct yaml_field scene_fields[] = {
 #undef STRUCT
 static const struct raw_scene scene_defaults = {.engine = RIG_CONTACT_NONE,
                                                 .transition_velocity_m_s = 0.01,
+                                                .shear_ratio = CONTACT_SHEAR_RATIO,
                                                 .mesh_law = CONTACT_PRESSURE_FIELD};
 static const struct yaml_schema scene_schema = {
     .what = "the scene",
@@ -317,7 +314,7 @@ static const struct yaml_field bus_fields[] = {
     {"fd", YAML_BOOL, false, .offset = AT(fd), .mark_offset = AT(fd_mark)},
     {"data_bitrate", YAML_INT, false, AT(data_bitrate), .min = 10000, .max = 8000000,
      .mark_offset = AT(data_bitrate_mark), .given_offset = AT(data_bitrate_given)},
-    {"personality", YAML_ENUM, false, AT(personality), .names = personality_names,
+    {"personality", YAML_ENUM, false, AT(personality), .names = protocol_words,
      .given_offset = AT(personality_given)},
     {"protocol", YAML_STRING, false, AT(protocol), .min = 1, .max = 400,
      .mark_offset = AT(protocol_mark)},
@@ -608,7 +605,7 @@ static const struct yaml_field rig_fields[] = {
     {"integrator", YAML_ENUM, false, AT(integrator), .names = integrator_names},
     {"tolerance", YAML_REAL, false, AT(tolerance), .min = 1e-13, .max = 0.1},
     {"dynamics", YAML_ENUM, false, AT(dynamics), .names = dynamics_names},
-    {"personality", YAML_ENUM, false, AT(personality), .names = personality_names},
+    {"personality", YAML_ENUM, false, AT(personality), .names = protocol_words},
     {"protocol", YAML_STRING, false, AT(protocol), .min = 1, .max = 400,
      .mark_offset = AT(protocol_mark)},
     {"supply_v", YAML_REAL, true, AT(supply_v), .min = DBL_MIN, .max = 1e4},

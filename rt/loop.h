@@ -178,6 +178,7 @@ enum loop_event_kind {
     LOOP_EVENT_CHECKPOINT, /* a = slot, b = tick */
     LOOP_EVENT_RESTORED,   /* a = slot, b = tick */
     LOOP_EVENT_PUSH,       /* a = body, b = mN */
+    LOOP_EVENT_LET_GO,     /* a = body, b = mN at most: of a push that was renewed until it ended */
     LOOP_EVENT_SET,        /* a = tunable, b = bits of the double */
 };
 

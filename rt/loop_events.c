@@ -67,6 +67,10 @@ static void loop_format_request(const struct loop *loop, const struct loop_event
         snprintf(text, size, "control: body %s pushed with %.1f N",
                  machine->body(machine->context, (size_t)a), (double)b * 1e-3);
         break;
+    case LOOP_EVENT_LET_GO:
+        snprintf(text, size, "control: body %s let go, pushed with %.1f N at most",
+                 machine->body(machine->context, (size_t)a), (double)b * 1e-3);
+        break;
     case LOOP_EVENT_SET:
         tunable = steering_tunable(steering, (size_t)a);
         memcpy(&value, &event->b, sizeof value);

@@ -38,11 +38,20 @@ struct loop_moment {
 };
 
 /* What requests have made of the loop. */
+/* The last push: one that goes on, as that of a hand, is told once and at its end. */
+struct loop_push {
+    size_t body;
+    int64_t until_ns; /* virtual; that it acts */
+    int64_t told_mn;  /* the force of its last event */
+    int64_t most_mn;  /* its greatest force */
+};
+
 struct loop_steering {
     bool paused;
     double speed;         /* virtual seconds a second; 0 = as fast as possible */
     uint64_t step_left;   /* ticks of the STEER_STEP under way; 0 = none is */
     uint64_t step_ticket; /* of it */
+    struct loop_push push;
     struct loop_moment moment[STEERING_SLOTS];
 };
 

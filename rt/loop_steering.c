@@ -8,6 +8,8 @@
 #define SPEED_MIN 0.001
 #define SPEED_MAX 1000.0
 
+enum { PUSH_GROWS = 10 }; /* by more than this factor: worth an event of its own */
+
 bool loop_steering_create(struct loop *loop, struct arena *arena)
 {
     struct loop_steering *steering = &loop->steering;
@@ -60,6 +62,7 @@ static void loop_restore_moment(struct loop *loop, const struct loop_moment *mom
 
     loop->stats.ticks = moment->ticks;
     loop->stats.time_ns = (int64_t)moment->ticks * loop->config.tick_ns;
+    loop->steering.push.until_ns = 0;
     loop->lockstep = moment->lockstep;
     loop->lockstep.counters = counters;
     loop_count_lost(loop, &loop->rx_lost, &loop->tx_lost);
@@ -228,6 +231,34 @@ static enum steer_verdict request_fault(struct loop *loop, const struct steer_re
                : STEER_RANGE;
 }
 
+static int64_t vector_length_milli(const double v[3])
+{
+    return (int64_t)(1e3 * sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]));
+}
+
+/* Tells a push, where it renews the last one only when it has become much greater, or ends. */
+static void loop_tell_push(struct loop *loop, const struct steer_request *request)
+{
+    struct loop_push *push = &loop->steering.push;
+    int64_t now_ns = loop->stats.time_ns, force_mn = vector_length_milli(request->force_n);
+    bool goes_on = push->until_ns > now_ns && push->body == request->index;
+    bool ends = force_mn == 0 && vector_length_milli(request->moment_nm) == 0;
+
+    if (!goes_on) {
+        *push = (struct loop_push){.body = request->index};
+    }
+    push->most_mn = force_mn > push->most_mn ? force_mn : push->most_mn;
+    push->until_ns = ends                       ? 0
+                     : request->duration_ns > 0 ? now_ns + request->duration_ns
+                                                : INT64_MAX;
+    if (goes_on && ends) {
+        loop_emit_event(loop, LOOP_EVENT_LET_GO, -1, (int64_t)push->body, push->most_mn);
+    } else if (!goes_on || force_mn > PUSH_GROWS * push->told_mn) {
+        push->told_mn = force_mn;
+        loop_emit_event(loop, LOOP_EVENT_PUSH, -1, (int64_t)push->body, force_mn);
+    }
+}
+
 static enum steer_verdict request_push(struct loop *loop, const struct steer_request *request)
 {
     const struct steering_machine *machine = loop_steering_machine(loop);
@@ -236,10 +267,7 @@ static enum steer_verdict request_push(struct loop *loop, const struct steer_req
                                      : STEER_UNAVAILABLE;
 
     if (verdict == STEER_OK) {
-        const double *f = request->force_n;
-
-        loop_emit_event(loop, LOOP_EVENT_PUSH, -1, (int64_t)request->index,
-                        (int64_t)(1e3 * sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])));
+        loop_tell_push(loop, request);
     }
     return verdict;
 }

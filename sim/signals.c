@@ -2,6 +2,8 @@
 /* The signals of a run, their titles and values: for signals.csv and for subscribers. */
 #include "sim/simulator_private.h"
 
+#include "base/count.h"
+
 #include <stdio.h>
 #include <string.h>
 
@@ -161,14 +163,26 @@ void simulator_fill_stream(const struct simulator *simulator, double *to)
     }
 }
 
+/* Values are gathered once for all readers of a tick. */
 void simulator_stream_row(struct simulator *simulator)
 {
     const struct simulator_status *status = &simulator->status;
-    double *to = stream_begin(simulator->stream, status->tick, status->time_ns);
+    struct stream *const stream[] = {simulator->stream, simulator->view_stream};
+    const double *value = simulator_view_signals(simulator);
 
-    if (to) {
-        simulator_fill_stream(simulator, to);
-        stream_commit(simulator->stream);
+    for (size_t i = 0; i < ARRAY_COUNT(stream); i++) {
+        double *to = stream[i] ? stream_begin(stream[i], status->tick, status->time_ns) : NULL;
+
+        if (!to) {
+            continue;
+        }
+        if (value) {
+            memcpy(to, value, simulator->nsignal * sizeof *to);
+        } else {
+            simulator_fill_stream(simulator, to);
+        }
+        value = to;
+        stream_commit(stream[i]);
     }
 }
 
@@ -345,6 +359,11 @@ enum error_code simulator_create_signals(struct simulator *simulator, struct err
         arena_alloc(simulator->arena, simulator->npatch + 1, sizeof *simulator->patch);
     if (!simulator->patch || !signals_make_titles(simulator)) {
         return error_set(error, ERROR_MEMORY, "no memory left for the signals");
+    }
+    if (simulator->config.guests && !simulator->config.guests_inline &&
+        stream_create(simulator->nsignal, STREAM_ROWS, simulator->arena, &simulator->view_stream,
+                      error)) {
+        return error->code;
     }
     return stream_create(simulator->nsignal, STREAM_ROWS, simulator->arena, &simulator->stream,
                          error);

@@ -57,7 +57,8 @@ struct simulator {
     double *row;
     struct contact_patch *patch; /* of the pairs, for a row */
     size_t nrecorded, nsignal, npatch;
-    struct stream *stream;
+    struct stream *stream;      /* for subscribers of the control socket */
+    struct stream *view_stream; /* view.h; NULL = none */
     uint64_t row_ticks;
     struct task_runner *task; /* NULL = none */
     bool task_inline, task_running;
@@ -106,6 +107,9 @@ enum error_code simulator_create_view(struct simulator *simulator, struct error 
 /* After a tick: publishes a view of it where one is wanted. RT-safe. */
 void simulator_offer_view(struct simulator *simulator);
 
+/* Returns the signals of the view of the tick that has run last, NULL without one. RT-safe. */
+const double *simulator_view_signals(const struct simulator *simulator);
+
 /* Between two ticks: makes up for it where a view is wanted only now. RT-safe. */
 void simulator_renew_view(struct simulator *simulator);
 
@@ -123,7 +127,7 @@ double *simulator_fill_signals(const struct simulator *simulator, double *to);
 /* The same, and behind them those of the buses: a row of the stream. RT-safe. */
 void simulator_fill_stream(const struct simulator *simulator, double *to);
 
-/* A row for subscribers, when one is due. RT-safe. */
+/* A row for each reader for whom one is due; after simulator_offer_view. RT-safe. */
 void simulator_stream_row(struct simulator *simulator);
 
 /* ---- recording.c ---- */

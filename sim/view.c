@@ -44,10 +44,22 @@ void simulator_offer_view(struct simulator *simulator)
     simulator_renew_view(simulator);
 }
 
+const double *simulator_view_signals(const struct simulator *simulator)
+{
+    return simulator->view_stale ? NULL : view_signals(simulator->view);
+}
+
 void simulator_renew_view(struct simulator *simulator)
 {
     if (simulator->view_stale &&
         atomic_load_explicit(&simulator->view_wanted, memory_order_relaxed)) {
+        view_publish(simulator);
+    }
+}
+
+void simulator_end_views(struct simulator *simulator)
+{
+    if (simulator->view_stale) {
         view_publish(simulator);
     }
 }
@@ -88,6 +100,11 @@ enum error_code simulator_view_create(const struct simulator *simulator, struct 
 void simulator_want_views(struct simulator *simulator, bool wanted)
 {
     atomic_store_explicit(&simulator->view_wanted, wanted, memory_order_relaxed);
+}
+
+struct stream *simulator_view_stream(const struct simulator *simulator)
+{
+    return simulator->view_stream;
 }
 
 uint64_t simulator_view_read(const struct simulator *simulator, struct simulator_view *view)

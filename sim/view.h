@@ -26,6 +26,15 @@ enum error_code simulator_view_create(const struct simulator *simulator, struct 
 /* Whether views are wanted; from the one thread that reads them. RT-safe. */
 void simulator_want_views(struct simulator *simulator, bool wanted);
 
+/* Publishes the last tick's view, whether one is wanted or not; when the loop has ended, from the
+ * thread that ran it. Not RT-safe: nothing calls it in the loop. */
+void simulator_end_views(struct simulator *simulator);
+
+/* Returns the rows of all signals, of each tick (rt/stream.h), for the same reader: what a ring
+ * that holds a second at 1 kHz had no room for is counted. NULL when the simulator was created
+ * without guests, or with inline ones only. RT-safe. */
+struct stream *simulator_view_stream(const struct simulator *simulator);
+
 /* Copies the last one that was published; before the first tick, that of the start. Returns how
  * many there have been. Not RT-safe. */
 uint64_t simulator_view_read(const struct simulator *simulator, struct simulator_view *view);

@@ -2,6 +2,7 @@
 /* The host's core: the map of boards, time and lockstep, what arrives and what is sent. */
 #include "tasks/host_private.h"
 
+#include "base/count.h"
 #include "canbus/lockstep.h"
 
 #include <math.h>
@@ -18,15 +19,43 @@ static const int64_t STEP_REPEAT_NS = 100000000;
 
 /* ---- creation ---- */
 
+/* The host's side of what a bus speaks; NULL: there is none. */
 static const struct host_ops *host_bus_ops(const struct host_config *config, size_t bus)
 {
-    static const struct host_ops *const known[] = {[HOST_ICUB] = &host_icub,
-                                                   [HOST_FOC] = &host_foc,
-                                                   [HOST_COMPACT] = &host_compact,
-                                                   [HOST_CIA402] = &host_cia402,
-                                                   [HOST_DESCRIBED] = &host_described};
+#define HOST_ADDRESS(NAME) &host_##NAME,
+    static const struct host_ops *const known[] = {HOST_PROTOCOLS(HOST_ADDRESS)};
+    const char *name = config->bus ? config->bus[bus].protocol : NULL;
 
-    return config->bus ? known[config->bus[bus].personality] : &host_icub;
+    for (size_t i = 0; name && i < ARRAY_COUNT(known); i++) {
+        if (!strcmp(known[i]->name, name)) {
+            return known[i];
+        }
+    }
+    return name ? NULL : known[0];
+}
+
+/* What the host keeps of a bus. */
+static enum error_code host_open_line(struct host *host, size_t bus, struct arena *arena,
+                                      struct error *error)
+{
+    const struct host_bus *of = host->config.bus ? &host->config.bus[bus] : NULL;
+    struct host_line *line = &host->line[bus];
+
+    line->ops = host_bus_ops(&host->config, bus);
+    if (!line->ops) {
+        return error_set(error, ERROR_INPUT, "host: bus %zu speaks %.40s, which no host knows", bus,
+                         of->protocol);
+    }
+    if (of && of->described) {
+        line->sent = arena_alloc(arena, HOST_ROWS, sizeof *line->sent);
+        if (!line->sent) {
+            return error_set(error, ERROR_MEMORY, "no memory for the host");
+        }
+    }
+    for (int k = 0; k < HOST_SLOTS; k++) {
+        line->slot[k] = -1;
+    }
+    return ERROR_NONE;
 }
 
 /* The node at an address, which must be of one kind. */
@@ -66,6 +95,7 @@ static enum error_code host_claim_node(struct host *host, int bus, unsigned addr
 static enum error_code host_map_axis(struct host *host, size_t index, struct error *error)
 {
     const struct host_axis *axis = &host->config.axis[index];
+    const struct host_ops *ops;
     struct host_node *node;
     enum error_code code =
         host_claim_node(host, axis->bus, axis->address, HOST_MOTOR_BOARD, &node, error);
@@ -74,19 +104,21 @@ static enum error_code host_map_axis(struct host *host, size_t index, struct err
         return code;
     }
 
-    /* The motor: one joint an axis; a 2FOC host needs the gear and the spring for the link's
-     * angle, which a valve's encoder has */
-    if (axis->axis >= host->line[axis->bus].ops->axes || node->axis[axis->axis] >= 0) {
+    /* The motor: one joint an axis; the angle of the link, which a valve's encoder has, needs gear
+     * and spring where the boards do not tell it */
+    ops = host->line[axis->bus].ops;
+    if (axis->axis >= ops->axes || node->axis[axis->axis] >= 0) {
         return error_set(error, ERROR_INPUT, "host: joint %s shares its axis", axis->joint);
     }
     node->axis[axis->axis] = (int)index;
-    if (host->line[axis->bus].ops == &host_foc &&
+    if (ops->rotor_only &&
         !(axis->drive.gear > 0 && (axis->drive.spring_nm_rad > 0 || axis->drive.valve))) {
         return error_set(error, ERROR_INPUT, "host: joint %s has no gear or no spring",
                          axis->joint);
     }
 
     /* The torque, if a board of its own measures it */
+    host->joint[index].torque_told = !ops->torque_apart || axis->torque_address >= 0;
     if (axis->torque_address < 0) {
         return ERROR_NONE;
     }
@@ -153,15 +185,10 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
     }
     host->config = *config;
     for (size_t b = 0; b < config->nbus; b++) {
-        host->line[b].ops = host_bus_ops(config, b);
-        if (config->bus && config->bus[b].described) {
-            host->line[b].sent = arena_alloc(arena, HOST_ROWS, sizeof *host->line[b].sent);
-            if (!host->line[b].sent) {
-                return error_set(error, ERROR_MEMORY, "no memory for the host");
-            }
-        }
-        for (int k = 0; k < HOST_SLOTS; k++) {
-            host->line[b].slot[k] = -1;
+        enum error_code code = host_open_line(host, b, arena, error);
+
+        if (code) {
+            return code;
         }
     }
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The host of the boards: discovers and configures them over CAN ports, keeps their latest
- * telemetry, switches motors and sends voltages. Each bus speaks one personality (icub, foc,
- * compact, cia402), and a host mixes them. It knows the map of the rig and the protocols, nothing
- * else. One thread; RT-safe after creation. Units: SI, angles at the link side of the gear.
+ * telemetry, switches motors and sends voltages. Each bus speaks one protocol, and a host mixes
+ * them. It knows the map of the rig and the protocols, nothing else. One thread; RT-safe after
+ * creation. Units: SI, angles at the link side of the gear.
  */
 #ifndef TASKS_HOST_H
 #define TASKS_HOST_H
@@ -32,13 +32,14 @@ enum host_motor {
 
 /* The latest that the boards said about one joint. */
 struct host_joint {
-    /* Link and rotor encoder (rotor on the link side of the gear). HOST_FOC has no link encoder:
+    /* Link and rotor encoder (rotor on the link side of the gear). foc boards have no link encoder:
      * there joint_rad is the rotor's angle less the spring's deflection under the measured
      * torque. */
     double joint_rad, motor_rad;
-    double current_a, torque_nm; /* HOST_CIA402: no current */
+    double current_a, torque_nm; /* cia402: no current */
     enum host_motor motor;
-    uint32_t fault; /* bits of the personality */
+    uint32_t fault;   /* bits of the protocol */
+    bool torque_told; /* some board tells the torque */
     /* Host time of the last angle of rotor and link, and of the last torque; -1 = none yet */
     int64_t motor_time_ns, joint_time_ns, torque_time_ns;
 };
@@ -78,7 +79,7 @@ enum host_phase host_start_up(struct host *host);
 void host_begin_listening(struct host *host);
 void host_listen(struct host *host, size_t bus, const struct bus_frame *frame, int64_t now_ns);
 
-/* Commands of this period. A motor that is switched, on or off, gets 0 V. Where a personality wants
+/* Commands of this period. A motor that is switched, on or off, gets 0 V. Where a protocol wants
  * set-points every period the last voltage is repeated. */
 void host_set_motor(struct host *host, size_t axis, bool on);
 void host_set_voltage(struct host *host, size_t axis, double volts);
@@ -86,7 +87,7 @@ void host_set_voltage(struct host *host, size_t axis, double volts);
 /* The last voltage of an axis, as limited by the supply. */
 double host_voltage(const struct host *host, size_t axis);
 
-/* Where the motor of an axis is to be, which the voltage is to bring about: for personalities whose
+/* Where the motor of an axis is to be, which the voltage is to bring about: for protocols whose
  * boards close a position loop; the others ignore it. rad at the link side, rad/s. */
 void host_set_reference(struct host *host, size_t axis, double rad, double rad_s);
 

@@ -454,6 +454,7 @@ static void host_cia402_end_period(struct host *host, size_t bus)
 }
 
 const struct host_ops host_cia402 = {
+    .name = "cia402",
     .motor_address_max = CIA402_NODE_MAX,
     .address_max = CIA402_NODE_MAX,
     .axes = CIA402_BOARD_AXES,

@@ -312,6 +312,7 @@ static void host_compact_end_period(struct host *host, size_t bus)
 }
 
 const struct host_ops host_compact = {
+    .name = "compact",
     .motor_address_max = COMPACT_NODE_MAX,
     .address_max = COMPACT_NODE_MAX,
     .axes = COMPACT_BOARD_AXES,

@@ -386,6 +386,7 @@ static void host_described_end_period(struct host *host, size_t bus)
 }
 
 const struct host_ops host_described = {
+    .name = "described",
     .motor_address_max = DESCRIBED_ADDRESS_MAX,
     .address_max = DESCRIBED_ADDRESS_MAX,
     .axes = DESCRIBED_AXES,

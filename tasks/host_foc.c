@@ -201,6 +201,8 @@ static void host_foc_send_targets(struct host *host, size_t bus)
 }
 
 const struct host_ops host_foc = {
+    .name = "foc",
+    .rotor_only = true,
     .motor_address_max = FOC_AXES_MAX,
     .address_max = ICUB_ADDRESS_MAX,
     .axes = 1,

@@ -130,6 +130,8 @@ static void host_icub_set_voltage(struct host *host, size_t axis)
 }
 
 const struct host_ops host_icub = {
+    .name = "icub",
+    .torque_apart = true,
     .motor_address_max = ICUB_ADDRESS_MAX,
     .address_max = ICUB_ADDRESS_MAX,
     .axes = AXES,

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What the host is made of: the core (host.c) keeps phases, time and queues; what differs between
- * personalities is behind struct host_ops, one for each bus.
+ * protocols is behind struct host_ops, one for each bus.
  * RT-safe, as all that is called in the loop.
  */
 #ifndef TASKS_HOST_PRIVATE_H
@@ -12,7 +12,7 @@
 #define HOST_MS INT64_C(1000000) /* nanoseconds */
 
 enum {
-    HOST_ADDRESSES = 32, /* 0 to 31; each personality has its own maximum */
+    HOST_ADDRESSES = 32, /* 0 to 31; each protocol has its own maximum */
     HOST_AXES = 4,       /* of a motor board, at most */
     HOST_SLOTS = 32,     /* of a bus where set-points go by slot */
     HOST_ROWS = 32,      /* frames of a described protocol */
@@ -41,14 +41,14 @@ struct host_node {
     int64_t request_time_ns;
     double full_scale[HOST_CHANNELS]; /* as the board says */
 
-    /* HOST_CIA402 motor boards, by axis */
+    /* cia402 motor boards, by axis */
     uint16_t statusword[HOST_AXES], controlword[HOST_AXES];
     bool wanted[HOST_AXES], clearing[HOST_AXES]; /* on; a fault is to be reset */
     bool status_seen;
     int64_t control_due_ns; /* of controlwords that have not been obeyed */
 };
 
-/* HOST_DESCRIBED: what an axis is to be and how fast it is. */
+/* described: what an axis is to be and how fast it is. */
 struct host_want {
     double rad, rad_s;              /* of the reference; of the motor until there is one */
     bool referred;                  /* there is one */
@@ -65,8 +65,8 @@ struct host_line {
     bool driving;                 /* motors were switched on: set-points go out every period */
     int slot[HOST_SLOTS];         /* set-points by slot: host axis, -1 = none */
     uint32_t slots_on, slots_off; /* switched in this period */
-    uint32_t (*sent)[HOST_SLOTS]; /* HOST_DESCRIBED: frames with a counter, by row and number */
-    int64_t targets_due_ns;       /* HOST_FOC, HOST_CIA402: of the next set-points */
+    uint32_t (*sent)[HOST_SLOTS]; /* described: frames with a counter, by row and number */
+    int64_t targets_due_ns;       /* foc, cia402: of the next set-points */
 };
 
 struct host {
@@ -99,11 +99,15 @@ struct host_request {
     bool reply; /* an answer is due: read() sets answered = requested */
 };
 
-/* A personality. All are called in the loop; bus is an index. */
+/* The host's side of a protocol. All are called in the loop; bus is an index. */
 struct host_ops {
+    const char *name; /* of the protocol */
     unsigned motor_address_max, address_max;
-    uint8_t axes;  /* of a motor board */
-    bool extended; /* frames with identifiers of 29 bits mean something */
+    uint8_t axes;      /* of a motor board */
+    bool extended;     /* frames with identifiers of 29 bits mean something */
+    bool rotor_only;   /* the boards tell the rotor's angle alone: the host needs gear and spring
+                        * for the link's */
+    bool torque_apart; /* they tell no torque: only a torque board does */
     /* Queues the question who is there; the answers set found. */
     void (*discover)(struct host *host, size_t bus);
     /* The number-th request that a board gets, from 0; false when there are no more. */
@@ -119,9 +123,20 @@ struct host_ops {
     const char *unnamed_fault;     /* why a board may be in a fault that has no bit; or NULL */
 };
 
-extern const struct host_ops host_icub, host_foc, host_compact, host_cia402, host_described;
+/* The list: the source of that name fills host_NAME, whose name is NAME. The first is what a bus
+ * speaks of which nothing else is said. */
+#define HOST_PROTOCOLS(LINE)                                                                       \
+    LINE(icub)                                                                                     \
+    LINE(foc)                                                                                      \
+    LINE(compact)                                                                                  \
+    LINE(cia402)                                                                                   \
+    LINE(described)
 
-/* ---- for the personalities ---- */
+#define HOST_DECLARE(NAME) extern const struct host_ops host_##NAME;
+HOST_PROTOCOLS(HOST_DECLARE)
+#undef HOST_DECLARE
+
+/* ---- for the protocols ---- */
 
 void host_queue(struct host *host, size_t bus, const struct bus_frame *frame);
 

@@ -53,9 +53,8 @@ static double servo_deflection(const struct servo *servo, size_t axis)
     const struct host_config *config = host_configuration(servo->host);
     const struct host_axis *at = &config->axis[axis];
     const struct host_joint *joint = host_joint(servo->host, axis);
-    bool icub = !config->bus || config->bus[at->bus].personality == HOST_ICUB;
 
-    if (!(at->drive.spring_nm_rad > 0) || (icub && at->torque_address < 0)) {
+    if (!(at->drive.spring_nm_rad > 0) || !joint->torque_told) {
         return joint->motor_rad - joint->joint_rad;
     }
     return joint->torque_nm / at->drive.spring_nm_rad;

@@ -27,7 +27,7 @@ struct host_drive {
     double winding_ohm, winding_h;
     double current_limit_a;           /* for ever; half as much again for some seconds */
     int poles;                        /* of the rotor */
-    double torque_nm_a, bemf_v_s_rad; /* link-side; HOST_DESCRIBED: what a voltage is as torque */
+    double torque_nm_a, bemf_v_s_rad; /* link-side; described: what a voltage is as torque */
 };
 
 /* Where a joint is found on the buses, and its scales. */
@@ -39,7 +39,7 @@ struct host_axis {
     int torque_address, torque_channel; /* pseudo-STRAIN, -1 = none */
     double torque_full_scale_nm;
     int64_t torque_period_ns; /* 0: the board's own */
-    struct host_drive drive;  /* HOST_FOC, HOST_DESCRIBED */
+    struct host_drive drive;  /* foc, described */
     double lower_rad, upper_rad;
 };
 
@@ -58,21 +58,18 @@ struct host_imu {
     int64_t period_ns; /* 0: the board's own */
 };
 
-/* What the boards of a bus speak. */
-enum host_personality { HOST_ICUB, HOST_FOC, HOST_COMPACT, HOST_CIA402, HOST_DESCRIBED };
-
 struct described_protocol;
 
 struct host_bus {
-    enum host_personality personality;
-    bool fd;                                    /* HOST_COMPACT: CAN FD frames */
-    const struct described_protocol *described; /* HOST_DESCRIBED */
+    const char *protocol;                       /* name of what the boards speak; NULL: icub */
+    bool fd;                                    /* CAN FD frames, where the protocol has them */
+    const struct described_protocol *described; /* of a protocol that a file describes */
 };
 
 struct host_config {
     size_t nbus;
     struct can_port **port;     /* one a bus */
-    const struct host_bus *bus; /* nbus entries; NULL: HOST_ICUB everywhere */
+    const struct host_bus *bus; /* nbus entries; NULL: icub everywhere */
     size_t naxis;
     const struct host_axis *axis;
     size_t nft;

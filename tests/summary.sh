@@ -1,10 +1,11 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
 # ctest --verbose | summary.sh [ALLOWED]
-# Counts the TAP lines of every test program, shows what failed or was skipped, and closes with "N
-# passed, N failed, N skipped". A program that dies, runs out of time or prints fewer results than
-# its plan counts its missing results as failed. With the file ALLOWED (tests/allowed_skips.txt) a
-# skip that is not in it counts as failed. Exits 1 on a failure or when nothing ran.
+# Counts the TAP lines of every test program, shows which took longest and what failed or was
+# skipped, and closes with "N passed, N failed, N skipped". A program that dies, runs out of time or
+# prints fewer results than its plan counts its missing results as failed. With the file ALLOWED
+# (tests/allowed_skips.txt) a skip that is not in it counts as failed. Exits 1 on a failure or when
+# nothing ran.
 exec awk -v allowed_file="${1:-}" '
 # Reads ALLOWED: "PROGRAM: NAME  # REASON", where * stands for any text and # begins a remark
 function read_allowed(    line) {
@@ -100,8 +101,33 @@ function finish(number,    missing) {
     }
     printf "%-40s %7.1f s%s\n", name[number], $(NF - 1), bad[number] ? "  FAILED" : ""
     fflush()
+    time[number] = $(NF - 1)
+}
+# The longest of a run that had more than them
+function show_slowest(count,    i, number, longest, sum) {
+    if (norder <= count) {
+        return
+    }
+    for (number in time) {
+        sum += time[number]
+    }
+    printf "\nthe %d slowest, of %.0f s in all:\n", count, sum
+    for (i = 1; i <= count; i++) {
+        longest = ""
+        for (number in time) {
+            if (longest == "" || time[number] > time[longest]) {
+                longest = number
+            }
+        }
+        if (longest == "") {
+            return # the run was ended
+        }
+        printf "  %-38s %7.1f s\n", name[longest], time[longest]
+        delete time[longest]
+    }
 }
 END {
+    show_slowest(10)
     for (i = 1; i <= norder; i++) {
         if (bad[order[i]]) {
             shown = text[order[i]]

@@ -30,6 +30,9 @@ CHECKS = [
     Check("soak", "an hour (--short: ten minutes) of random faults breaks no rule, twice with one "
           "hash; in real time wake-ups are as good as cyclictest's", "./dev soak",
           "SOAK=600 ./dev soak soak_lockstep", 90),
+    Check("falls", "in 1,000 random falls of a limp COMAN and 125 of WALK-MAN no part goes into "
+          "the ground and no energy comes from nowhere", "HIL_FALLS=1000 ./dev test ^falls$",
+          "HIL_FALLS=200 ./dev test ^falls$", 60),
     Check("fuzz", "libFuzzer finds nothing in ten minutes (--short: one) a target",
           "./dev fuzz all 600", "./dev fuzz all 60", 400),
     Check("scenarios", "all scenarios pass, and each of their expectations can fail",

@@ -5,6 +5,7 @@
 #include "rt/clock.h"
 
 #include <errno.h>
+#include <netinet/in.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -260,6 +261,9 @@ void client_check(struct viewer *viewer, struct viewer_client *client)
     if (client->socket < 0) {
         return;
     }
+    if (viewer->ended) {
+        client_tell_end(viewer, client);
+    }
     if (client_waiting(client) > 0 && viewer->now_ns - client->taken_ns > PATIENCE_NS) {
         viewer->counters.cut_slow++;
         client_close(viewer, client);
@@ -276,6 +280,104 @@ void client_check(struct viewer *viewer, struct viewer_client *client)
     }
 }
 
+/* ---- places ---- */
+
+static struct viewer_origin origin_of(const struct sockaddr_storage *address)
+{
+    struct viewer_origin origin = {{0}};
+
+    if (address->ss_family == AF_INET6) {
+        memcpy(origin.byte, &((const struct sockaddr_in6 *)address)->sin6_addr, 16);
+    } else if (address->ss_family == AF_INET) {
+        origin.byte[10] = origin.byte[11] = 0xff;
+        memcpy(origin.byte + 12, &((const struct sockaddr_in *)address)->sin_addr, 4);
+    }
+    return origin;
+}
+
+static bool origin_equal(const struct viewer_origin *a, const struct viewer_origin *b)
+{
+    return memcmp(a, b, sizeof *a) == 0;
+}
+
+/* Whether it is 127.0.0.1 or ::1, which all programs and tunnels of this machine share. */
+static bool origin_is_shared(const struct viewer_origin *origin)
+{
+    static const struct viewer_origin own[] = {{{[10] = 0xff, [11] = 0xff, [12] = 127, [15] = 1}},
+                                               {{[15] = 1}}};
+
+    return origin_equal(origin, &own[0]) || origin_equal(origin, &own[1]);
+}
+
+/* How little a connection has done to keep its place: one without a request is the first to go,
+ * then one without a token, then one that has its answer; 0: it has shown a token. */
+static int client_idleness(const struct viewer_client *client)
+{
+    return client->mode == CLIENT_SOCKET ? (client->right == RIGHT_NONE ? 3 : 0)
+           : client->mode == CLIENT_HTTP ? 4
+           : client_waiting(client) == 0 ? 2
+                                         : 1;
+}
+
+/* The connection to go first, of those of an address or, NULL, of all; NULL when all have shown a
+ * token. */
+static struct viewer_client *viewer_find_idlest(struct viewer *viewer,
+                                                const struct viewer_origin *origin)
+{
+    struct viewer_client *found = NULL;
+
+    for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
+        struct viewer_client *client = &viewer->client[i];
+        int idleness = client->socket < 0 ? 0 : client_idleness(client);
+
+        if (idleness == 0 || (origin && !origin_equal(origin, &client->origin))) {
+            continue;
+        }
+        if (!found || idleness > client_idleness(found) ||
+            (idleness == client_idleness(found) && client->since_ns < found->since_ns)) {
+            found = client;
+        }
+    }
+    return found;
+}
+
+static size_t viewer_count_asking(const struct viewer *viewer, const struct viewer_origin *origin)
+{
+    size_t count = 0;
+
+    for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
+        const struct viewer_client *client = &viewer->client[i];
+
+        count += client->socket >= 0 && client_idleness(client) > 0 &&
+                 origin_equal(origin, &client->origin);
+    }
+    return count;
+}
+
+bool viewer_give_place(struct viewer *viewer, struct viewer_client *client, enum viewer_right right)
+{
+    size_t entered = 0, looking = 0, of_one = 0;
+
+    for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
+        const struct viewer_client *other = &viewer->client[i];
+        bool looks = other->right == RIGHT_LOOK;
+
+        if (other->socket >= 0 && other->right != RIGHT_NONE) {
+            entered++;
+            looking += looks;
+            of_one += looks && origin_equal(&other->origin, &client->origin);
+        }
+    }
+    if (entered >= VIEWER_ENTERED ||
+        (right == RIGHT_LOOK &&
+         (looking >= VIEWER_LOOKING ||
+          (of_one >= VIEWER_OF_ONE && !origin_is_shared(&client->origin))))) {
+        return false;
+    }
+    client->right = right;
+    return true;
+}
+
 /* ---- new connections ---- */
 
 static struct viewer_client *viewer_free_place(struct viewer *viewer)
@@ -288,18 +390,43 @@ static struct viewer_client *viewer_free_place(struct viewer *viewer)
     return NULL;
 }
 
+/* A place for a connection from there: that of an idler one where an address has too many without a
+ * token, or where all are taken. */
+static struct viewer_client *viewer_make_place(struct viewer *viewer,
+                                               const struct viewer_origin *origin)
+{
+    struct viewer_client *idlest = NULL, *place = viewer_free_place(viewer);
+
+    if (viewer_count_asking(viewer, origin) >= VIEWER_ASKING) {
+        idlest = viewer_find_idlest(viewer, origin);
+    } else if (!place) {
+        idlest = viewer_find_idlest(viewer, NULL);
+    }
+    if (idlest) {
+        viewer->counters.cut_idle++;
+        client_close(viewer, idlest);
+        return idlest;
+    }
+    return place;
+}
+
 void viewer_accept_client(struct viewer *viewer)
 {
     static const char busy[] = "HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\n"
                                "Content-Length: 0\r\n\r\n";
 
     for (int i = 0; i < ACCEPTS_A_TURN; i++) {
-        int socket = accept4(viewer->listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
-        struct viewer_client *client = viewer_free_place(viewer);
+        struct sockaddr_storage address = {.ss_family = AF_UNSPEC};
+        socklen_t length = sizeof address;
+        int socket = accept4(viewer->listener, (struct sockaddr *)&address, &length,
+                             SOCK_NONBLOCK | SOCK_CLOEXEC);
+        struct viewer_origin origin = origin_of(&address);
+        struct viewer_client *client;
 
         if (socket < 0) {
             return;
         }
+        client = viewer_make_place(viewer, &origin);
         if (!client) {
             (void)!send(socket, busy, sizeof busy - 1, MSG_NOSIGNAL | MSG_DONTWAIT);
             close(socket);
@@ -308,6 +435,7 @@ void viewer_accept_client(struct viewer *viewer)
         }
         *client = (struct viewer_client){
             .socket = socket,
+            .origin = origin,
             .control = -1,
             .since_ns = viewer->now_ns,
             .taken_ns = viewer->now_ns,

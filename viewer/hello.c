@@ -4,6 +4,7 @@
 
 #include "app/control/parse.h"
 #include "base/count.h"
+#include "boards/protocol.h"
 
 #include <math.h>
 #include <string.h>
@@ -64,18 +65,6 @@ static json_t *hello_signals(const struct viewer *viewer)
 
 /* ---- buses and boards ---- */
 
-static const char *personality_name(enum board_personality personality)
-{
-    static const char *const names[] = {[BOARD_ICUB] = "icub",
-                                        [BOARD_FOC] = "foc",
-                                        [BOARD_COMPACT] = "compact",
-                                        [BOARD_CIA402] = "cia402",
-                                        [BOARD_DESCRIBED] = "described"};
-
-    return (size_t)personality < ARRAY_COUNT(names) && names[personality] ? names[personality]
-                                                                          : "other";
-}
-
 static json_t *hello_buses(const struct viewer *viewer)
 {
     json_t *array = json_array();
@@ -87,19 +76,18 @@ static json_t *hello_buses(const struct viewer *viewer)
                                                control_text(bus->name), "interface",
                                                control_text(bus->interface), "bitrate",
                                                (json_int_t)bus->bitrate, "fd", bus->fd,
-                                               "personality", personality_name(bus->personality)));
+                                               "personality", bus->protocol->name));
     }
     return array;
 }
 
-/* The words for the modes of a personality, by their number. */
-static json_t *hello_modes(enum board_personality personality)
+/* The words for the modes of a protocol, by their number. */
+static json_t *hello_modes(const struct protocol *protocol)
 {
-    const uint32_t count = personality == BOARD_COMPACT ? 4 : 256;
     json_t *modes = json_object();
 
-    for (uint32_t mode = 0; mode < count; mode++) {
-        const char *name = board_mode_name(personality, mode);
+    for (uint32_t mode = 0; mode <= UINT8_MAX; mode++) {
+        const char *name = protocol->mode_name(mode);
         char key[8];
 
         if (strcmp(name, "unknown") != 0) {
@@ -110,7 +98,7 @@ static json_t *hello_modes(enum board_personality personality)
     return modes;
 }
 
-static json_t *hello_board(const struct board_config *board, enum board_personality personality)
+static json_t *hello_board(const struct board_config *board, const struct protocol *protocol)
 {
     static const char *const kinds[] = {[BOARD_MOTOR] = "motor",
                                         [BOARD_FT] = "force-torque",
@@ -118,7 +106,7 @@ static json_t *hello_board(const struct board_config *board, enum board_personal
                                         [BOARD_INERTIAL] = "inertial"};
     json_t *axes = json_array();
 
-    for (size_t k = 0; board->kind == BOARD_MOTOR && k < board_axes_max(personality); k++) {
+    for (size_t k = 0; board->kind == BOARD_MOTOR && k < protocol->axes_max; k++) {
         if (board->axis[k].joint >= 0) {
             json_array_append_new(axes, json_integer(board->axis[k].joint));
         }
@@ -134,22 +122,22 @@ static json_t *hello_boards(const struct viewer *viewer)
     json_t *array = json_array();
 
     for (size_t i = 0; i < boards->nboard && !viewer->playback; i++) {
-        enum board_personality personality = viewer->rig->bus[boards->board[i].bus].personality;
+        const struct protocol *protocol = viewer->rig->bus[boards->board[i].bus].protocol;
 
-        json_array_append_new(array, hello_board(&boards->board[i], personality));
+        json_array_append_new(array, hello_board(&boards->board[i], protocol));
     }
     return array;
 }
 
-/* The words for modes, once for each personality that the rig has. */
+/* The words for modes, once for each protocol that the rig has. */
 static json_t *hello_all_modes(const struct viewer *viewer)
 {
     json_t *all = json_object();
 
     for (size_t b = 0; b < viewer->rig->nbus; b++) {
-        enum board_personality personality = viewer->rig->bus[b].personality;
+        const struct protocol *protocol = viewer->rig->bus[b].protocol;
 
-        json_object_set_new(all, personality_name(personality), hello_modes(personality));
+        json_object_set_new(all, protocol->name, hello_modes(protocol));
     }
     return all;
 }
@@ -179,13 +167,14 @@ static json_t *hello_run(const struct viewer *viewer)
     const char *directory = recording ? recording->config.directory : config->record;
     const char *task = config ? config->task : NULL;
     const struct rig *rig = viewer->rig;
-    json_t *run = json_pack(
-        "{s:s, s:o, s:o, s:o, s:s, s:f, s:o, s:o, s:b}", "version", HIL_VERSION, "rig",
-        control_text(rig->name), "robot", control_text(rig->robot->name), "file",
-        control_text(rig->file), "clock", config ? loop_clock_name(config->clock) : "recorded",
-        "tick_s", (double)rig->tick_ns * 1e-9, "task", task ? control_text(task) : json_null(),
-        "recording", directory ? control_text(directory) : json_null(), "frames",
-        recording ? recording->log.file.data != NULL : viewer->config.ports != NULL);
+    json_t *run =
+        json_pack("{s:s, s:s, s:o, s:o, s:o, s:s, s:f, s:o, s:o, s:b}", "id", viewer->run,
+                  "version", HIL_VERSION, "rig", control_text(rig->name), "robot",
+                  control_text(rig->robot->name), "file", control_text(rig->file), "clock",
+                  config ? loop_clock_name(config->clock) : "recorded", "tick_s",
+                  (double)rig->tick_ns * 1e-9, "task", task ? control_text(task) : json_null(),
+                  "recording", directory ? control_text(directory) : json_null(), "frames",
+                  recording ? recording->log.file.data != NULL : viewer->config.ports != NULL);
 
     if (run && recording) {
         json_object_set_new(run, "replay",
@@ -200,10 +189,11 @@ static json_t *hello_run(const struct viewer *viewer)
 
 json_t *viewer_hello(const struct viewer *viewer)
 {
-    return json_pack("{s:s, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:{s:i, s:i, s:i}}", "type",
-                     "hello", "protocol", VIEWER_PROTOCOL, "run", hello_run(viewer), "scene",
-                     hello_scene(viewer), "signals", hello_signals(viewer), "buses",
+    return json_pack("{s:s, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:{s:i, s:i, s:i, s:b}}",
+                     "type", "hello", "protocol", VIEWER_PROTOCOL, "run", hello_run(viewer),
+                     "scene", hello_scene(viewer), "signals", hello_signals(viewer), "buses",
                      hello_buses(viewer), "boards", hello_boards(viewer), "modes",
                      hello_all_modes(viewer), "faults", hello_faults(viewer), "limits", "rate_hz",
-                     VIEWER_RATE_HZ, "signals", VIEWER_SIGNALS, "message_bytes", VIEWER_INBOX - 16);
+                     VIEWER_RATE_HZ, "signals", VIEWER_SIGNALS, "message_bytes", VIEWER_INBOX - 16,
+                     "rows", viewer->history != NULL);
 }

@@ -60,12 +60,19 @@ static void client_send_hello(struct viewer *viewer, struct viewer_client *clien
 static void client_enter(struct viewer *viewer, struct viewer_client *client,
                          const struct viewer_message *message)
 {
-    client->right = viewer_token_right(viewer, message->token);
-    if (client->right == RIGHT_NONE) {
+    enum viewer_right right = viewer_token_right(viewer, message->token);
+
+    if (right == RIGHT_NONE) {
         viewer->counters.refused++;
         client_bye(viewer, client, WEBSOCKET_POLICY, "the token is wrong");
         return;
     }
+    if (!viewer_give_place(viewer, client, right)) {
+        viewer->counters.refused++;
+        client_bye(viewer, client, WEBSOCKET_LATER, "too many pages look at this run");
+        return;
+    }
+    client->stays = message->stay && !viewer->playback;
     viewer->counters.clients++;
     if (viewer->playback) {
         playback_begin(viewer, client);
@@ -93,6 +100,33 @@ static bool watch_add_signals(const struct viewer *viewer, const char *pattern,
     return watch->nsignal > before;
 }
 
+/* From which row on the client is told them: those that come, and what it has not been told yet of
+ * signals that it has watched before. */
+static void client_begin_rows(struct viewer *viewer, struct viewer_client *client,
+                              const struct viewer_watch *watch)
+{
+    if (!viewer->history || !watch->rows) {
+        return;
+    }
+    if (!client->watch.rows || client->watch.nsignal == 0) {
+        viewer_take_rows(viewer); /* what waits in the stream is of before */
+        client->row = history_end(viewer->history);
+        client->rows_lost = viewer->rows_lost;
+    }
+    for (size_t i = watch->nsignal; i > 0; i--) {
+        history_choose(viewer->history, watch->signal[i - 1]);
+    }
+}
+
+/* The time of the last row before those that come; null: there is none. */
+static json_t *client_rows_begin(const struct viewer *viewer, const struct viewer_client *client)
+{
+    if (!viewer->history || !client->watch.rows || client->row <= history_begin(viewer->history)) {
+        return json_null();
+    }
+    return json_real((double)history_time(viewer->history, client->row - 1) * 1e-9);
+}
+
 static void client_watch(struct viewer *viewer, struct viewer_client *client,
                          const struct viewer_message *message)
 {
@@ -100,6 +134,7 @@ static void client_watch(struct viewer *viewer, struct viewer_client *client,
     struct viewer_watch watch = {.on = message->rate_hz > 0,
                                  .trace =
                                      message->trace && (viewer->config.ports || viewer->playback),
+                                 .rows = message->rows,
                                  .due_ns = viewer->now_ns,
                                  .skipped = client->watch.skipped};
     json_t *chosen = json_array();
@@ -117,10 +152,13 @@ static void client_watch(struct viewer *viewer, struct viewer_client *client,
     for (size_t i = 0; i < watch.nsignal; i++) {
         json_array_append_new(chosen, control_text(name[watch.signal[i]]));
     }
+    client_begin_rows(viewer, client, &watch);
     client->watch = watch;
     client->traced = client->ntraced = client->trace_lost = 0;
     client->playback.traced_ns = INT64_MIN;
-    client_answer(viewer, client, message, json_pack("{s:o}", "signals", chosen));
+    client_answer(viewer, client, message,
+                  json_pack("{s:o, s:o}", "signals", chosen, "rows_after_s",
+                            client_rows_begin(viewer, client)));
 }
 
 /* ---- send ---- */
@@ -130,6 +168,10 @@ static void client_put_frame(struct viewer *viewer, struct viewer_client *client
 {
     int bus = rig_find_bus(viewer->rig, message->bus);
 
+    if (viewer->ended) {
+        client_refuse(viewer, client, message, "ended", "the run is over");
+        return;
+    }
     if (bus < 0 || !viewer->config.ports) {
         client_refuse(viewer, client, message, "input", "send: there is no such bus");
         return;
@@ -154,7 +196,7 @@ static void client_play(struct viewer *viewer, struct viewer_client *client,
 {
     struct error error;
 
-    if (!viewer->playback) {
+    if (!viewer->playback && (message->command != VIEWER_SERIES || !viewer->history)) {
         client_refuse(viewer, client, message, "unavailable",
                       "this is no recording: it shows what happens now");
     } else if (message->command == VIEWER_SERIES) {

@@ -19,7 +19,7 @@ enum viewer_command {
     VIEWER_WATCH,   /* says what to send, and how often */
     VIEWER_SEND,    /* puts a frame on a bus */
     VIEWER_SEEK,    /* of a recording: shows a time */
-    VIEWER_SERIES,  /* of a recording: tells signals between two times */
+    VIEWER_SERIES,  /* tells signals between two times */
     VIEWER_CONTROL, /* a request for the control socket */
 };
 
@@ -35,8 +35,9 @@ struct viewer_message {
     double from_s, to_s;   /* of series; the time of seek is from_s */
     int64_t points;        /* of series: rows at most */
     const char *token;     /* of enter */
+    bool stay;             /* of enter: goes on when the run has ended */
     double rate_hz;        /* of watch; 0 = nothing */
-    bool trace;            /* of watch */
+    bool trace, rows;      /* of watch */
     const json_t *signals; /* of watch and series: an array of strings; NULL = none */
     const char *bus;       /* of send */
     struct bus_frame frame;

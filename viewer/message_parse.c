@@ -49,8 +49,13 @@ static enum error_code message_read_switch(const json_t *root, const char *comma
 
 static enum error_code message_read_enter(struct viewer_message *message, struct error *error)
 {
-    static const char *const known[] = {"token"};
+    static const char *const known[] = {"token", "stay"};
+    enum error_code code =
+        message_read_switch(message->root, "enter", "stay", &message->stay, error);
 
+    if (code) {
+        return code;
+    }
     message->token = json_string_value(json_object_get(message->root, "token"));
     if (!message->token) {
         return error_set(error, ERROR_INPUT, "enter: expected key \"token\" with a string");
@@ -74,7 +79,7 @@ static enum error_code message_read_signals(const struct viewer_message *message
 
 static enum error_code message_read_watch(struct viewer_message *message, struct error *error)
 {
-    static const char *const known[] = {"rate_hz", "signals", "trace"};
+    static const char *const known[] = {"rate_hz", "signals", "trace", "rows"};
     const json_t *rate = json_object_get(message->root, "rate_hz");
     enum error_code code =
         message_check_keys(message->root, "watch", known, ARRAY_COUNT(known), error);
@@ -83,6 +88,7 @@ static enum error_code message_read_watch(struct viewer_message *message, struct
     message->signals = json_object_get(message->root, "signals");
     code =
         code ? code : message_read_switch(message->root, "watch", "trace", &message->trace, error);
+    code = code ? code : message_read_switch(message->root, "watch", "rows", &message->rows, error);
     if (code) {
         return code;
     }

@@ -11,6 +11,7 @@
 
 #include "base/arena.h"
 #include "sim/view.h"
+#include "viewer/history.h"
 #include "viewer/message.h"
 #include "viewer/recorded.h"
 #include "viewer/request.h"
@@ -27,17 +28,19 @@ enum {
     VIEWER_LINE = 256 * 1024,  /* longest answer of the control socket */
     VIEWER_MESHES = 1024,
     VIEWER_VISUAL_BYTES = 128 << 20, /* of the files of all visuals together */
+    VIEWER_FILES = 6,                /* of a recording */
 };
 
 #define VIEWER_NO_COLUMN UINT16_MAX
 
 enum viewer_mode { CLIENT_HTTP, CLIENT_SOCKET, CLIENT_CLOSING };
 enum viewer_right { RIGHT_NONE, RIGHT_LOOK, RIGHT_CONTROL };
+enum viewer_order { VIEWER_ORDER_WAIT, VIEWER_ORDER_SERVE, VIEWER_ORDER_END, VIEWER_ORDER_STOP };
 
 struct viewer_watch {
     bool on;
     int64_t period_ns, due_ns;
-    bool trace;
+    bool trace, rows;
     size_t nsignal;
     uint16_t signal[VIEWER_SIGNALS];
     uint32_t skipped;
@@ -51,10 +54,18 @@ struct viewer_playback {
     int64_t traced_ns;         /* frames up to then have been told */
 };
 
+/* Where a connection comes from: an IPv6 address, or an IPv4 one mapped to such. */
+struct viewer_origin {
+    uint8_t byte[16];
+};
+
 struct viewer_client {
     int socket; /* -1 = free place */
+    struct viewer_origin origin;
     enum viewer_mode mode;
     enum viewer_right right;
+    bool stays;       /* goes on when the run has ended */
+    bool end_told;    /* knows how it ended */
     int64_t since_ns; /* when it came */
     int64_t taken_ns; /* when the last byte was taken, or the outbox began to fill */
 
@@ -75,6 +86,8 @@ struct viewer_client {
     size_t traced;  /* bytes */
     uint32_t ntraced, trace_lost;
     uint64_t events; /* the number of the next event to tell it */
+    uint64_t row;    /* of the history, the next to tell it; rows before it that it has not got: */
+    uint64_t rows_lost;
 
     int control; /* connection to the control socket, -1 = none */
     char *line;  /* VIEWER_LINE, of its answers */
@@ -119,6 +132,10 @@ struct viewer {
     const char *const *signal;        /* names */
     size_t nsignal;
     struct playback *playback; /* NULL: the simulator is shown */
+    struct stream *stream;     /* rows of the loop; NULL = none */
+    struct history *history;   /* of them; NULL likewise */
+    uint64_t rows_lost;        /* that found the stream full */
+    bool rows_hurry;           /* many waited in it the last time */
 
     int64_t measured_ns, measured_at_ns; /* virtual time and clock of the last measure */
     uint64_t measured_bits[RIG_BUSES_MAX];
@@ -136,8 +153,16 @@ struct viewer {
     struct viewer_file *visual; /* by visual of the robot, likewise */
     size_t visual_bytes;        /* of all of them */
 
-    pthread_mutex_t events_lock;
-    uint64_t nevent; /* in all */
+    bool ended; /* the run is over, and viewer_end has told how: */
+    char *end;  /* JSON; on the heap */
+    size_t end_size;
+    struct recorded_file file[VIEWER_FILES]; /* of its recording */
+    _Atomic unsigned staying;                /* clients */
+    char run[VIEWER_TOKEN];                  /* tells it from other runs at the same address */
+
+    struct viewer_counters told; /* counters, for other threads */
+    pthread_mutex_t events_lock; /* of told and of the following */
+    uint64_t nevent;             /* in all */
     struct viewer_event events[VIEWER_EVENTS];
 
     int64_t frame_ns[RIG_BUSES_MAX]; /* newest time of a frame */
@@ -171,6 +196,25 @@ void client_read(struct viewer *viewer, struct viewer_client *client);
 void client_check(struct viewer *viewer, struct viewer_client *client);
 
 void viewer_accept_client(struct viewer *viewer);
+
+/* Gives a client that has shown a token a place among those that have; false: there is none. */
+bool viewer_give_place(struct viewer *viewer, struct viewer_client *client,
+                       enum viewer_right right);
+
+/* ---- server.c ---- */
+
+void viewer_give_order(struct viewer *viewer, enum viewer_order order);
+
+/* ---- end.c ---- */
+
+/* Tells a client how the run has ended, once; it is disconnected unless it stays. */
+void client_tell_end(struct viewer *viewer, struct viewer_client *client);
+
+/* A file of the recording by its name; false when there is none. */
+bool viewer_find_file(const struct viewer *viewer, const char *name, struct viewer_file *file);
+
+/* Publishes how many clients stay. */
+void viewer_count_staying(struct viewer *viewer);
 
 /* ---- respond.c ---- */
 
@@ -237,6 +281,17 @@ void client_trace_frame(struct viewer_client *client, size_t bus, const struct b
                         uint8_t flags);
 void client_send_trace(struct viewer *viewer, struct viewer_client *client);
 
+/* ---- rows.c ---- */
+
+/* Begins the history of a simulator's rows. */
+enum error_code viewer_create_history(struct viewer *viewer, struct error *error);
+
+/* Moves the rows that wait in the loop's stream to the history. */
+void viewer_take_rows(struct viewer *viewer);
+
+/* Sends a client that wants them the rows of its signals since the last time. */
+void client_send_rows(struct viewer *viewer, struct viewer_client *client);
+
 /* ---- playback.c, series.c ---- */
 
 /* A recording that is open. */
@@ -279,8 +334,23 @@ void playback_trace(struct viewer *viewer, struct viewer_client *client);
 bool playback_obey(struct viewer *viewer, struct viewer_client *client,
                    const struct viewer_message *message, struct error *error);
 
-/* The values of signals between two times, as one binary message (docs/page.md); false with the
- * reason. */
+/* Signals in some rows of the recording or of the history, and how they are made points. */
+struct series {
+    size_t nsignal;
+    uint16_t column[VIEWER_SIGNALS];
+    uint64_t first, end; /* rows */
+    uint64_t step;       /* rows that two points stand for; 1: each row is a point */
+};
+
+/* How many points, and bytes of their message. */
+size_t series_points(const struct series *series);
+size_t series_bytes(const struct series *series);
+
+/* Sends them as one binary message (docs/page.md); false: there is no room for it. */
+bool client_put_series(struct viewer *viewer, struct viewer_client *client,
+                       const struct series *series, uint32_t id, uint64_t lost);
+
+/* The values of signals between two times; false with the reason. */
 bool client_send_series(struct viewer *viewer, struct viewer_client *client,
                         const struct viewer_message *message, struct error *error);
 

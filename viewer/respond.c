@@ -238,6 +238,7 @@ void viewer_respond(struct viewer *viewer, struct viewer_client *client, int sta
                     const struct http_request *request)
 {
     const char *path = request->path;
+    struct viewer_file file;
 
     /* Requests that are none, or not for us */
     if (status != 200) {
@@ -277,6 +278,9 @@ void viewer_respond(struct viewer *viewer, struct viewer_client *client, int sta
             &(struct viewer_file){"text/plain; charset=utf-8", events->data, events->size, false});
     } else if (strncmp(path, "/with/", 6) == 0) {
         respond_compared(viewer, client, path + 6);
+    } else if (strncmp(path, "/recording/", 11) == 0 && viewer->ended &&
+               viewer_find_file(viewer, path + 11, &file)) {
+        respond_file(viewer, client, 200, &file);
     } else if (strncmp(path, "/mesh/", 6) == 0) {
         respond_mesh(viewer, client, path + 6);
     } else if (strncmp(path, "/visual/", 8) == 0) {

@@ -17,11 +17,17 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#define MEMORY ((size_t)64 << 20) /* of address space */
+#define MEMORY ((size_t)256 << 20) /* of address space */
 
-enum viewer_order { VIEWER_ORDER_WAIT, VIEWER_ORDER_SERVE, VIEWER_ORDER_STOP };
 enum { POLL_FIXED = 2, POLL_COUNT = POLL_FIXED + 2 * VIEWER_CLIENTS };
-enum { BACKLOG = 16, IDLE_MS = 500, TRACE_MS = 5, AWAIT_MS = 5, AWAIT_LONGEST_MS = 500 };
+enum {
+    BACKLOG = 64,
+    IDLE_MS = 500,
+    ROWS_MS = 20, /* a loop that is not paced fills its stream in 30 ms */
+    TRACE_MS = 5,
+    AWAIT_MS = 5,
+    AWAIT_LONGEST_MS = 500
+};
 
 /* ---- the thread ---- */
 
@@ -30,9 +36,10 @@ static int viewer_idle_ms(const struct viewer *viewer)
 {
     int64_t wait_ns = (int64_t)IDLE_MS * CLOCK_MS;
 
-    if (viewer->awaited) {
+    if (viewer->awaited || viewer->rows_hurry) {
         return AWAIT_MS;
     }
+    wait_ns = viewer->history ? ROWS_MS * CLOCK_MS : wait_ns;
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
         const struct viewer_client *client = &viewer->client[i];
 
@@ -83,6 +90,9 @@ static void viewer_update_wish(struct viewer *viewer)
 {
     bool wanted = false;
 
+    if (viewer->ended) {
+        return;
+    }
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
         wanted = wanted || (viewer->client[i].socket >= 0 && viewer->client[i].watch.on);
     }
@@ -103,12 +113,32 @@ static void viewer_update_wish(struct viewer *viewer)
 static void viewer_wait_for_order(struct viewer *viewer)
 {
     struct pollfd fd = {.fd = viewer->event, .events = POLLIN};
-    uint64_t orders;
 
     while (atomic_load(&viewer->order) == VIEWER_ORDER_WAIT) {
         poll(&fd, 1, -1);
     }
-    (void)!read(viewer->event, &orders, sizeof orders);
+}
+
+/* The loop runs no more: what it has left is taken, and its last view is that of the end. */
+static void viewer_note_end(struct viewer *viewer)
+{
+    viewer->ended = true;
+    viewer->awaited = false;
+    if (viewer->config.simulator) {
+        viewer_take_rows(viewer);
+        simulator_want_views(viewer->config.simulator, false);
+    }
+    if (viewer->stream) {
+        stream_want(viewer->stream, 0);
+    }
+}
+
+/* Makes the counters readable for other threads. */
+static void viewer_publish_counters(struct viewer *viewer)
+{
+    pthread_mutex_lock(&viewer->events_lock);
+    viewer->told = viewer->counters;
+    pthread_mutex_unlock(&viewer->events_lock);
 }
 
 static void viewer_end_clients(struct viewer *viewer)
@@ -116,6 +146,9 @@ static void viewer_end_clients(struct viewer *viewer)
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
         struct viewer_client *client = &viewer->client[i];
 
+        if (client->socket >= 0 && viewer->end) {
+            client_tell_end(viewer, client);
+        }
         if (client->socket >= 0 && client->mode == CLIENT_SOCKET) {
             client_bye(viewer, client, WEBSOCKET_AWAY, "the run is over");
         }
@@ -134,13 +167,24 @@ static void *viewer_thread_main(void *context)
     struct clock *clock = clock_monotonic();
 
     viewer_wait_for_order(viewer);
+    if (viewer->stream) {
+        stream_want(viewer->stream, 1);
+    }
     while (atomic_load(&viewer->order) != VIEWER_ORDER_STOP) {
         struct pollfd fd[POLL_COUNT];
+        uint64_t orders;
 
         viewer->now_ns = clock_now(clock);
         viewer_prepare_poll(viewer, fd);
         if (poll(fd, POLL_COUNT, viewer_idle_ms(viewer)) < 0) {
             memset(fd, 0, sizeof fd); /* a signal, or no memory: poll again */
+        }
+
+        if (fd[0].revents) {
+            (void)!read(viewer->event, &orders, sizeof orders);
+        }
+        if (!viewer->ended && atomic_load(&viewer->order) == VIEWER_ORDER_END) {
+            viewer_note_end(viewer);
         }
 
         /* What clients want, then what they get */
@@ -150,6 +194,7 @@ static void *viewer_thread_main(void *context)
                                 fd[POLL_FIXED + 2 * i + 1].revents);
         }
         viewer_hear_buses(viewer);
+        viewer_take_rows(viewer);
         viewer_update_wish(viewer);
         viewer_send_states(viewer);
 
@@ -160,8 +205,11 @@ static void *viewer_thread_main(void *context)
         if (fd[1].revents) {
             viewer_accept_client(viewer);
         }
+        viewer_count_staying(viewer);
+        viewer_publish_counters(viewer);
     }
     viewer_end_clients(viewer);
+    viewer_publish_counters(viewer);
     return NULL;
 }
 
@@ -178,6 +226,21 @@ static bool viewer_make_token(char token[VIEWER_TOKEN])
         snprintf(token + 2 * i, 3, "%02x", random[i]);
     }
     return true;
+}
+
+/* Tokens as they are given, others anew, and a name for this run. */
+static bool viewer_set_tokens(struct viewer *viewer)
+{
+    for (int right = 0; right < 2; right++) {
+        const char *given = viewer->config.token[right];
+
+        if (given) {
+            snprintf(viewer->token[right], VIEWER_TOKEN, "%s", given);
+        } else if (!viewer_make_token(viewer->token[right])) {
+            return false;
+        }
+    }
+    return viewer_make_token(viewer->run);
 }
 
 /* The numeric address as a sockaddr of its family; false when it is none. */
@@ -341,14 +404,15 @@ enum error_code viewer_start(const struct viewer_config *config, struct viewer *
         arena_fini(&arena);
         return code;
     }
-    if (!viewer_make_token(viewer->token[0]) || !viewer_make_token(viewer->token[1])) {
+    if (!viewer_set_tokens(viewer)) {
         code = error_set_errno(error, errno, "page: no random numbers for its tokens");
         goto fail;
     }
 
     /* The description, then the socket, then the thread that serves it */
-    if ((code = viewer_create_state(viewer, error)) || (code = viewer_make_hello(viewer, error)) ||
-        (code = viewer_listen(viewer, error))) {
+    if ((code = viewer_create_state(viewer, error)) ||
+        (code = viewer_create_history(viewer, error)) ||
+        (code = viewer_make_hello(viewer, error)) || (code = viewer_listen(viewer, error))) {
         goto fail;
     }
     viewer_make_addresses(viewer);
@@ -369,7 +433,7 @@ fail:
 
 /* ---- the rest of its life ---- */
 
-static void viewer_give_order(struct viewer *viewer, enum viewer_order order)
+void viewer_give_order(struct viewer *viewer, enum viewer_order order)
 {
     const uint64_t one = 1;
 
@@ -383,6 +447,16 @@ void viewer_serve(struct viewer *viewer)
     if (viewer) {
         viewer_give_order(viewer, VIEWER_ORDER_SERVE);
     }
+}
+
+const char *viewer_token(const struct viewer *viewer, bool control)
+{
+    return viewer->token[control];
+}
+
+uint16_t viewer_port(const struct viewer *viewer)
+{
+    return viewer->bound.port;
 }
 
 const char *viewer_address(const struct viewer *viewer, bool control)
@@ -409,9 +483,11 @@ void viewer_stop(struct viewer *viewer)
     }
 }
 
-void viewer_counters(const struct viewer *viewer, struct viewer_counters *counters)
+void viewer_counters(struct viewer *viewer, struct viewer_counters *counters)
 {
-    *counters = viewer->counters;
+    pthread_mutex_lock(&viewer->events_lock);
+    *counters = viewer->told;
+    pthread_mutex_unlock(&viewer->events_lock);
 }
 
 void viewer_destroy(struct viewer *viewer)
@@ -430,6 +506,10 @@ void viewer_destroy(struct viewer *viewer)
     for (size_t i = 0; i < ROBOT_VISUALS_MAX && viewer->visual; i++) {
         free((void *)(uintptr_t)viewer->visual[i].data);
     }
+    for (size_t i = 0; i < VIEWER_FILES; i++) {
+        recorded_file_close(&viewer->file[i]);
+    }
+    free(viewer->end);
     free(viewer->hello);
     free(viewer->database);
     pthread_mutex_destroy(&viewer->events_lock);

@@ -19,7 +19,7 @@ enum {
     STATE_BOARD = 12,
 };
 
-enum state_flag { STATE_PAUSED = 1, STATE_CLAMPED = 2 };
+enum state_flag { STATE_PAUSED = 1, STATE_CLAMPED = 2, STATE_ENDED = 4 };
 enum board_flag {
     STATE_BOARD_LOADER = 1,
     STATE_BOARD_AWAY = 2,
@@ -30,6 +30,7 @@ enum board_flag {
 
 #define MEASURE_NS (250 * CLOCK_MS)
 #define CONTACT_LEAST_N 1e-3
+#define ENDED_NS (500 * CLOCK_MS) /* between states of a run that is over */
 
 /* ---- columns of signals ---- */
 
@@ -277,8 +278,9 @@ static void put_state_header(const struct viewer *viewer, const struct viewer_cl
     /* What kind of message, then the clocks, then how much of each part follows */
     to = put_u8(to, STATE_KIND);
     to = put_u8(to, VIEWER_PROTOCOL);
-    to = put_u16(to,
-                 (uint16_t)((paused ? STATE_PAUSED : 0) | (status->clamped ? STATE_CLAMPED : 0)));
+    to =
+        put_u16(to, (uint16_t)((paused ? STATE_PAUSED : 0) | (status->clamped ? STATE_CLAMPED : 0) |
+                               (viewer->ended ? STATE_ENDED : 0)));
     to = put_u32(to, 0); /* of the client, put_own */
     to = put_u64(to, status->tick);
     to = put_u64(to, (uint64_t)status->time_ns);
@@ -370,8 +372,8 @@ static bool client_wants_state(struct viewer *viewer, struct viewer_client *clie
         return false;
     }
     watch->due_ns += watch->period_ns;
-    if (watch->due_ns < viewer->now_ns) {
-        watch->due_ns = viewer->now_ns + watch->period_ns;
+    if (watch->due_ns < viewer->now_ns || viewer->ended) {
+        watch->due_ns = viewer->now_ns + (viewer->ended ? ENDED_NS : watch->period_ns);
     }
     if (client_waiting(client) > VIEWER_OUTBOX / 8) {
         watch->skipped++;
@@ -418,6 +420,7 @@ void viewer_send_states(struct viewer *viewer)
         }
         client_send_events(viewer, client);
         client_send_trace(viewer, client);
+        client_send_rows(viewer, client);
         client_send_state(viewer, client, size);
     }
 }

@@ -3,7 +3,7 @@
  * The page: a browser, or a program, looks at a running simulator and, with the right to, controls
  * it. Serves HTTP and WebSockets at one address; docs/page.md is the manual and has every message.
  *
- * Two rights, each with a token of its own, made anew for every run: to look, and to control. A
+ * Two rights, each with a token of its own: to look, and to control. A
  * page gets its token in the fragment of its address, which no browser sends to anybody, and hands
  * it over in its first message. Who may only look can neither change the simulator nor send frames.
  * A request has to name the address that the server is bound to as its Host, and its pages as its
@@ -35,7 +35,11 @@
 #include <stdint.h>
 
 enum {
-    VIEWER_CLIENTS = 16,        /* connections at a time */
+    VIEWER_CLIENTS = 32,        /* connections at a time */
+    VIEWER_ENTERED = 16,        /* of them with a token, */
+    VIEWER_LOOKING = 15,        /* of which with that to look: the last place is for control */
+    VIEWER_OF_ONE = 8,          /* with that to look, of one address but this machine's own */
+    VIEWER_ASKING = 12,         /* without a token, of one address */
     VIEWER_INBOX = 32 * 1024,   /* longest message of a client, with its header */
     VIEWER_OUTBOX = 512 * 1024, /* what waits for a client */
     VIEWER_TOKEN = 33,          /* letters of a token, and a zero */
@@ -52,6 +56,7 @@ struct viewer_config {
     const char *host;        /* numeric; NULL = 127.0.0.1 */
     uint16_t port;           /* 0 = any that is free */
     const char *control;     /* path of the control socket; NULL = nobody may control */
+    const char *token[2];    /* to look and to control, of VIEWER_TOKEN; NULL = made anew */
     struct bus_ports *ports; /* of simulator_join; NULL = no trace and no frames to send */
 
     /* Instead of simulator, control and ports: a recording to be played back, each client at its
@@ -65,11 +70,16 @@ struct viewer_counters {
     uint64_t clients; /* that have given a token */
     uint64_t refused; /* connections without place, requests with a wrong Host, Origin or token */
     uint64_t cut_junk, cut_slow, cut_silent;
+    uint64_t cut_idle; /* connections without a token that made room for others */
     uint64_t states, skipped_states;
     uint64_t frames_sent, frames_untaken; /* of clients, to the buses */
 };
 
 struct viewer;
+
+/* Checks whether a mesh of a robot's looks can be shown, as far as the beginning and the size of
+ * its file tell. ERROR_INPUT, ERROR_SYSTEM with the reason, for people. Not RT-safe. */
+enum error_code viewer_check_visual(const struct robot_visual *visual, struct error *error);
 
 /* ---- a recording ---- */
 
@@ -104,6 +114,11 @@ enum error_code viewer_start(const struct viewer_config *config, struct viewer *
 /* Clients are served from now on; after simulator_start. NULL is allowed. */
 void viewer_serve(struct viewer *viewer);
 
+/* The tokens, to look and to control, and the port: what the next run needs for the same addresses.
+ * A token has VIEWER_TOKEN - 1 lower-case hexadecimal digits. */
+const char *viewer_token(const struct viewer *viewer, bool control);
+uint16_t viewer_port(const struct viewer *viewer);
+
 /* The address of the page for those who may control, or only look: what to print. "" when nobody
  * may control. Owned by the viewer. */
 const char *viewer_address(const struct viewer *viewer, bool control);
@@ -111,11 +126,35 @@ const char *viewer_address(const struct viewer *viewer, bool control);
 /* An event of the run, for the time line; from any thread but the loop's. */
 void viewer_put_event(struct viewer *viewer, enum journal_priority priority, const char *text);
 
+/* How a run has ended. */
+struct viewer_end {
+    bool failed, stays;    /* stays: viewer_linger follows */
+    const char *text;      /* "ran its length" */
+    double time_s;         /* virtual */
+    const char *task;      /* NULL = none, */
+    const char *task_text; /* and what it says at its end; NULL = nothing */
+    const char *recording; /* its folder, whose files are complete when stays; NULL = none */
+};
+
+/* When the loop has ended: tells the clients how. Those that have said that they stay are served
+ * on, with the last state, the history and the files of the recording; the others are disconnected.
+ * ERROR_MEMORY. */
+enum error_code viewer_end(struct viewer *viewer, const struct viewer_end *end,
+                           struct error *error);
+
+/* Whether a client is connected that stays at the end of a run. NULL is allowed. */
+bool viewer_is_watched(const struct viewer *viewer);
+
+/* After viewer_end: waits until no client that stays has been there for two seconds, for so long at
+ * most, or until stopped(context), which is asked twenty times a second. */
+void viewer_linger(const struct viewer *viewer, double longest_s, bool (*stopped)(void *context),
+                   void *context);
+
 /* When the loop has ended: tells the clients and closes every connection. NULL is allowed. */
 void viewer_stop(struct viewer *viewer);
 
-/* After viewer_stop. */
-void viewer_counters(const struct viewer *viewer, struct viewer_counters *counters);
+/* A copy, no older than the last turn of the thread. */
+void viewer_counters(struct viewer *viewer, struct viewer_counters *counters);
 void viewer_destroy(struct viewer *viewer); /* NULL is allowed */
 
 #endif

@@ -43,25 +43,61 @@ static size_t file_read(int fd, uint8_t *data, size_t size)
     return filled;
 }
 
-/* Reads a file of a size that was found, into memory of the heap. */
-static enum error_code visual_read_file(const char *path, int fd, size_t size, uint8_t **out,
-                                        struct error *error)
+/* Whether a file of that size, which begins so, is a binary STL file. */
+static bool stl_is_whole(const uint8_t *header, size_t had, size_t size)
 {
-    uint8_t *data = malloc(size + 1);
+    return had >= STL_HEADER && size - STL_HEADER == stl_count_faces(header) * STL_FACE;
+}
 
-    if (!data) {
-        return error_set(error, ERROR_MEMORY, "%.200s: no memory for it", path);
+static enum error_code visual_refuse(const char *path, size_t size, struct error *error)
+{
+    return error_set(error, ERROR_INPUT,
+                     "%.200s: found %zu bytes, expected a binary STL file: 84 and 50 for each "
+                     "triangle",
+                     path, size);
+}
+
+/* Opens a regular file of at most that size; -1 with the error. */
+static int visual_open(const char *path, size_t most, size_t *size, struct error *error)
+{
+    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    struct stat status;
+
+    if (fd < 0 || fstat(fd, &status)) {
+        error_set_file(error, errno, path, "cannot be read");
+    } else if (!S_ISREG(status.st_mode) || status.st_size > (off_t)most) {
+        error_set(error, ERROR_INPUT, "%.200s: found %s, expected at most %d MB for all visuals",
+                  path, S_ISREG(status.st_mode) ? "more" : "no regular file",
+                  VIEWER_VISUAL_BYTES >> 20);
+    } else {
+        *size = (size_t)status.st_size;
+        return fd;
     }
-    if (file_read(fd, data, size) != size || size < STL_HEADER ||
-        (size - STL_HEADER) != stl_count_faces(data) * STL_FACE) {
-        free(data);
-        return error_set(error, ERROR_INPUT,
-                         "%.200s: found %zu bytes, expected a binary STL file: 84 and 50 for each "
-                         "triangle",
-                         path, size);
+    if (fd >= 0) {
+        close(fd);
     }
-    *out = data;
-    return ERROR_NONE;
+    return -1;
+}
+
+enum error_code viewer_check_visual(const struct robot_visual *visual, struct error *error)
+{
+    uint8_t header[STL_HEADER];
+    size_t size, had;
+    int fd;
+
+    if (visual->missing) {
+        return error_set(error, ERROR_INPUT, "%.200s", visual->missing);
+    }
+    if (!visual->file) {
+        return ERROR_NONE;
+    }
+    fd = visual_open(visual->file, VIEWER_VISUAL_BYTES, &size, error);
+    if (fd < 0) {
+        return error->code;
+    }
+    had = file_read(fd, header, sizeof header);
+    close(fd);
+    return stl_is_whole(header, had, size) ? ERROR_NONE : visual_refuse(visual->file, size, error);
 }
 
 const struct viewer_file *viewer_visual_file(struct viewer *viewer, size_t visual,
@@ -69,27 +105,27 @@ const struct viewer_file *viewer_visual_file(struct viewer *viewer, size_t visua
 {
     const char *path = viewer->rig->robot->visual[visual].file;
     struct viewer_file *file = &viewer->visual[visual];
-    struct stat status;
-    uint8_t *data = NULL;
+    uint8_t *data;
+    size_t size;
     int fd;
 
     if (!path || file->data) {
         return path ? file : NULL;
     }
-    fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-    if (fd < 0 || fstat(fd, &status)) {
-        error_set_file(error, errno, path, "cannot be read");
-    } else if (!S_ISREG(status.st_mode) ||
-               status.st_size > (off_t)(VIEWER_VISUAL_BYTES - viewer->visual_bytes)) {
-        error_set(error, ERROR_INPUT, "%.200s: found %s, expected at most %d MB for all visuals",
-                  path, S_ISREG(status.st_mode) ? "more" : "no regular file",
-                  VIEWER_VISUAL_BYTES >> 20);
-    } else if (!visual_read_file(path, fd, (size_t)status.st_size, &data, error)) {
-        *file = (struct viewer_file){"model/stl", data, (size_t)status.st_size, false};
-        viewer->visual_bytes += file->size;
+    fd = visual_open(path, VIEWER_VISUAL_BYTES - viewer->visual_bytes, &size, error);
+    if (fd < 0) {
+        return NULL;
     }
-    if (fd >= 0) {
-        close(fd);
+    data = malloc(size + 1);
+    if (!data) {
+        error_set(error, ERROR_MEMORY, "%.200s: no memory for it", path);
+    } else if (file_read(fd, data, size) != size || !stl_is_whole(data, size, size)) {
+        free(data);
+        visual_refuse(path, size, error);
+    } else {
+        *file = (struct viewer_file){"model/stl", data, size, false};
+        viewer->visual_bytes += size;
     }
+    close(fd);
     return file->data ? file : NULL;
 }

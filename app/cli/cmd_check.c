@@ -6,6 +6,7 @@
 #include "base/count.h"
 #include "base/options.h"
 #include "boards/board.h"
+#include "boards/protocol.h"
 #include "manual/check.h"
 #include "rig/rig.h"
 
@@ -24,6 +25,10 @@ static void check_print_robot(const struct robot *robot, const char *variant)
            robot->file);
     printf("            %zu bodies, %zu joints, %zu drives, %zu degrees of freedom, %.7g kg\n",
            robot->nbody, robot->njoint, drives, robot->nv, robot->total_mass);
+    if (robot->ncoupling > 0) {
+        printf("            %zu of the joints %s\n", robot->ncoupling,
+               robot->ncoupling == 1 ? "follows another" : "follow others");
+    }
     printf(
         "            %zu frames, %zu F/T sensors, %s inertial sensor, %zu poses, hash %016" PRIx64
         "\n",
@@ -147,11 +152,11 @@ static const char *joint_name(const struct rig *rig, int joint)
 
 static void print_axes(const struct rig *rig, const struct board_config *board)
 {
-    enum board_personality personality = rig->bus[board->bus].personality;
-    size_t most = board_axes_max(personality);
+    const struct protocol *protocol = rig->bus[board->bus].protocol;
+    size_t most = protocol->axes_max;
 
     printf("motor   ");
-    for (size_t i = 0; i < most && (board->axis[i].joint >= 0 || personality == BOARD_ICUB); i++) {
+    for (size_t i = 0; i < most && (board->axis[i].joint >= 0 || protocol->spare_axes); i++) {
         printf("%s%s", i ? ", " : "", joint_name(rig, board->axis[i].joint));
     }
     printf("\n");

@@ -6,7 +6,7 @@
 #include "base/count.h"
 #include "base/options.h"
 #include "base/whole_file.h"
-#include "boards/cia402/eds.h"
+#include "boards/protocols.h"
 #include "manual/eds.h"
 
 #include <string.h>
@@ -17,9 +17,10 @@ struct eds_options {
     const char *rig, *node, *output;
 };
 
+/* Whether a board has a dictionary. */
 static bool eds_is_node(const struct rig *rig, const struct board_config *board)
 {
-    return rig->bus[board->bus].personality == BOARD_CIA402;
+    return rig->bus[board->bus].protocol->write_eds;
 }
 
 /* "coman-cia402-left_arm_0x01.eds" */
@@ -39,19 +40,20 @@ static void eds_make_name(const struct rig *rig, const struct board_config *boar
 static enum error_code eds_export_node(const struct rig *rig, const struct board_config *board,
                                        const char *path, struct arena *arena, struct error *error)
 {
+    const struct protocol *protocol = rig->bus[board->bus].protocol;
     char name[EDS_NAME_SIZE];
     struct whole_file file;
     enum error_code code;
 
     eds_make_name(rig, board, name);
     if (!path) {
-        return cia402_eds_write(board, name, arena, stdout, error);
+        return protocol->write_eds(board, name, arena, stdout, error);
     }
     code = whole_file_open(&file, path, error);
     if (code) {
         return code;
     }
-    return whole_file_close(&file, cia402_eds_write(board, name, arena, file.out, error), error);
+    return whole_file_close(&file, protocol->write_eds(board, name, arena, file.out, error), error);
 }
 
 static enum error_code eds_export_all(const struct rig *rig, const char *folder,

@@ -7,6 +7,7 @@
 #include "app/import/write.h"
 #include "base/count.h"
 #include "base/options.h"
+#include "boards/protocols.h"
 #include "manual/import.h"
 
 #include <stdio.h>
@@ -43,6 +44,11 @@ static void import_print_result(const struct import_result *result)
     printf("robot     %s: %s base, %zu bodies, %zu joints, %zu drives, %zu frames, %.7g kg\n",
            result->robot, robot->floating ? "floating" : "fixed", robot->nbody, robot->njoint,
            drives, robot->nframe, robot->total_mass);
+    if (robot->ncoupling > 0) {
+        printf("          %zu of the joints %s, without a drive of %s own\n", robot->ncoupling,
+               robot->ncoupling == 1 ? "follows another" : "follow others",
+               robot->ncoupling == 1 ? "its" : "their");
+    }
     printf("sensors   %zu F/T, %s inertial; %zu capsules, %zu meshes, %zu visuals, %zu poses\n",
            robot->nft, robot->imu_frame < 0 ? "no" : "one", robot->ncapsule, result->meshes,
            robot->nvisual, robot->npose);
@@ -78,18 +84,54 @@ static int import_run_request(const struct command_spec *spec, const struct impo
     return options_end(spec, code, &error);
 }
 
+enum { WORDS_MAX = 16 };
+
+/* The protocols that an import can lay out a bench with, as words of an option. */
+struct import_words {
+    char text[WORDS_MAX][40];
+    struct import_boards boards[WORDS_MAX]; /* by value */
+    struct option_word word[WORDS_MAX + 1]; /* word NULL at the end */
+    char help[240];
+};
+
+static void import_list_words(struct import_words *words)
+{
+    const struct protocol *protocol;
+    size_t used = (size_t)snprintf(words->help, sizeof words->help,
+                                   "what boards of motors and sensors speak (-fd: over CAN FD):");
+    int count = 0;
+
+    for (size_t i = 0; (protocol = protocol_at(i)); i++) {
+        for (int fd = 0; fd < 2 && count < WORDS_MAX; fd++) {
+            if ((fd ? &protocol->bench_fd : &protocol->bench)->bus_axes > 0) {
+                snprintf(words->text[count], sizeof words->text[count], "%s%s", protocol->name,
+                         fd ? "-fd" : "");
+                words->boards[count] = (struct import_boards){protocol, fd};
+                words->word[count] = (struct option_word){words->text[count], count};
+                if (used < sizeof words->help) {
+                    used += (size_t)snprintf(words->help + used, sizeof words->help - used, "%s %s",
+                                             count ? "," : "", words->text[count]);
+                }
+                count++;
+            }
+        }
+    }
+    words->word[count] = (struct option_word){NULL, 0};
+    if (used < sizeof words->help) {
+        snprintf(words->help + used, sizeof words->help - used, "; the first by default");
+    }
+}
+
 int cmd_import(int argc, char **argv)
 {
     static const struct option_word bases[] = {
         {"fixed", IMPORT_BASE_FIXED}, {"floating", IMPORT_BASE_FLOATING}, {NULL, 0}};
-    static const struct option_word mimics[] = {
-        {"lock", IMPORT_MIMIC_LOCK}, {"free", IMPORT_MIMIC_FREE}, {NULL, 0}};
+    static const struct option_word mimics[] = {{"couple", IMPORT_MIMIC_COUPLE},
+                                                {"lock", IMPORT_MIMIC_LOCK},
+                                                {"free", IMPORT_MIMIC_FREE},
+                                                {NULL, 0}};
     static const struct option_word slides[] = {{"lock", 0}, {"free", 1}, {NULL, 0}};
-    static const struct option_word personalities[] = {{"icub", IMPORT_ICUB},
-                                                       {"foc", IMPORT_FOC},
-                                                       {"compact", IMPORT_COMPACT},
-                                                       {"compact-fd", IMPORT_COMPACT_FD},
-                                                       {NULL, 0}};
+    static struct import_words personalities;
     static struct import_request r;
     static struct option_list lock, packages, drives;
     static int prismatic, personality;
@@ -103,14 +145,13 @@ int cmd_import(int argc, char **argv)
          .value = &r.options.base, .words = bases},
         {"--pose", OPTION_STRING, "NAME",
          "pose to start in: rest, or one of the SRDF or the keyframes", .value = &r.pose},
-        {"--personality", OPTION_ENUM, "NAME",
-         "what boards of motors and sensors speak: icub (the default), foc, compact, or "
-         "compact-fd over CAN FD",
-         .value = &personality, .words = personalities},
+        {"--personality", OPTION_ENUM, "NAME", personalities.help, .value = &personality,
+         .words = personalities.word},
         {"--lock", OPTION_LIST, "JOINT", "fix this joint; may be given more than once",
          .value = &lock},
         {"--mimic", OPTION_ENUM, "HOW",
-         "what becomes of joints that follow another: lock or free; refused by default",
+         "what becomes of joints that follow another: couple (they follow, driven by its drive), "
+         "lock or free; refused by default",
          .value = &r.options.mimic, .words = mimics},
         {"--prismatic", OPTION_ENUM, "HOW",
          "what becomes of joints that slide: lock (the default), or free, without a drive",
@@ -147,6 +188,7 @@ int cmd_import(int argc, char **argv)
 
     r = (struct import_request){0};
     trust = false;
+    import_list_words(&personalities);
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
@@ -154,7 +196,7 @@ int cmd_import(int argc, char **argv)
         error_set(&error, ERROR_INPUT, "found no --output, expected the folder to write into");
         return options_fail(&spec, &error);
     }
-    r.personality = (enum import_personality)personality;
+    r.boards = personalities.boards[personality];
     r.options.free_slides = prismatic != 0;
     r.options.lock = lock.item;
     r.options.nlock = lock.count;

@@ -9,11 +9,12 @@
 #include "base/options.h"
 #include "base/text.h"
 #include "boards/described/protocol.h"
+#include "boards/protocols.h"
 #include "manual/protocol.h"
 
 #include <string.h>
 
-enum { MEMORY = 8 << 20 };
+enum { MEMORY = 8 << 20, NAMES_MAX = 16 };
 
 /* What a file describes: a path, or the name of one. */
 static enum error_code print_described(const char *name, struct error *error)
@@ -32,18 +33,33 @@ static enum error_code print_described(const char *name, struct error *error)
     return code;
 }
 
+/* Lists the protocols that need no file, NULL at the end, and in help; returns how many. */
+static size_t list_names(const char *names[NAMES_MAX + 1], char *help, size_t size)
+{
+    const struct protocol *protocol;
+    size_t count = 0, used = 0;
+
+    for (size_t i = 0; count < NAMES_MAX && (protocol = protocol_at(i)); i++) {
+        if (!protocol->needs_file) {
+            names[count++] = protocol->name;
+            used += used < size ? (size_t)snprintf(help + used, size - used, "%s, ", protocol->name)
+                                : 0;
+        }
+    }
+    if (used < size) {
+        snprintf(help + used, size - used,
+                 "or a protocol that a file describes: its name or the file");
+    }
+    names[count] = NULL;
+    return count;
+}
+
 int cmd_protocol(int argc, char **argv)
 {
-    static const char *const names[] = {[BOARD_ICUB] = "icub",
-                                        [BOARD_FOC] = "foc",
-                                        [BOARD_COMPACT] = "compact",
-                                        [BOARD_CIA402] = "cia402",
-                                        NULL};
-    static const char *name;
+    static const char *names[NAMES_MAX + 1], *name;
+    static char help[240];
     static const struct operand_spec operands[] = {
-        {"PERSONALITY",
-         "icub, foc, compact, cia402, or a protocol that a file describes: its name or the file",
-         true, .value = &name, .words = names},
+        {"PERSONALITY", help, true, .value = &name, .words = names},
     };
     static const struct command_spec spec = {
         .name = "protocol",
@@ -53,20 +69,21 @@ int cmd_protocol(int argc, char **argv)
         .noperand = ARRAY_COUNT(operands),
         .manual = MANUAL_PROTOCOL,
     };
+    const struct protocol *protocol;
     const char *nearest;
     struct error error;
+    size_t count = list_names(names, help, sizeof help);
     int status;
 
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
-    for (int i = 0; names[i]; i++) {
-        if (!strcmp(name, names[i])) {
-            protocol_page_print((enum board_personality)i, stdout);
-            return STATUS_OK;
-        }
+    protocol = protocol_find(name);
+    if (protocol && !protocol->needs_file) {
+        protocol_page_print(protocol, stdout);
+        return STATUS_OK;
     }
-    nearest = text_nearest(name, names, ARRAY_COUNT(names) - 1);
+    nearest = text_nearest(name, names, count);
     if (nearest) {
         error_set(&error, ERROR_INPUT, "found unknown personality \"%.60s\", expected %s", name,
                   nearest);

@@ -81,9 +81,32 @@ static void print_control(const struct control *control)
     }
 }
 
-/* Closes what the run has opened and prints the summary. */
+/* The report of the task, when it makes one; the run's status unless that fails. */
+static int run_report_task(const struct simulator *simulator, const char *folder, int status)
+{
+    const struct task_runner *runner = simulator_task_runner(simulator);
+    struct error error;
+
+    if (!runner || !task_report_write(runner->task, folder, &error)) {
+        return status;
+    }
+    command_fail("run", &error);
+    return status ? status : (int)exit_status_of(error.code);
+}
+
+/* What clients have done; after control_stop. */
+static void print_clients(const struct control *control, const struct page *page)
+{
+    if (control) {
+        print_control(control);
+    }
+    page_print(page);
+}
+
+/* Closes what the run has opened, prints the summary and writes the task's report into a folder;
+ * control and page are NULL while clients are still served. */
 static int run_finish(struct simulator *simulator, const struct control *control,
-                      const struct page *page, enum loop_end end)
+                      const struct page *page, enum loop_end end, const char *report)
 {
     const char *directory = simulator_configuration(simulator)->record;
     struct summary summary = {.simulator = simulator, .end = end, .recorded = directory != NULL};
@@ -94,10 +117,9 @@ static int run_finish(struct simulator *simulator, const struct control *control
         incomplete = command_fail("run", &error);
     }
     print_gateway(simulator);
-    if (control) {
-        print_control(control);
+    if (page) {
+        print_clients(control, page);
     }
-    page_print(page);
     summary_print(&summary, stdout);
     if (directory && summary_write(&summary, directory, &error)) {
         incomplete = command_fail("run", &error);
@@ -105,7 +127,24 @@ static int run_finish(struct simulator *simulator, const struct control *control
     if (directory && firmware_write(simulator, directory, &error)) {
         incomplete = command_fail("run", &error);
     }
-    return status ? status : incomplete;
+    return run_report_task(simulator, report, status ? status : incomplete);
+}
+
+/* The same while pages are open: they are told, and served until they are closed. */
+static int run_finish_watched(struct simulator *simulator, struct control *control,
+                              const struct page *page, enum loop_end end, const char *report)
+{
+    int status;
+
+    rig_command_on_stop(NULL, NULL); /* a stop is noted, and ends the wait */
+    status = run_finish(simulator, NULL, NULL, end, report);
+    page_tell_end(page, simulator, end, true);
+    page_linger(page, control);
+    rig_command_ignore_stop();
+    viewer_stop(page->viewer);
+    control_stop(control);
+    print_clients(control, page);
+    return status;
 }
 
 static void run_request_stop(void *context)
@@ -269,6 +308,7 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
     struct error error;
     enum loop_end end;
     int status, silent = STATUS_OK;
+    bool stays;
 
     /* Threads start before simulator_start, which gives the loop's thread its rights and CPU */
     if (monitor_start(&monitor, &config, &error)) {
@@ -295,19 +335,26 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
     end = simulator_run(simulator);
 
     /* The log is complete once all threads have ended; the page's before the socket it uses */
-    viewer_stop(page->viewer);
-    control_stop(control);
+    stays = !reload && !silent && page_stays(page, end);
+    if (!stays) {
+        page_tell_end(page, simulator, end, false);
+        viewer_stop(page->viewer);
+        control_stop(control);
+    }
     monitor_stop(&monitor);
     log_control(&background);
     ready_end(options->ready);
+    if (stays) {
+        return run_finish_watched(simulator, control, page, end, options->input.report);
+    }
     if (!reload) {
         rig_command_ignore_stop();
-        status = run_finish(simulator, control, page, end);
+        status = run_finish(simulator, control, page, end, options->input.report);
         return silent ? silent : status;
     }
 
     /* A stop that comes now is that of the service: it is noted first, then carried out at once */
-    status = run_finish(simulator, control, page, end);
+    status = run_finish(simulator, control, page, end, options->input.report);
     fflush(stdout);
     rig_command_on_stop(stop_between_runs, NULL);
     return status;
@@ -356,19 +403,6 @@ static bool run_is_endless(const struct simulator *simulator)
 
     return simulator_configuration(simulator)->ticks == 0 &&
            (!runner || task_is_endless(runner->task));
-}
-
-/* The report of the task, when it makes one; the run's status unless that fails. */
-static int run_report_task(const struct simulator *simulator, const char *folder, int status)
-{
-    const struct task_runner *runner = simulator_task_runner(simulator);
-    struct error error;
-
-    if (!runner || !task_report_write(runner->task, folder, &error)) {
-        return status;
-    }
-    command_fail("run", &error);
-    return status ? status : (int)exit_status_of(error.code);
 }
 
 static int run_start_rig(void *context, const struct rig *loaded, struct arena *arena)
@@ -420,13 +454,12 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     }
     if (open_control(options, simulator, &control, &error)) {
         status = command_fail("run", &error);
-    } else if (page_open(&page, options, simulator, control ? control_path(control) : NULL,
-                         &error)) {
+    } else if (page_open(&page, options, manager.descriptor >= 0, simulator,
+                         control ? control_path(control) : NULL, &error)) {
         control_stop(control);
         status = command_fail("run", &error);
     } else {
-        status = run_report_task(simulator, options->input.report,
-                                 run_simulator(simulator, control, &page, options, host));
+        status = run_simulator(simulator, control, &page, options, host);
     }
     page_close(&page);
     control_destroy(control);

@@ -3,11 +3,10 @@
 #include "app/cli/firmware.h"
 
 #include "base/whole_file.h"
-#include "boards/icub/loader.h"
 
 #include <stdio.h>
 
-static enum error_code firmware_write_file(const char *path, const uint16_t *image,
+static enum error_code firmware_write_file(const char *path, const struct board_firmware *firmware,
                                            struct error *error)
 {
     struct whole_file file;
@@ -16,9 +15,9 @@ static enum error_code firmware_write_file(const char *path, const uint16_t *ima
     if (code) {
         return code;
     }
-    for (size_t i = 0; i < (size_t)ICUB_MEMORIES * ICUB_MEMORY_WORDS; i++) {
-        putc(image[i] & 0xff, file.out);
-        putc(image[i] >> 8, file.out);
+    for (size_t i = 0; i < firmware->words; i++) {
+        putc(firmware->image[i] & 0xff, file.out);
+        putc(firmware->image[i] >> 8, file.out);
     }
     return whole_file_close(&file, ERROR_NONE, error);
 }
@@ -46,7 +45,7 @@ enum error_code firmware_write(const struct simulator *simulator, const char *di
         for (char *c = path + start; *c; c++) {
             *c = *c == '/' ? '-' : *c;
         }
-        code = firmware_write_file(path, firmware.image, error);
+        code = firmware_write_file(path, &firmware, error);
         if (code) {
             return code;
         }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the boards of a personality speak, as a page in Markdown: every frame with its fields,
+ * What boards speak, as a page in Markdown: every frame with its fields,
  * units, ranges and answer, and the fault bits, from the tables of the boards (boards/messages.h).
  * Not RT-safe.
  */
@@ -11,9 +11,9 @@
 
 #include <stdio.h>
 
-void protocol_page_print(enum board_personality personality, FILE *out);
+void protocol_page_print(const struct protocol *protocol, FILE *out);
 
 /* The same of a protocol that a file describes. */
-void protocol_page_print_described(const struct described_protocol *protocol, FILE *out);
+void protocol_page_print_described(const struct described_protocol *described, FILE *out);
 
 #endif

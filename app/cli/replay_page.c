@@ -122,6 +122,7 @@ static enum error_code replay_page_serve(const struct replay_page_options *optio
     }
     sem_init(&replay_page_end, 0, 0);
     rig_command_on_stop(replay_page_stop, NULL);
+    page_print_lacks(rig->robot);
     fprintf(stderr, "page: %s\n", viewer_address(page.viewer, false));
     if (config.host && !run_options_is_loopback(config.host)) {
         fprintf(stderr,

@@ -73,6 +73,14 @@ static const struct option_spec options[] = {
      "serve a page that shows and controls the run; HOST is a numeric address, 127.0.0.1 by "
      "default; PORT 0 is any that is free; none: no page, whatever the rig says; see below",
      .value = &read.http},
+    {"--http-linger", OPTION_REAL, "S",
+     "how long the page stays after the run for those who look at it, until they have closed it; "
+     "600 by default, 0 under a service manager; see below",
+     .value = &read.http_linger_s, .min = 0.0, .max = 86400.0, .unit = "seconds"},
+    {"--token-file", OPTION_STRING, "FILE",
+     "keep the tokens of the page, and its port, in this file for the next run; none: make them "
+     "anew; by default in a file for runs in this directory, see below",
+     .value = &read.token_file},
     {"--ready", OPTION_STRING, "FILE",
      "write this file, in one piece, when others can talk to the run, and remove it at the end; it "
      "says where: control socket, gateway, page; see below",
@@ -152,6 +160,7 @@ bool run_options_read(int argc, char **argv, struct run_options *out, int *statu
     list_fault_kinds(kinds);
     manual_insert(manual, sizeof manual, MANUAL_RUN, "@FAULT_KINDS@", kinds);
     read = (struct run_options){.duration_s = INFINITY,
+                                .http_linger_s = -1.0,
                                 .seed = -1,
                                 .clock = -1,
                                 .compile = -1,

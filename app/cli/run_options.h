@@ -12,10 +12,11 @@ enum { RUN_HOST_SIZE = 64 }; /* room for any numeric address */
 
 /* As given; strings are the command line's. */
 struct run_options {
-    const char *rig, *task, *stimulus, *record, *gateway, *control, *http, *ready;
+    const char *rig, *task, *stimulus, *record, *gateway, *control, *http, *ready, *token_file;
     struct task_options input; /* of the task */
     struct option_list bus, fault, set;
     double duration_s;               /* INFINITY = not given */
+    double http_linger_s;            /* -1 = not given */
     int64_t ticks, record_period_ms; /* ticks: 0 = not given */
     int64_t seed;                    /* -1 = the rig's */
     int clock, overrun, hold, wire;  /* -1 = the rig's */

@@ -233,6 +233,11 @@ bool control_next_event(struct control *control, uint64_t *key, char *text, size
     return true;
 }
 
+bool control_has_stopped(const struct control *control)
+{
+    return control && atomic_load(&control->stopped);
+}
+
 void control_stop(struct control *control)
 {
     if (control) {

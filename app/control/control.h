@@ -121,6 +121,9 @@ const char *control_path(const struct control *control);
  * none waits. From one thread. */
 bool control_next_event(struct control *control, uint64_t *key, char *text, size_t size);
 
+/* Whether a client has ended the run, or would if it had not ended before. NULL is allowed. */
+bool control_has_stopped(const struct control *control);
+
 /* When the loop has ended: answers every request that still waits with "ended", closes every
  * connection and removes the socket. NULL is allowed. */
 void control_stop(struct control *control);

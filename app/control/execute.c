@@ -208,6 +208,7 @@ static json_t *answer_get(const struct control *control, const struct control_re
 static json_t *answer_stop(struct control *control, const struct control_client *client)
 {
     control_log(control, KEY_STOP, "control: process %ld ends the run", (long)client->pid);
+    atomic_store(&control->stopped, true);
     simulator_stop(control->config.simulator);
     return json_object();
 }
@@ -324,7 +325,9 @@ static const char *verdict_text(const struct control *control, enum control_comm
                "start the task as a process (coman-hil task), or run with --clock free or lockstep";
     }
     if (verdict == STEER_CLOCK && command == CONTROL_SPEED) {
-        return "only the real clock has a speed";
+        return simulator_configuration(control->config.simulator)->clock == LOOP_CLOCK_REAL
+                   ? "the task has a thread of its own, which needs a speed greater than 0"
+                   : "only the real clock has a speed";
     }
     return steer_verdict_text(verdict);
 }

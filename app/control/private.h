@@ -73,9 +73,10 @@ struct control {
     struct control_config config;
     const struct rig *rig;
     struct control_socket socket;
-    struct arena arena; /* of all this: its own, for the simulator's is sealed while we run */
-    int event;          /* eventfd: order has changed */
-    _Atomic int order;  /* enum control_order */
+    struct arena arena;  /* of all this: its own, for the simulator's is sealed while we run */
+    int event;           /* eventfd: order has changed */
+    _Atomic int order;   /* enum control_order */
+    atomic_bool stopped; /* a client has ended the run */
     pthread_t thread;
     int64_t patience_ns;
     int64_t now_ns; /* of this turn */

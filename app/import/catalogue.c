@@ -113,6 +113,12 @@ static enum error_code drive_pick_read(const char *option, struct arena *arena,
     return code ? code : robot_load_drive(path, arena, &pick->drive, error);
 }
 
+/* Whether a joint has a drive: it turns, and follows no other. */
+static bool joint_takes_drive(const struct robot *robot, size_t j)
+{
+    return robot->joint[j].type == JOINT_REVOLUTE && !robot_find_coupling(robot, j);
+}
+
 /* No joint that turns has such a name. */
 static enum error_code drive_pick_refuse(const struct drive_pick *pick, const struct robot *robot,
                                          struct arena *arena, struct error *error)
@@ -124,7 +130,7 @@ static enum error_code drive_pick_refuse(const struct drive_pick *pick, const st
         return error_set(error, ERROR_MEMORY, "no memory for the drives");
     }
     for (size_t j = 0; j < robot->njoint; j++) {
-        if (robot->joint[j].type == JOINT_REVOLUTE) {
+        if (joint_takes_drive(robot, j)) {
             name[count++] = robot->joint[j].name;
         }
     }
@@ -155,7 +161,7 @@ enum error_code import_pick_drives(const struct import_options *options, struct 
             return code;
         }
         for (size_t j = 0; j < robot->njoint; j++) {
-            if (robot->joint[j].type == JOINT_REVOLUTE &&
+            if (joint_takes_drive(robot, j) &&
                 fnmatch(pick.pattern, robot->joint[j].name, 0) == 0) {
                 to->drive[j] = pick.drive;
                 to->drive_file[j] = pick.file;

@@ -5,6 +5,8 @@
 #include "app/import/catalogue.h"
 #include "app/import/cylinder.h"
 #include "app/import/shapes.h"
+#include "app/import/stiffness.h"
+#include "app/import/trial.h"
 #include "base/count.h"
 #include "base/vec3.h"
 #include "model/dynamics.h"
@@ -18,6 +20,7 @@
 #define CARRY_TIMES 1.5        /* of what a joint bears in a pose: the least strength */
 #define UPRIGHT_TIMES 1.5      /* of what tips a standing robot over a joint: the least stiffness */
 #define FOOT_M 0.02            /* what ends so near the ground stands on it */
+#define STRENGTH_MOST_NM 1e6   /* that a robot file takes */
 #define SPEED_RAD_S (2.0 * M_PI)
 #define SPEED_MOST_RAD_S 100.0
 #define GEAR 100.0
@@ -80,6 +83,7 @@ static enum error_code robot_find_statics(const struct robot *robot, struct aren
             q[robot->nq - robot->njoint + j] = robot->pose[p].joint[j];
         }
         d.ops->inverse(&d, q, v, vdot, NULL, f);
+        import_lead_torques(robot, f + first);
         for (size_t j = 0; j < robot->njoint; j++) {
             bears[j] = fmax(bears[j], fabs(f[first + j]));
         }
@@ -199,6 +203,18 @@ static void drive_take(const struct import_robot *from, size_t j, double bears, 
     }
 }
 
+/* What moves a follower is what its leader can give it. */
+static void limit_followers(struct robot *robot)
+{
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+
+        robot->joint[coupling->follower].torque_limit =
+            fmin(robot->joint[coupling->leader].torque_limit / fabs(coupling->multiplier),
+                 STRENGTH_MOST_NM);
+    }
+}
+
 enum error_code import_assume_drives(struct import_robot *from, struct arena *arena,
                                      struct import_notes *notes, double *supply_v,
                                      struct error *error)
@@ -221,10 +237,14 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
         return code;
     }
     robot_find_loads(robot, reach, load);
+    import_lead_loads(robot, load);
     for (size_t j = 0; j < robot->njoint; j++) {
         most = fmax(most, load[j]);
     }
     for (size_t j = 0; j < robot->njoint; j++) {
+        if (robot_find_coupling(robot, j)) {
+            continue;
+        }
         if (from->drive[j] && !import_takes_cylinder(from, j)) {
             strength[j] = import_drive_torque(from->drive[j]);
         } else if (!from->drive[j]) {
@@ -242,7 +262,7 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
         struct robot_joint *joint = &robot->joint[j];
         const struct import_joint *source = from->source[j];
 
-        if (import_takes_cylinder(from, j)) {
+        if (import_takes_cylinder(from, j) || robot_find_coupling(robot, j)) {
             continue;
         }
         joint->torque_limit = strength[j];
@@ -268,88 +288,17 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
                             source->friction, source->name);
         }
     }
-    return ERROR_NONE;
+    limit_followers(robot);
+    return import_stiffen_couplings(from, arena, notes, error);
 }
 
 /* ---- gains ---- */
 
-/* The robot at rest in a pose, and scratch of its size. */
-struct gain_trial {
-    struct dynamics dynamics;
-    double *q, *v, *tau, *extra, *still, *vdot, *force;
-    struct added_inertia *none;
-    struct wrench *ext;
-};
-
-static enum error_code gain_trial_make(const struct robot *robot, const double *joint,
-                                       struct arena *arena, struct gain_trial *t,
-                                       struct error *error)
-{
-    const size_t n = robot->njoint + BASE_Q_COUNT;
-
-    t->q = arena_alloc(arena, n, sizeof *t->q);
-    t->v = arena_alloc(arena, n, sizeof *t->v);
-    t->tau = arena_alloc(arena, n, sizeof *t->tau);
-    t->extra = arena_alloc(arena, n, sizeof *t->extra);
-    t->still = arena_alloc(arena, n, sizeof *t->still);
-    t->vdot = arena_alloc(arena, n, sizeof *t->vdot);
-    t->force = arena_alloc(arena, n, sizeof *t->force);
-    t->none = arena_alloc(arena, robot->nbody, sizeof *t->none);
-    t->ext = arena_alloc(arena, robot->nbody, sizeof *t->ext);
-    if (!t->q || !t->v || !t->tau || !t->extra || !t->still || !t->vdot || !t->force || !t->none ||
-        !t->ext) {
-        return error_set(error, ERROR_MEMORY, "no memory for the gains");
-    }
-    if (robot->floating) {
-        t->q[BASE_Q_QUATERNION] = 1.0;
-    }
-    for (size_t j = 0; j < robot->njoint; j++) {
-        t->q[robot->nq - robot->njoint + j] = joint[j];
-        t->extra[j] = robot->joint[j].sea.present ? robot->joint[j].sea.J : 0.0;
-    }
-    return dynamics_generic(robot, arena, &t->dynamics, error);
-}
-
-static void gain_trial_accelerate(struct gain_trial *t, double *vdot)
-{
-    const struct dynamics *d = &t->dynamics;
-
-    d->ops->implicit(d, t->q, t->v, t->tau, t->ext, t->extra, t->none, vdot);
-}
-
-/* 1 / the acceleration of joint j by a unit torque on it. */
-static double gain_trial_inertia(struct gain_trial *t, size_t j)
-{
-    const struct robot *robot = t->dynamics.robot;
-    const size_t at = robot->nv - robot->njoint + j;
-
-    t->tau[j] = 1.0;
-    gain_trial_accelerate(t, t->vdot);
-    t->tau[j] = 0.0;
-    return 1.0 / (t->vdot[at] - t->still[at]);
-}
-
-/* The torque that accelerates joint j by a unit while the others are held: the inertia of all that
- * is behind it. */
-static double gain_trial_held_inertia(struct gain_trial *t, size_t j)
-{
-    const struct dynamics *d = &t->dynamics;
-    const size_t at = d->robot->nv - d->robot->njoint + j;
-    double torque;
-
-    memset(t->vdot, 0, d->robot->nv * sizeof *t->vdot);
-    d->ops->inverse(d, t->q, t->v, t->vdot, NULL, t->force);
-    torque = t->force[at];
-    t->vdot[at] = 1.0;
-    d->ops->inverse(d, t->q, t->v, t->vdot, NULL, t->force);
-    return t->force[at] - torque;
-}
-
 /* What swings on the oil of a joint: all behind it, or half of a robot that may stand on it. */
-static double gain_trial_oil_load(struct gain_trial *t, size_t j, double reach)
+static double find_oil_load(struct import_trial *t, size_t j, double reach)
 {
     const struct robot *robot = t->dynamics.robot;
-    const double held = gain_trial_held_inertia(t, j);
+    const double held = import_trial_held_inertia(t, j);
 
     return robot->floating ? fmax(held, 0.5 * robot->total_mass * reach * reach) : held;
 }
@@ -416,13 +365,13 @@ enum error_code import_find_gains(const struct robot *robot, const double *joint
     const size_t n = robot->njoint + 1;
     double *reach = arena_alloc(arena, n, sizeof *reach),
            *load = arena_alloc(arena, n, sizeof *load), *tips = arena_alloc(arena, n, sizeof *tips);
-    struct gain_trial trial;
+    struct import_trial trial;
     enum error_code code;
 
     if (!reach || !load || !tips) {
         return error_set(error, ERROR_MEMORY, "no memory for the gains");
     }
-    code = gain_trial_make(robot, joint, arena, &trial, error);
+    code = import_trial_make(robot, joint, arena, &trial, error);
     if (!code && stands) {
         code = robot_find_tipping(robot, joint, arena, tips, error);
     }
@@ -430,15 +379,16 @@ enum error_code import_find_gains(const struct robot *robot, const double *joint
         return code;
     }
     robot_find_loads(robot, reach, load);
-    gain_trial_accelerate(&trial, trial.still);
+    import_lead_stiffnesses(robot, load);
+    import_lead_stiffnesses(robot, tips);
     for (size_t j = 0; j < robot->njoint; j++) {
-        double I = gain_trial_inertia(&trial, j);
+        double I = import_trial_inertia(&trial, j);
 
         if (robot->joint[j].sea.present && I > 0.0 && isfinite(I)) {
             gains[j] = gains_choose(&robot->joint[j].sea, I, load[j], tips[j]);
         } else if (robot->joint[j].hydraulic.present) {
             gains[j] =
-                import_cylinder_gains(robot, j, joint[j], gain_trial_oil_load(&trial, j, reach[j]));
+                import_cylinder_gains(robot, j, joint[j], find_oil_load(&trial, j, reach[j]));
         }
     }
     return ERROR_NONE;

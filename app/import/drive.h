@@ -14,6 +14,9 @@
  * rotor comes to that speed in 20 ms with full strength; friction takes 2 % of it; the gear gives
  * way by 10 mrad under it (Ks), with Ds = 0.5 ms Ks; L = 0.5 ms R.
  *
+ * Joints that follow others have no drive: what they bear their leaders' drives bear, and their
+ * couplings are as stiff as stiffness.h says.
+ *
  * Not RT-safe.
  */
 #ifndef APP_IMPORT_DRIVE_H

@@ -270,7 +270,7 @@ static enum error_code import_write_bench(struct importer *m)
         return error_set(m->error, ERROR_MEMORY, "no memory for the gains");
     }
     rig.gains = gains;
-    if ((code = import_plan_buses(rig.robot, m->request->personality, &m->plan, m->error)) ||
+    if ((code = import_plan_buses(rig.robot, &m->request->boards, &m->plan, m->error)) ||
         (code = import_choose_poses(m, &rig)) ||
         (code = import_find_gains(rig.robot,
                                   rig.robot->pose[robot_find_pose(rig.robot, rig.pose)].joint,

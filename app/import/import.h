@@ -18,7 +18,7 @@ struct import_request {
     const char *file, *srdf; /* srdf may be NULL */
     const char *folder;      /* made when it is not there; its parent is */
     const char *pose;        /* to start in, by name; NULL: chosen */
-    enum import_personality personality;
+    struct import_boards boards;
     bool force; /* writes over the robot and the rigs of an import before */
     struct import_options options;
     struct import_packages packages;

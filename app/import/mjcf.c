@@ -636,7 +636,7 @@ enum error_code mjcf_read(const struct xml_file *file, const struct import_packa
     }
     mjcf_find_imu(&r);
     if ((code = mjcf_read_worlds(&r)) || (code = mjcf_check_names(&r)) ||
-        (code = mjcf_read_actuators(&r))) {
+        (code = mjcf_read_actuators(&r)) || (code = mjcf_read_couplings(&r))) {
         return code;
     }
     return mjcf_read_keys(&r);

@@ -318,23 +318,98 @@ enum error_code mjcf_read_actuators(const struct mjcf_reader *r)
             most = fmax(fabs(control[0]), fabs(control[1]));
         }
         most *= fabs(gear[0]);
+        r->model->joint[joint].driven = true;
         r->model->joint[joint].effort = most > 0.0 ? most : r->model->joint[joint].effort;
     }
+    return code;
+}
+
+/* The joint that an attribute of an equality names; -1 = it names none. */
+static enum error_code mjcf_find_coupled(const struct mjcf_reader *r, const xmlNode *node,
+                                         const char *attribute, int *joint)
+{
+    const char *name = xml_attribute(node, attribute);
+
+    *joint = name ? import_find_joint(r->model, name) : -1;
+    return name && *joint < 0
+               ? mjcf_refuse(r, node, "found %s \"%.63s\" of an equality, expected a joint",
+                             attribute, name)
+               : ERROR_NONE;
+}
+
+/* One joint of an equality follows the other: the first, as the file says, unless that has the
+ * actuator or follows another joint already and a straight line can be read either way. */
+static enum error_code mjcf_lead(const struct mjcf_reader *r, const xmlNode *node, int first,
+                                 int second, const double polynomial[5])
+{
+    const bool bends = polynomial[2] != 0.0 || polynomial[3] != 0.0 || polynomial[4] != 0.0;
+    struct import_joint *follower = &r->model->joint[first], *leader = &r->model->joint[second];
+    double multiplier = polynomial[1], offset = polynomial[0];
+
+    if (!bends && multiplier != 0.0 && !leader->mimic && !leader->driven &&
+        (follower->driven || follower->mimic)) {
+        struct import_joint *other = follower;
+
+        follower = leader;
+        leader = other;
+        offset = -offset / multiplier;
+        multiplier = 1.0 / multiplier;
+    }
+    if (follower->mimic) {
+        return mjcf_refuse(r, node,
+                           "found joint \"%.63s\" of an equality, which follows \"%.63s\" already "
+                           "(line %d), expected one equality for each joint that follows",
+                           follower->name, follower->mimic, follower->mimic_line);
+    }
+    follower->mimic = leader->name;
+    follower->mimic_file = mjcf_file(r, node);
+    follower->mimic_line = xml_line(node);
+    follower->offset = offset;
+    follower->multiplier = multiplier;
+    follower->bends = bends;
+    return ERROR_NONE;
+}
+
+/* An equality between two joints, or of one joint and a constant, which then has no range. */
+static enum error_code mjcf_read_coupling(const struct mjcf_reader *r, const xmlNode *node)
+{
+    const char *active = xml_attribute(node, "active");
+    double polynomial[5] = {0, 1, 0, 0, 0};
+    struct import_joint *constant;
+    size_t count;
+    int first, second;
+    enum error_code code;
+
+    if (active && !strcmp(active, "false")) {
+        import_note_add(r->notes, IMPORT_DROPPED, xml_name(r->file, node), xml_line(node),
+                        "equality <joint>: it is not active");
+        return ERROR_NONE;
+    }
+    if ((code = mjcf_find_coupled(r, node, "joint1", &first)) ||
+        (code = mjcf_find_coupled(r, node, "joint2", &second)) ||
+        (code = mjcf_some_reals(r, node, NULL, "polycoef", 5, polynomial, &count))) {
+        return code;
+    }
+    if (first < 0) {
+        return mjcf_refuse(r, node, "found an equality without joint1, expected it");
+    }
+    if (second >= 0) {
+        return mjcf_lead(r, node, first, second, polynomial);
+    }
+    constant = &r->model->joint[first];
+    constant->type = constant->type == IMPORT_CONTINUOUS ? IMPORT_REVOLUTE : constant->type;
+    constant->has_limit = true;
+    constant->lower = constant->upper = polynomial[0];
+    return ERROR_NONE;
+}
+
+enum error_code mjcf_read_couplings(const struct mjcf_reader *r)
+{
+    enum error_code code = ERROR_NONE;
+
     for (const xmlNode *node = mjcf_next(r, "equality", "joint", NULL); node && !code;
          node = mjcf_next(r, "equality", "joint", node)) {
-        const char *one = xml_attribute(node, "joint1"), *two = xml_attribute(node, "joint2");
-        int follower = one ? import_find_joint(r->model, one) : -1;
-        int leader = two ? import_find_joint(r->model, two) : -1;
-        double polynomial[5] = {0, 1, 0, 0, 0};
-
-        if (follower >= 0 && leader >= 0) {
-            code = xml_reals(r->file, node, "polycoef", 5, polynomial, NULL, r->error);
-            r->model->joint[follower].mimic = r->model->joint[leader].name;
-            r->model->joint[follower].mimic_file = mjcf_file(r, node);
-            r->model->joint[follower].mimic_line = xml_line(node);
-            r->model->joint[follower].offset = polynomial[0];
-            r->model->joint[follower].multiplier = polynomial[1];
-        }
+        code = mjcf_read_coupling(r, node);
     }
     return code;
 }

@@ -90,8 +90,9 @@ bool mjcf_axes_to_rotation(const double axes[6], double R[9]);
 enum error_code mjcf_read_geom(const struct mjcf_reader *r, const xmlNode *node,
                                const char *childclass, int link, struct robot_inertia *inertia);
 
-/* Actuators and keyframes, when all joints are known. */
+/* Actuators, equalities between joints, and keyframes, when all joints are known. */
 enum error_code mjcf_read_actuators(const struct mjcf_reader *r);
+enum error_code mjcf_read_couplings(const struct mjcf_reader *r);
 enum error_code mjcf_read_keys(const struct mjcf_reader *r);
 
 #endif

@@ -85,6 +85,8 @@ struct import_joint {
     const char *mimic_file;
     int mimic_line;
     double multiplier, offset;
+    bool bends;  /* ... by more than a multiplier and an offset */
+    bool driven; /* the file has an actuator for it */
 };
 
 enum import_sensor_kind { IMPORT_FT, IMPORT_IMU };

@@ -2,17 +2,31 @@
 /* Which joint is on which bus. */
 #include "app/import/plan.h"
 
-/* Axes of one bus at IMPORT_BUS_LOAD or less, with a board for an F/T sensor beside them: icub 75 %
- * with six at 2 ms, foc 61 % with two, compact 76 % with three, over CAN FD 62 % with twelve. */
-static const size_t axes_most[] = {
-    [IMPORT_ICUB] = 6,
-    [IMPORT_FOC] = 2,
-    [IMPORT_COMPACT] = 3,
-    [IMPORT_COMPACT_FD] = 12,
-};
+#include "boards/protocols.h"
 
-/* The same of servo valves, 70 %: one board. */
+#include <stdio.h>
+
+/* Servo valves of one bus at IMPORT_BUS_LOAD or less, 70 %: one board. */
 enum { VALVES_MOST = 4 };
+
+/* The most that a bus carries with any protocol; word: what the option calls it. */
+static size_t find_roomiest(char *word, size_t size)
+{
+    const struct protocol *protocol;
+    size_t most = 0;
+
+    for (size_t i = 0; (protocol = protocol_at(i)); i++) {
+        for (int fd = 0; fd < 2; fd++) {
+            size_t axes = fd ? protocol->bench_fd.bus_axes : protocol->bench.bus_axes;
+
+            if (axes > most) {
+                most = axes;
+                snprintf(word, size, "%s%s", protocol->name, fd ? "-fd" : "");
+            }
+        }
+    }
+    return most;
+}
 
 /* The first body of the limb that a body is part of: the one below where the tree branched last. */
 static int body_find_limb(const struct robot *robot, int body)
@@ -36,11 +50,13 @@ static enum error_code plan_add_bus(struct import_plan *plan, struct import_bus 
                                     struct error *error)
 {
     if (plan->nbus == IMPORT_BUSES_MAX) {
-        return error_set(
-            error, ERROR_INPUT,
-            "found more joints than %d buses carry, expected fewer: give --personality "
-            "compact-fd, of which a bus carries %zu",
-            IMPORT_BUSES_MAX, axes_most[IMPORT_COMPACT_FD]);
+        char word[40];
+        size_t most = find_roomiest(word, sizeof word);
+
+        return error_set(error, ERROR_INPUT,
+                         "found more joints than %d buses carry, expected fewer: give "
+                         "--personality %s, of which a bus carries %zu",
+                         IMPORT_BUSES_MAX, word, most);
     }
     *bus = &plan->bus[plan->nbus++];
     **bus = (struct import_bus){.ft = -1};
@@ -136,13 +152,16 @@ static enum error_code plan_add_sensors(const struct robot *robot, struct import
     return code;
 }
 
-enum error_code import_plan_buses(const struct robot *robot, enum import_personality personality,
+enum error_code import_plan_buses(const struct robot *robot, const struct import_boards *boards,
                                   struct import_plan *plan, struct error *error)
 {
     enum error_code code;
 
-    *plan = (struct import_plan){.personality = personality};
-    code = plan_add_joints(robot, axes_most[personality], false, plan, error);
+    *plan = (struct import_plan){
+        .boards = *boards,
+        .bench = boards->fd ? &boards->protocol->bench_fd : &boards->protocol->bench,
+    };
+    code = plan_add_joints(robot, plan->bench->bus_axes, false, plan, error);
     code = code ? code : plan_add_joints(robot, VALVES_MOST, true, plan, error);
     if (!code && plan->nbus == 0) {
         return error_set(error, ERROR_INPUT,

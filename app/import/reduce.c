@@ -9,8 +9,6 @@
 #include <math.h>
 #include <string.h>
 
-/* Turns either way of a joint without limits: far more than a run of it makes. */
-#define TURNS_MAX 50.0
 /* Mass of a body that the file gives none: robot files want more than 0. */
 #define NO_MASS_KG 1e-15
 
@@ -141,11 +139,6 @@ enum error_code reduce_check_inertia(struct reducer *r, const struct import_link
 
 /* ---- bodies and joints ---- */
 
-static bool joint_is_rigid(const struct reducer *r, int joint)
-{
-    return r->out->fixed[joint] || r->model->joint[joint].type == IMPORT_FIXED;
-}
-
 /* A new body for a link that a joint moves. */
 static enum error_code reduce_add_body(struct reducer *r, int link, const struct import_joint *from,
                                        int parent, const struct import_place *parent_place)
@@ -153,6 +146,7 @@ static enum error_code reduce_add_body(struct reducer *r, int link, const struct
     struct robot *robot = r->out->robot;
     const struct import_link *source = &r->model->link[link];
     struct robot_joint *joint = &robot->joint[robot->njoint];
+    const size_t own = (size_t)(from - r->model->joint);
     double length = vec3_norm(from->axis);
     struct import_place place;
     enum error_code code;
@@ -169,7 +163,8 @@ static enum error_code reduce_add_body(struct reducer *r, int link, const struct
 
     /* The joint, at the place of its parent link in its body */
     r->out->source[robot->njoint] = from;
-    r->out->rest[robot->njoint] = reduce_rest(from);
+    r->out->rest[robot->njoint] =
+        reduce_is_coupled(r, own) ? reduce_follow(r, own) : reduce_rest(r, own);
     import_place_compose(parent_place, &from->place, &place);
     memcpy(joint->origin, place.xyz, sizeof joint->origin);
     memcpy(joint->rotation, place.R, sizeof joint->rotation);
@@ -180,12 +175,12 @@ static enum error_code reduce_add_body(struct reducer *r, int link, const struct
     joint->lower = from->lower;
     joint->upper = from->upper;
     if (!from->has_limit || from->type == IMPORT_CONTINUOUS) {
-        joint->lower = -2.0 * M_PI * TURNS_MAX;
-        joint->upper = 2.0 * M_PI * TURNS_MAX;
+        joint->lower = -2.0 * M_PI * REDUCE_TURNS_MAX;
+        joint->upper = 2.0 * M_PI * REDUCE_TURNS_MAX;
         import_note_add(r->notes, IMPORT_CHANGED, from->file, from->line,
                         "joint \"%.63s\" turns for ever: it has the range of %g turns either way, "
                         "without stops",
-                        from->name, TURNS_MAX);
+                        from->name, REDUCE_TURNS_MAX);
     }
     robot->njoint++;
     return ERROR_NONE;
@@ -211,7 +206,7 @@ static enum error_code reduce_place_links(struct reducer *r)
             code = import_make_name(model->link[link].file, model->link[link].name,
                                     model->link[link].line, "body", r->arena, r->notes,
                                     &robot->body[0].name, r->error);
-        } else if (joint_is_rigid(r, above)) {
+        } else if (reduce_is_rigid(r, (size_t)above)) {
             reduce_place_child(joint, r->at[above], &place);
             r->out->body[link] = r->out->body[joint->parent_link];
             import_place_compose(&r->out->place[joint->parent_link], &place, &r->out->place[link]);
@@ -252,7 +247,7 @@ static enum error_code reduce_sum_inertias(struct reducer *r)
         struct robot_inertia *inertia = &robot->body[r->out->body[link]].inertia;
 
         /* The first link of each body stands for it */
-        if (i > 0 && joint_is_rigid(r, r->above[link])) {
+        if (i > 0 && reduce_is_rigid(r, (size_t)r->above[link])) {
             continue;
         }
         code = reduce_check_inertia(r, source, inertia);
@@ -365,7 +360,8 @@ enum error_code import_reduce(const struct import_model *model,
 
     *out = (struct import_robot){0};
     if ((code = reduce_make_room(&r)) || (code = reduce_find_tree(&r)) ||
-        (code = reduce_fix_joints(&r)) || (code = reduce_place_links(&r))) {
+        (code = reduce_fix_joints(&r)) || (code = reduce_place_links(&r)) ||
+        (code = reduce_add_couplings(&r))) {
         return code;
     }
     out->robot->file = model->file;

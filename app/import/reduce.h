@@ -12,8 +12,13 @@
 
 enum import_base { IMPORT_BASE_GUESS, IMPORT_BASE_FIXED, IMPORT_BASE_FLOATING };
 
-/* What becomes of joints that follow another one, which no mechanism here can make them do. */
-enum import_mimic { IMPORT_MIMIC_REFUSE, IMPORT_MIMIC_LOCK, IMPORT_MIMIC_FREE };
+/* What becomes of joints that follow another one. */
+enum import_mimic {
+    IMPORT_MIMIC_REFUSE,
+    IMPORT_MIMIC_LOCK,
+    IMPORT_MIMIC_FREE,
+    IMPORT_MIMIC_COUPLE,
+};
 
 struct import_options {
     int base, mimic;         /* of the enums above */
@@ -28,7 +33,8 @@ struct import_options {
 /* A robot of ours and where its parts come from. */
 struct import_robot {
     const struct import_model *model;
-    struct robot *robot;                /* without drives, stops and capsules; not yet finished */
+    struct robot *robot; /* without drives, stops and capsules, couplings without their stiffness;
+                          * not yet finished */
     const struct import_joint **source; /* by joint of the robot */
     double *rest;               /* by joint of the robot: 0 or the nearest that is allowed */
     int *body;                  /* by link of the model; -1: the world that a base floats in */

@@ -228,15 +228,19 @@ static enum error_code reduce_add_pose(struct reducer *r, const struct import_po
     for (size_t j = 0; j < robot->njoint; j++) {
         const struct import_value *value = pose_find_value(source, r->out->source[j]->name);
         const struct robot_joint *joint = &robot->joint[j];
+        const size_t own = (size_t)(r->out->source[j] - r->model->joint);
+        const double lower = fmax(joint->lower, r->lower[own]);
+        const double upper = fmin(joint->upper, r->upper[own]);
 
         position[j] = value ? value->value : r->out->rest[j];
-        if (position[j] < joint->lower || position[j] > joint->upper) {
-            position[j] = fmin(fmax(position[j], joint->lower), joint->upper);
+        if (position[j] < lower || position[j] > upper) {
+            position[j] = fmin(fmax(position[j], lower), upper);
             import_note_add(r->notes, IMPORT_CHANGED, source->file, source->line,
                             "pose \"%.63s\": joint \"%.63s\" is at its limit %g, not at %g",
                             pose->name, joint->name, position[j], value ? value->value : 0.0);
         }
     }
+    reduce_align_pose(r, source, position);
     pose->base_quaternion[0] = 1.0;
     pose->joint = position;
     robot->npose++;

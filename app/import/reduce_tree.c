@@ -181,19 +181,6 @@ enum error_code reduce_find_tree(struct reducer *r)
 
 /* ---- which joints move ---- */
 
-/* Beyond a limit by so much of the range, or by 0.1 rad or m of a wide one. */
-#define REST_INSIDE 0.05
-
-double reduce_rest(const struct import_joint *joint)
-{
-    double inside = fmin(REST_INSIDE * (joint->upper - joint->lower), 0.1);
-
-    if (!joint->has_limit || (joint->lower <= 0.0 && joint->upper >= 0.0)) {
-        return 0.0;
-    }
-    return joint->lower > 0.0 ? joint->lower + inside : joint->upper - inside;
-}
-
 void reduce_place_child(const struct import_joint *joint, double q, struct import_place *place)
 {
     double turn[9], slide[3], axis[3], length = vec3_norm(joint->axis);
@@ -214,7 +201,7 @@ void reduce_place_child(const struct import_joint *joint, double q, struct impor
     }
 }
 
-static void reduce_fix_joint(struct reducer *r, size_t j, double at, const char *why)
+void reduce_fix_joint(struct reducer *r, size_t j, double at, const char *why)
 {
     const struct import_joint *joint = &r->model->joint[j];
 
@@ -248,10 +235,10 @@ static enum error_code reduce_check_limit(struct reducer *r, size_t j)
     }
     if (joint->lower == joint->upper) {
         reduce_fix_joint(r, j, joint->lower, "both limits are there");
-    } else if (joint->lower > 0.0 || joint->upper < 0.0) {
+    } else if ((joint->lower > 0.0 || joint->upper < 0.0) && !reduce_is_coupled(r, j)) {
         import_note_add(r->notes, IMPORT_CHANGED, joint->file, joint->line,
                         "joint \"%.63s\" rests at %g: its limits %g to %g exclude 0", joint->name,
-                        reduce_rest(joint), joint->lower, joint->upper);
+                        reduce_rest(r, j), joint->lower, joint->upper);
     }
     return ERROR_NONE;
 }
@@ -261,7 +248,7 @@ static void reduce_fix_slide(struct reducer *r, size_t j)
 {
     const struct import_joint *joint = &r->model->joint[j];
 
-    if (joint->type != IMPORT_PRISMATIC || r->out->fixed[j]) {
+    if (joint->type != IMPORT_PRISMATIC || r->out->fixed[j] || reduce_is_coupled(r, j)) {
         return;
     }
     if (r->options->free_slides) {
@@ -271,46 +258,8 @@ static void reduce_fix_slide(struct reducer *r, size_t j)
                         joint->name);
         return;
     }
-    reduce_fix_joint(r, j, reduce_rest(joint),
+    reduce_fix_joint(r, j, reduce_rest(r, j),
                      "it slides, and drives turn; --prismatic free lets it slide without one");
-}
-
-/* Joints that follow another. */
-static enum error_code reduce_fix_mimic(struct reducer *r, size_t j)
-{
-    const struct import_joint *joint = &r->model->joint[j];
-    int leader = joint->mimic ? import_find_joint(r->model, joint->mimic) : -1;
-    double at;
-
-    if (leader < 0 || r->out->fixed[j] || joint->type == IMPORT_FIXED) {
-        return ERROR_NONE;
-    }
-    at = r->out->fixed[leader] ? r->at[leader] : reduce_rest(&r->model->joint[leader]);
-    at = joint->multiplier * at + joint->offset;
-    if (joint->has_limit) {
-        at = fmin(fmax(at, joint->lower), joint->upper);
-    }
-    if (r->out->fixed[leader]) {
-        reduce_fix_joint(r, j, at, "it follows a joint that is fixed");
-        return ERROR_NONE;
-    }
-    switch (r->options->mimic) {
-    case IMPORT_MIMIC_LOCK:
-        reduce_fix_joint(r, j, at, "it follows another, and --mimic lock holds it there");
-        return ERROR_NONE;
-    case IMPORT_MIMIC_FREE:
-        import_note_add(r->notes, IMPORT_CHANGED, joint->mimic_file, joint->mimic_line,
-                        "joint \"%.63s\" no longer follows \"%.63s\": it moves on its own "
-                        "(--mimic free)",
-                        joint->name, joint->mimic);
-        return ERROR_NONE;
-    default:
-        return import_error(r->error, joint->mimic_file, joint->mimic_line,
-                            "found joint \"%.63s\" that follows \"%.63s\", which no mechanism here "
-                            "makes it do: give --mimic lock to fix all such joints where they "
-                            "rest, or --mimic free to let them move on their own",
-                            joint->name, joint->mimic);
-    }
 }
 
 /* Floating and planar joints: only the base floats. */
@@ -351,7 +300,7 @@ static enum error_code reduce_fix_massless(struct reducer *r)
         mass[model->joint[above].parent_link] += mass[link];
         if (mass[link] == 0.0 && !r->out->fixed[above] &&
             model->joint[above].type != IMPORT_FIXED) {
-            reduce_fix_joint(r, (size_t)above, reduce_rest(&model->joint[above]),
+            reduce_fix_joint(r, (size_t)above, reduce_follow(r, (size_t)above),
                              "nothing that it moves has mass");
         }
     }
@@ -372,7 +321,7 @@ static enum error_code reduce_fix_named(struct reducer *r)
                              r->options->lock[i], model->file);
         }
         if (!r->out->fixed[j] && model->joint[j].type != IMPORT_FIXED) {
-            reduce_fix_joint(r, (size_t)j, reduce_rest(&model->joint[j]), "--lock says so");
+            reduce_fix_joint(r, (size_t)j, reduce_rest(r, (size_t)j), "--lock says so");
         }
     }
     return ERROR_NONE;
@@ -402,22 +351,17 @@ static enum error_code reduce_check_count(struct reducer *r)
 enum error_code reduce_fix_joints(struct reducer *r)
 {
     const struct import_model *model = r->model;
-    enum error_code code;
+    enum error_code code = reduce_find_followers(r);
 
-    for (size_t j = 0; j < model->njoint; j++) {
+    for (size_t j = 0; j < model->njoint && !code; j++) {
         if ((code = reduce_check_free(r, &model->joint[j])) || (code = reduce_check_limit(r, j))) {
             return code;
         }
         reduce_fix_slide(r, j);
     }
-    if ((code = reduce_fix_named(r))) {
+    if (code || (code = reduce_fix_named(r)) || (code = reduce_narrow_leaders(r)) ||
+        (code = reduce_fix_massless(r)) || (code = reduce_settle_followers(r))) {
         return code;
     }
-    for (size_t j = 0; j < model->njoint; j++) {
-        if ((code = reduce_fix_mimic(r, j))) {
-            return code;
-        }
-    }
-    code = reduce_fix_massless(r);
-    return code ? code : reduce_check_count(r);
+    return reduce_check_count(r);
 }

@@ -7,14 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { ICUB_TORQUE_ADDRESS = 0x0c, ICUB_FT_ADDRESS = 0x0d, FIRST_FREE = 8, FD_AXES = 4 };
-
-static const char *const personality_word[] = {
-    [IMPORT_ICUB] = "icub",
-    [IMPORT_FOC] = "foc",
-    [IMPORT_COMPACT] = "compact",
-    [IMPORT_COMPACT_FD] = "compact",
-};
+enum { INERTIAL_ADDRESS = 8 };
 
 /* ---- boards ---- */
 
@@ -34,12 +27,10 @@ static void write_valves(FILE *out, const struct import_rig *rig, const struct i
     fputs("]}\n", out);
 }
 
-/* The boards of the motors, with as many axes each as the personality has. */
+/* The boards of the motors, with as many axes each as the protocol has. */
 static void write_motors(FILE *out, const struct import_rig *rig, const struct import_bus *bus)
 {
-    static const size_t axes[] = {
-        [IMPORT_ICUB] = 2, [IMPORT_FOC] = 1, [IMPORT_COMPACT] = 1, [IMPORT_COMPACT_FD] = FD_AXES};
-    const size_t step = axes[rig->plan->personality];
+    const size_t step = rig->plan->bench->board_axes;
     unsigned address = 1;
 
     for (size_t first = 0; first < bus->njoint; first += step, address++) {
@@ -60,15 +51,15 @@ static void write_motors(FILE *out, const struct import_rig *rig, const struct i
 static void write_torque_board(FILE *out, const struct import_rig *rig,
                                const struct import_bus *bus)
 {
-    if (bus->njoint == 0 ||
-        (rig->plan->personality != IMPORT_ICUB && rig->plan->personality != IMPORT_FOC)) {
+    if (bus->njoint == 0 || !rig->plan->boards.protocol->torque_boards) {
         return;
     }
-    fprintf(out, "      - {kind: torque, address: 0x%02x, joints: [", ICUB_TORQUE_ADDRESS);
+    fprintf(out, "      - {kind: torque, address: 0x%02x, joints: [",
+            rig->plan->bench->torque_address);
     for (size_t k = 0; k < bus->njoint; k++) {
         fprintf(out, "%s\"%s\"", k ? ", " : "", rig->robot->joint[bus->joint[k]].name);
     }
-    fprintf(out, "], period_s: %s}\n", rig->plan->personality == IMPORT_FOC ? "0.01" : "0.005");
+    fprintf(out, "], period_s: %s}\n", rig->plan->bench->torque_period_s);
 }
 
 /* Full scales, of nothing that the file says: five times the robot's weight at the end of 0.2 m. */
@@ -77,8 +68,7 @@ static void write_sensor_boards(FILE *out, const struct import_rig *rig,
 {
     double force = ceil(fmax(5.0 * 9.81 * rig->robot->total_mass, 10.0) / 10.0) * 10.0;
     double moment = ceil(0.2 * force);
-    bool icub = rig->plan->personality == IMPORT_ICUB;
-    unsigned address = icub || rig->plan->personality == IMPORT_FOC ? ICUB_FT_ADDRESS : 30;
+    const struct protocol_bench *bench = rig->plan->bench;
 
     force = fmin(force, 65535.0);
     moment = fmin(moment, 65535.0);
@@ -86,12 +76,12 @@ static void write_sensor_boards(FILE *out, const struct import_rig *rig,
         fprintf(out,
                 "      - {kind: ft, address: 0x%02x, sensor: \"%s\", full_scale_n: [%g, %g, %g],\n"
                 "         full_scale_nm: [%g, %g, %g], period_s: %s}\n",
-                address, rig->robot->ft[bus->ft].name, force, force, force, moment, moment, moment,
-                rig->plan->personality == IMPORT_COMPACT_FD ? "0.001" : "0.005");
+                bench->ft_address, rig->robot->ft[bus->ft].name, force, force, force, moment,
+                moment, moment, bench->ft_period_s);
     }
     if (bus->imu) {
         fprintf(out, "      - {kind: inertial, address: %u, period_s: 0.005}\n",
-                (unsigned)FIRST_FREE);
+                (unsigned)INERTIAL_ADDRESS);
     }
 }
 
@@ -122,7 +112,7 @@ static void write_buses(FILE *out, const struct import_rig *rig)
             write_valves(out, rig, bus);
             continue;
         }
-        if (rig->plan->personality == IMPORT_COMPACT_FD) {
+        if (rig->plan->boards.fd) {
             fputs("    fd: true\n    data_bitrate: 8000000\n", out);
         }
         fputs("    boards:\n", out);
@@ -137,7 +127,7 @@ static void write_buses(FILE *out, const struct import_rig *rig)
 static void write_gains(FILE *out, const struct import_rig *rig)
 {
     const struct robot *robot = rig->robot;
-    bool fast = rig->plan->personality != IMPORT_ICUB || plan_has_only_valves(rig->plan);
+    const bool only_valves = plan_has_only_valves(rig->plan);
 
     fprintf(out,
             "\ntasks:\n"
@@ -149,7 +139,7 @@ static void write_gains(FILE *out, const struct import_rig *rig)
             "    trim_per_s: 1.0\n"
             "    command_period_s: %s\n"
             "    others:\n",
-            fast ? "0.001" : "0.002");
+            only_valves ? "0.001" : rig->plan->bench->command_period_s);
     for (size_t j = 0; j < robot->njoint; j++) {
         const struct robot_joint *joint = &robot->joint[j];
         const struct import_gains *gains = &rig->gains[j];
@@ -218,7 +208,7 @@ enum error_code import_write_rig(const struct import_rig *rig, const char *path,
             robot->floating ? "hangs by its base" : "base fixed in the world", rig->plan->nbus,
             robot->name, robot->floating ? "  fixed_base: true\n" : "",
             only_valves ? "personality: described\nprotocol: servo-valve" : "personality: ",
-            only_valves ? "" : personality_word[rig->plan->personality], rig->supply_v, rig->pose);
+            only_valves ? "" : rig->plan->boards.protocol->name, rig->supply_v, rig->pose);
     if (robot->floating) {
         fprintf(file.out, "  base_xyz_m: [0.0, 0.0, %.4g]\n", rig->height_m);
     }
@@ -230,9 +220,7 @@ enum error_code import_write_rig(const struct import_rig *rig, const char *path,
             "  torque_full_scale_nm: %g\n"
             "  current_limit_a: %.4g\n"
             "%s",
-            torque, current,
-            rig->plan->personality == IMPORT_FOC ? "  rotor_poles: 8\n  status_period_s: 0.01\n"
-                                                 : "");
+            torque, current, rig->plan->bench->motors ? rig->plan->bench->motors : "");
     write_buses(file.out, rig);
     write_gains(file.out, rig);
     return whole_file_close(&file, ERROR_NONE, error);

@@ -153,6 +153,27 @@ static void write_joint(FILE *out, const struct import_robot *from, size_t j)
     }
 }
 
+/* Joints that follow others, in the units of the follower. */
+static void write_couplings(FILE *out, const struct robot *robot)
+{
+    fputs(robot->ncoupling ? "\ncouplings:\n" : "", out);
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+        const bool turns = robot->joint[coupling->follower].type == JOINT_REVOLUTE;
+
+        fprintf(out, "  - {follower: \"%s\", leader: \"%s\", multiplier: ",
+                robot->joint[coupling->follower].name, robot->joint[coupling->leader].name);
+        import_write_real(out, coupling->multiplier);
+        if (coupling->offset != 0.0) {
+            fprintf(out, ", offset_%s: ", turns ? "rad" : "m");
+            import_write_real(out, coupling->offset);
+        }
+        fprintf(out, ",\n     %s: %.6g, %s: %.6g}\n", turns ? "stiffness_nm_rad" : "stiffness_n_m",
+                coupling->stiffness, turns ? "damping_nm_s_rad" : "damping_n_s_m",
+                coupling->damping);
+    }
+}
+
 static void write_frames(FILE *out, const struct robot *robot)
 {
     fputs(robot->nframe ? "\nframes:\n" : "", out);
@@ -321,6 +342,7 @@ enum error_code import_write_robot(const struct import_robot *from, const char *
     for (size_t j = 0; j < robot->njoint; j++) {
         write_joint(file.out, from, j);
     }
+    write_couplings(file.out, robot);
     write_frames(file.out, robot);
     write_capsules(file.out, robot);
     write_visuals(file.out, robot);

@@ -7,6 +7,8 @@
 
 #include <string.h>
 
+enum { AXIS_STEP = 0x100 }; /* of the identifiers of PDOs of one axis */
+
 /* clang-format off */
 #define FIELDS(...) (const struct field[]){__VA_ARGS__, {.type = FIELD_END}}
 #define VALUE(kind, label, of, by) {.type = kind, .name = label, .unit = of, .scale = by}
@@ -64,18 +66,20 @@ static const struct service {
     uint8_t length;
     uint8_t cycle_ms; /* as our host sets it up; 0: on demand */
     const struct field *fields;
+    const char *answer; /* name of what answers; NULL: nothing */
 } services[] = {
     {"EMCY", CIA402_EMCY, false, CIA402_EMCY_LENGTH, 0,
      FIELDS(NUMBER(FIELD_U16, "code"), NUMBER(FIELD_U8, "error_register"),
-            NUMBER(FIELD_U8, "axis"), NUMBER(FIELD_U32, "faults"))},
-    {"SDO_REQUEST", CIA402_SDO_REQUEST, true, CIA402_SDO_LENGTH, 0, sdo},
-    {"SDO_REPLY", CIA402_SDO_REPLY, false, CIA402_SDO_LENGTH, 0, sdo},
+            NUMBER(FIELD_U8, "axis"), NUMBER(FIELD_U32, "faults")), NULL},
+    {"SDO_REQUEST", CIA402_SDO_REQUEST, true, CIA402_SDO_LENGTH, 0, sdo, "SDO_REPLY"},
+    {"SDO_REPLY", CIA402_SDO_REPLY, false, CIA402_SDO_LENGTH, 0, sdo, NULL},
     {"HEARTBEAT", CIA402_HEARTBEAT, false, 1, CIA402_HEARTBEAT_MS,
-     FIELDS({.type = 7, .name = "state", .values = nmt_states}, {.type = 1, .name = "toggle"})},
+     FIELDS({.type = 7, .name = "state", .values = nmt_states}, {.type = 1, .name = "toggle"}),
+     NULL},
 }, broadcasts[] = {
     {"NMT", CIA402_NMT, true, CIA402_NMT_LENGTH, 0,
-     FIELDS(NAMED(FIELD_U8, "command", nmt_commands), NUMBER(FIELD_U8, "node"))},
-    {"SYNC", CIA402_SYNC, true, 0, 1, NULL},
+     FIELDS(NAMED(FIELD_U8, "command", nmt_commands), NUMBER(FIELD_U8, "node")), NULL},
+    {"SYNC", CIA402_SYNC, true, 0, 1, NULL, NULL},
 };
 /* clang-format on */
 
@@ -105,6 +109,7 @@ static struct cia402_frame cia402_make_service(const struct service *service, un
         .length = service->length,
         .cycle_ns = service->cycle_ms * (uint32_t)MS,
         .fields = service->fields,
+        .answer = service->answer,
         .repeats = 1,
         .axis = -1,
     };
@@ -129,6 +134,8 @@ static struct cia402_frame cia402_make_pdo(const struct board_config *board,
         .fields = fields,
         .repeats = (uint8_t)(plan->length / fields_bytes(fields)),
         .axis = plan->axis < CIA402_BOARD_AXES ? plan->axis : -1,
+        .list = board->kind == BOARD_MOTOR && plan->axis >= CIA402_BOARD_AXES &&
+                fields_count(fields) == 1,
     };
 }
 
@@ -154,4 +161,49 @@ bool cia402_frame_row(const struct board_config *board, unsigned row, struct cia
         *frame = cia402_make_service(&services[row - rows], board->address);
     }
     return row - rows < ARRAY_COUNT(services);
+}
+
+/* Visits the messages of a board, or with none those of the host to all. */
+static void cia402_visit(struct message_walk *walk, int index, unsigned first_slot)
+{
+    const struct board_config *board =
+        index == MESSAGE_NO_BOARD ? NULL : &walk->config->board[index];
+    struct cia402_frame frame;
+
+    for (unsigned row = 0; cia402_frame_row(board, row, &frame); row++) {
+        unsigned number = board ? board->address : 0, axis = frame.axis < 0 ? 0 : frame.axis;
+        const struct message message = {
+            .name = frame.name,
+            .id = frame.id,
+            .base = frame.id - number - AXIS_STEP * axis,
+            .step = board ? 1 : 0,
+            .axis_step = frame.axis < 0 ? 0 : AXIS_STEP,
+            .number = number,
+            .counts = MESSAGE_OF_NODE,
+            .sender = frame.from_host ? MESSAGE_NO_BOARD : index,
+            .receiver = frame.from_host ? index : MESSAGE_NO_BOARD,
+            .from_host = frame.from_host,
+            .length = frame.length,
+            .code = MESSAGE_NO_CODE,
+            .answer = frame.answer,
+            .section = frame.from_host ? MESSAGE_FROM_HOST : MESSAGE_FROM_BOARDS,
+            .cycle_ns = frame.cycle_ns,
+            .fields = frame.fields,
+            .repeats = frame.repeats,
+            .slot = frame.axis >= 0 || frame.list ? (int)(first_slot + axis) : -1,
+            .list = frame.list,
+        };
+
+        message_visit(walk, &message);
+    }
+}
+
+void cia402_visit_broadcasts(struct message_walk *walk)
+{
+    cia402_visit(walk, MESSAGE_NO_BOARD, 0);
+}
+
+void cia402_visit_board(struct message_walk *walk, int board, unsigned first_slot)
+{
+    cia402_visit(walk, board, first_slot);
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The frames of a cia402 bus as our host sets its PDOs up (struct cia402_plan), with the fields
- * that the mapped objects are: what boards/messages.c tells of them. Pure functions; not RT-safe.
+ * that the mapped objects are, and their messages. Pure functions; not RT-safe.
  */
 #ifndef BOARDS_CIA402_FRAMES_H
 #define BOARDS_CIA402_FRAMES_H
@@ -9,6 +9,7 @@
 #include "boards/cia402/protocol.h"
 #include "boards/board.h"
 #include "boards/field.h"
+#include "boards/messages.h"
 
 struct cia402_frame {
     const char *name;
@@ -17,12 +18,17 @@ struct cia402_frame {
     uint8_t length, repeats; /* how often the fields follow each other */
     uint32_t cycle_ns;       /* 0: on demand */
     const struct field *fields;
-    int axis; /* that it is about; -1: none, or all */
+    const char *answer; /* name of the frame that answers; NULL: none */
+    int axis;           /* that it is about; -1: none, or all */
+    bool list;          /* the fields follow each other for all axes of the node */
 };
 
 /* The row-th frame of a board, from 0, or with NULL of the host to all; false when there are no
  * more. */
 bool cia402_frame_row(const struct board_config *board, unsigned row, struct cia402_frame *frame);
+
+void cia402_visit_broadcasts(struct message_walk *walk);
+void cia402_visit_board(struct message_walk *walk, int board, unsigned first_slot);
 
 /* What a board is, and the fields of a PDO of its plan: those of a mapped object, once where the
  * plan has it for each axis. */

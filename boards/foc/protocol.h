@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The iCub CAN protocol, personality BOARD_FOC (2FOC boards): one motor an address, targets and
+ * The iCub CAN protocol, protocol foc (2FOC boards): one motor an address, targets and
  * telemetry every millisecond. Shared by the boards and by hosts; holds no behavior, so that all of
  * it is RT-safe. Identifiers, classes, modes, class 7 and the STRAIN boards beside them are those
  * of boards/icub/protocol.h; what differs is here. Numbers are little-endian.

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The rows of the iCub protocol, personality BOARD_FOC. */
+/* The rows of the iCub protocol, protocol foc. */
 #include "boards/foc/table.h"
 
 /* clang-format off */

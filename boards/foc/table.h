@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Every message of personality BOARD_FOC as a table, in the rows of boards/icub/table.h. Most
+ * Every message of protocol foc as a table, in the rows of boards/icub/table.h. Most
  * commands are never answered. Immutable; RT-safe.
  */
 #ifndef BOARDS_FOC_TABLE_H

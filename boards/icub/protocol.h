@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The iCub CAN protocol, personality BOARD_ICUB (BLL/MC4 motor boards, STRAIN, inertial boards):
+ * The iCub CAN protocol, protocol icub (BLL/MC4 motor boards, STRAIN, inertial boards):
  * identifiers, commands, modes, frame types and scales. Shared by the boards and by hosts; holds no
  * behavior, so that all of it is RT-safe.
  *

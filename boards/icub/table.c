@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The rows of the iCub protocol, personality BOARD_ICUB. Lengths and byte orders as in the official
+ * The rows of the iCub protocol, protocol icub. Lengths and byte orders as in the official
  * message tables of motor and sensor boards; where two lengths are allowed the shorter is what the
  * fields need and the longer what common hosts send.
  */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Every message of personality BOARD_ICUB as a table: its code, its exact lengths and its fields.
+ * Every message of protocol icub as a table: its code, its exact lengths and its fields.
  * The boards decode requests and build replies and periodic frames from these rows, and an export
  * of the protocol (DBC) reads the same rows, so that the two cannot differ. Immutable; RT-safe.
  *

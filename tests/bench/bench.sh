@@ -55,7 +55,7 @@ conclude missing_module_that_was_named_is_an_error
 # alone: a copy of the program has no module beside it
 mkdir -p far/away
 cp "$program" far/away/
-far/away/coman-hil-bench dynamics "$source/config/robots/coman.yaml" --rounds 1 >out 2>err
+far/away/coman-hil-bench dynamics "$source/config/robots/hyq-leg.yaml" --rounds 1 >out 2>err
 status=$?
 problem=
 [ $status -eq 0 ] || problem="exit status $status"

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# User-mode Linux on machines whose XSAVE area is larger than it knows (uml/run.sh).
+# User-mode Linux (uml/run.sh): the guest's first process, and machines whose XSAVE area is larger
+# than it knows.
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
     hil_test(ptrace_xsave SOURCES bus/ptrace_xsave.c bus/uml/ptrace_xsave.c
              LIBS Threads::Threads LABELS bus)
@@ -7,6 +8,10 @@ if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
 
     # linux.uml is not ours: what is preloaded into it has no sanitizers
     if(NOT HIL_SANITIZE)
+        add_executable(uml_init bus/uml/init.c)
+        target_link_libraries(uml_init PRIVATE hil_flags)
+        target_link_options(uml_init PRIVATE -static)
+
         add_library(uml_xsave MODULE bus/uml/preload_xsave.c bus/uml/ptrace_xsave.c)
         add_library(uml_narrow MODULE bus/uml/preload_narrow.c)
         foreach(library uml_xsave uml_narrow)

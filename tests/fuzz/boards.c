@@ -3,23 +3,22 @@
  * Whatever arrives on the buses, whatever the sensors say and whichever board breaks: voltages stay
  * within the supply, bridges are open in idle and after faults, every frame that a board sends is
  * one of the list of messages with its values in range, every frame that it gets is accounted for,
- * nothing is allocated, and the same input gives the same answers. Bus 0 speaks FUZZ_PERSONALITY,
+ * nothing is allocated, and the same input gives the same answers. Bus 0 speaks FUZZ_PROTOCOL,
  * bus 1 iCub. PDOs of cia402 boards can be mapped to anything: there a frame is only legal.
  */
 #include "base/hash.h"
 #include "boards/described/protocol.h"
 #include "boards/faults.h"
 #include "boards/messages.h"
+#include "boards/protocols.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/unit/boards/board_bench.h"
 
 #include <inttypes.h>
 
 enum { TICKS_MAX = 600, MESSAGES_MAX = 2048, MEMORY = 8 << 20 };
-enum {
-    OF_ICUB_FAMILY = FUZZ_PERSONALITY == BOARD_ICUB || FUZZ_PERSONALITY == BOARD_FOC,
-    MAPS_FREELY = FUZZ_PERSONALITY == BOARD_CIA402,
-};
+
+static const struct protocol *const spoken = &FUZZ_PROTOCOL;
 
 /* ---- allocations: the linker sends them through here ---- */
 
@@ -121,7 +120,7 @@ static struct faults *make_faults(const struct board_bench *base, struct arena *
     return faults;
 }
 
-/* The protocol of BOARD_DESCRIBED: compact's again, of four axes a board. */
+/* The protocol of described boards: compact's again, of four axes a board. */
 static const struct described_protocol *load_described(void)
 {
     static const struct described_protocol *protocol;
@@ -146,12 +145,12 @@ static void configure(struct fuzz_bench *bench, struct fuzz_bytes *bytes)
 
     bench_configure(base);
     base->config.tick_ns = ticks_ns[how & 3];
-    bench->bus[0].personality = FUZZ_PERSONALITY;
-    bench->bus[0].padded = OF_ICUB_FAMILY && how & 64;
-    bench->bus[0].fd = FUZZ_PERSONALITY == BOARD_COMPACT && how & 4;
-    bench->bus[0].described = FUZZ_PERSONALITY == BOARD_DESCRIBED ? load_described() : NULL;
+    bench->bus[0].protocol = spoken;
+    bench->bus[0].padded = spoken->torque_boards && how & 64;
+    bench->bus[0].fd = spoken == &protocol_compact && how & 4;
+    bench->bus[0].described = spoken == &protocol_described ? load_described() : NULL;
     base->config.bus = bench->bus;
-    if (!OF_ICUB_FAMILY) {
+    if (!spoken->torque_boards) {
         base->config.nboard = BENCH_BOARDS - 1; /* torques need no board */
         base->board[2] = base->board[4];
     }
@@ -268,11 +267,11 @@ static void check_frame(const struct fuzz_bench *bench, size_t bus, const struct
     fuzz_require(frame_valid(frame) && frame->id <= 0x7ff && frame->flags == flags &&
                      frame->node < BENCH_BOARDS,
                  "id 0x%x flags 0x%x length %u", frame->id, frame->flags, frame->len);
-    while (!bench->garbage && !(MAPS_FREELY && bus == 0) && i < bench->nmessage[bus] &&
+    while (!bench->garbage && !(spoken->write_eds && bus == 0) && i < bench->nmessage[bus] &&
            !is_message(bench, &bench->message[bus][i], frame)) {
         i++;
     }
-    fuzz_require(bench->garbage || (MAPS_FREELY && bus == 0) || i < bench->nmessage[bus],
+    fuzz_require(bench->garbage || (spoken->write_eds && bus == 0) || i < bench->nmessage[bus],
                  "no such message: id 0x%x length %u: %02x %02x %02x %02x %02x %02x %02x %02x",
                  frame->id, frame->len, frame->data[0], frame->data[1], frame->data[2],
                  frame->data[3], frame->data[4], frame->data[5], frame->data[6], frame->data[7]);
@@ -406,11 +405,11 @@ static void receive_likely(struct fuzz_bench *bench, struct fuzz_bytes *bytes, u
     const size_t bus = frame.id;
     const uint8_t which = fuzz_u8(bytes);
 
-    if (bus == 1 || FUZZ_PERSONALITY == BOARD_ICUB) {
+    if (bus == 1 || spoken == &protocol_icub) {
         frame.id = icub[which & 0xf];
-    } else if (FUZZ_PERSONALITY == BOARD_FOC) {
+    } else if (spoken == &protocol_foc) {
         frame.id = foc[which & 7];
-    } else if (FUZZ_PERSONALITY == BOARD_CIA402) {
+    } else if (spoken == &protocol_cia402) {
         frame.id = cia402[which & 0xf];
         frame.flags = frame.id == 0x701 ? FRAME_REMOTE : 0;
     } else {
@@ -422,9 +421,9 @@ static void receive_likely(struct fuzz_bench *bench, struct fuzz_bytes *bytes, u
         frame.len = frame.flags & FRAME_FD ? frame_fd_length(4u * frame.len) : 8;
     }
     fuzz_copy(bytes, frame.data, frame.len);
-    if (MAPS_FREELY && bus == 0 && frame.id > 0x600 && frame.id < 0x700) {
+    if (spoken->write_eds && bus == 0 && frame.id > 0x600 && frame.id < 0x700) {
         make_request(&frame, which);
-    } else if (MAPS_FREELY && bus == 0 && frame.id == 0x7e5) {
+    } else if (spoken->write_eds && bus == 0 && frame.id == 0x7e5) {
         make_lss_request(&frame, which);
     }
     receive(bench, bus, &frame);

@@ -7,6 +7,7 @@
  */
 #include "boards/described/protocol.h"
 #include "boards/messages.h"
+#include "boards/protocols.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/unit/boards/board_bench.h"
 
@@ -99,7 +100,7 @@ static void start(struct described_run *run, struct arena *arena)
 
     bench_configure(base);
     run->bus[0] =
-        (struct boards_bus_config){.personality = BOARD_DESCRIBED, .described = run->protocol};
+        (struct boards_bus_config){.protocol = &protocol_described, .described = run->protocol};
     for (size_t i = 0; i < run->protocol->nframe; i++) {
         run->bus[0].fd = run->bus[0].fd || run->protocol->frame[i].flags & FRAME_FD;
     }

@@ -61,9 +61,11 @@ hil_fuzz(candump SOURCE candump.c LIBS canbus MUTATIONS 100000)
 hil_fuzz(obj SOURCE obj.c LIBS mesh_tools MUTATIONS 40000)
 hil_fuzz(socketcand SOURCE socketcand.c LIBS canbus MUTATIONS 100000)
 hil_fuzz(wire SOURCE wire.c LIBS canbus)
-foreach(personality ICUB FOC COMPACT CIA402 DESCRIBED)
-    string(TOLOWER ${personality} name)
-    hil_fuzz(boards_${name} SOURCE boards.c DEFINE FUZZ_PERSONALITY=BOARD_${personality}
+file(READ ${CMAKE_SOURCE_DIR}/boards/protocols.h protocols)
+string(REGEX MATCHALL "LINE[(][a-z0-9]+[)]" protocols "${protocols}")
+foreach(line ${protocols})
+    string(REGEX REPLACE "LINE[(](.*)[)]" "\\1" name ${line})
+    hil_fuzz(boards_${name} SOURCE boards.c DEFINE FUZZ_PROTOCOL=protocol_${name}
              MUTATIONS 4000 LIBS boards PkgConfig::CMOCKA
              -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc)
 endforeach()

@@ -8,6 +8,7 @@
 #include "boards/described/protocol.h"
 #include "boards/icub/protocol.h"
 #include "boards/messages.h"
+#include "boards/protocols.h"
 #include "canbus/lockstep.h"
 #include "tasks/host.h"
 #include "tests/fuzz/fuzz.h"
@@ -28,14 +29,14 @@ enum { STEP_ID = 0x6f0, DONE_ID = 0x6f1, IMU_ADDRESS = 9 };
 
 /* Bus by bus: iCub with torque and F/T boards, FOC, compact or by the first byte one that a file
  * describes, compact over CAN FD. */
-static struct boards_bus_config board_buses[BUSES] = {{.personality = BOARD_ICUB},
-                                                      {.personality = BOARD_FOC},
-                                                      {.personality = BOARD_COMPACT},
-                                                      {.personality = BOARD_COMPACT, .fd = true}};
-static struct host_bus host_buses[BUSES] = {{.personality = HOST_ICUB},
-                                            {.personality = HOST_FOC},
-                                            {.personality = HOST_COMPACT},
-                                            {.personality = HOST_COMPACT, .fd = true}};
+static struct boards_bus_config board_buses[BUSES] = {{.protocol = &protocol_icub},
+                                                      {.protocol = &protocol_foc},
+                                                      {.protocol = &protocol_compact},
+                                                      {.protocol = &protocol_compact, .fd = true}};
+static struct host_bus host_buses[BUSES] = {{.protocol = "icub"},
+                                            {.protocol = "foc"},
+                                            {.protocol = "compact"},
+                                            {.protocol = "compact", .fd = true}};
 
 /* A port whose other end is the input. */
 struct wire_end {
@@ -173,8 +174,8 @@ static void choose_protocol(unsigned which)
                          described_load(path, &arena, &protocol[which], &error) == ERROR_NONE,
                      "%s", error.text);
     }
-    board_buses[2].personality = which ? BOARD_DESCRIBED : BOARD_COMPACT;
-    host_buses[2].personality = which ? HOST_DESCRIBED : HOST_COMPACT;
+    board_buses[2].protocol = which ? &protocol_described : &protocol_compact;
+    host_buses[2].protocol = which ? "described" : "compact";
     board_buses[2].described = host_buses[2].described = protocol[which];
 }
 

@@ -46,6 +46,13 @@ static void check_made(const struct import_model *model, const struct import_rob
         fuzz_require(joint->lower <= made->rest[j] && made->rest[j] <= joint->upper, "joint %s",
                      joint->name);
     }
+    for (size_t i = 0; i < made->robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &made->robot->coupling[i];
+
+        fuzz_require(isfinite(coupling->stiffness) && coupling->stiffness > 0 &&
+                         isfinite(coupling->damping) && coupling->damping >= 0,
+                     "coupling %zu", i);
+    }
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
@@ -62,7 +69,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     /* The first byte chooses the options */
     if (size > 0) {
         options.base = data[0] % 3;
-        options.mimic = data[0] / 4 % 3;
+        options.mimic = data[0] / 4 % 4;
         options.drive = drive;
         options.ndrive = data[0] / 16 % 2;
         options.free_slides = data[0] & 64;

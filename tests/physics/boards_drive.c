@@ -16,6 +16,7 @@
 #include "boards/compact/protocol.h"
 #include "boards/described/protocol.h"
 #include "boards/foc/protocol.h"
+#include "boards/protocols.h"
 #include "tests/physics/plant_rig.h"
 
 #include <math.h>
@@ -29,7 +30,7 @@ struct bench {
     struct plant_rig rig;
     struct arena arena;
     struct boards *boards;
-    enum board_personality personality;
+    const struct protocol *protocol;
     struct robot_sea sea;
 };
 
@@ -63,9 +64,9 @@ static const struct motor_sense *hip(const struct bench *bench)
     return &plant_sensors(bench->rig.plant)->motor[HIP];
 }
 
-static void start(struct bench *bench, enum board_personality personality)
+static void start(struct bench *bench, const struct protocol *protocol)
 {
-    struct boards_bus_config bus = {.personality = personality};
+    struct boards_bus_config bus = {.protocol = protocol};
     struct board_config board = {.name = "hip", .kind = BOARD_MOTOR, .address = 1};
     struct boards_config config = {
         .nboard = 1, .board = &board, .nbus = 1, .bus = &bus, .njoint = 8, .tick_ns = TICK_NS};
@@ -76,7 +77,7 @@ static void start(struct bench *bench, enum board_personality personality)
     plant_clamp(bench->rig.plant, true);
     plant_rig_reset(&bench->rig, 1.0);
     assert_int_equal(plant_sample(bench->rig.plant), ERROR_NONE);
-    bench->personality = personality;
+    bench->protocol = protocol;
     bench->sea = bench->rig.toy.joint[HIP].sea;
     for (int i = 0; i < BOARD_AXES_MAX; i++) {
         board.axis[i].joint = -1;
@@ -94,9 +95,8 @@ static void start(struct bench *bench, enum board_personality personality)
         .bemf_v_s_rad = bench->sea.Kw,
     };
     assert_int_equal(arena_init(&bench->arena, 1 << 23, &error), ERROR_NONE);
-    if (personality == BOARD_DESCRIBED &&
-        described_load(HIL_SOURCE_DIR "/config/protocols/compact.yaml", &bench->arena,
-                       &bus.described, &error)) {
+    if (protocol->needs_file && described_load(HIL_SOURCE_DIR "/config/protocols/compact.yaml",
+                                               &bench->arena, &bus.described, &error)) {
         fail_msg("%s", error.text);
     }
     if (boards_create(&config, &bench->arena, &bench->boards, &error)) {
@@ -155,16 +155,16 @@ static void enable(struct bench *bench, bool current)
 {
     uint8_t mode = (uint8_t)(current ? ICUB_MODE_CURRENT : ICUB_MODE_OPEN_LOOP);
 
-    if (bench->personality == BOARD_COMPACT || bench->personality == BOARD_DESCRIBED) {
+    if (bench->protocol == &protocol_compact || bench->protocol == &protocol_described) {
         mode = (uint8_t)(current ? COMPACT_CURRENT : COMPACT_VOLTAGE);
         send(bench, compact_id(COMPACT_MODE, 0), 5, (const uint8_t[]){mode, 1, 0, 0, 0});
         return;
     }
-    if (bench->personality == BOARD_CIA402) {
+    if (bench->protocol == &protocol_cia402) {
         enable_cia402(bench, current);
         return;
     }
-    if (bench->personality == BOARD_FOC) {
+    if (bench->protocol == &protocol_foc) {
         configure_foc(bench, 20.0);
     }
     send(bench, 0x001, 2, (const uint8_t[]){ICUB_SET_CONTROL_MODE, mode});
@@ -174,31 +174,25 @@ static void enable(struct bench *bench, bool current)
 static void command(struct bench *bench, bool current, double value)
 {
     uint8_t data[8] = {ICUB_SET_OPEN_LOOP};
-    bool per_mille = current && bench->personality == BOARD_CIA402; /* of 20 A */
-    double scale = per_mille                          ? 1e3 / 20.0
-                   : current                          ? 1e3
-                   : bench->personality == BOARD_ICUB ? ICUB_PWM_FULL_SCALE / 48.0
-                   : bench->personality == BOARD_FOC  ? FOC_PWM_FULL_SCALE / 48.0
-                                                      : 1.0 / COMPACT_VOLTAGE_V;
+    bool per_mille = current && bench->protocol == &protocol_cia402; /* of 20 A */
+    double scale = per_mille                           ? 1e3 / 20.0
+                   : current                           ? 1e3
+                   : bench->protocol == &protocol_icub ? ICUB_PWM_FULL_SCALE / 48.0
+                   : bench->protocol == &protocol_foc  ? FOC_PWM_FULL_SCALE / 48.0
+                                                       : 1.0 / COMPACT_VOLTAGE_V;
     uint16_t counts = (uint16_t)(int16_t)lrint(value * scale);
 
-    switch (bench->personality) {
-    case BOARD_ICUB:
+    if (bench->protocol == &protocol_icub) {
         put_u16_le(data + 1, counts);
         send(bench, 0x001, 3, data);
-        break;
-    case BOARD_FOC:
+    } else if (bench->protocol == &protocol_foc) {
         put_u16_le(data, counts);
         send(bench, FOC_DESIRED_TARGETS_ID, 2, data);
-        break;
-    case BOARD_COMPACT:
-    case BOARD_DESCRIBED: /* the same by a file */
+    } else if (bench->protocol == &protocol_cia402) { /* volts by 2 mV as the compact boards */
+        write_object(bench, current ? 0x6071 : CIA402_O_TARGET_VOLTAGE, 2, counts);
+    } else { /* compact, and the same by a file */
         put_u16_le(data, counts);
         send(bench, compact_id(COMPACT_COMMAND, 0), 2, data);
-        break;
-    case BOARD_CIA402: /* volts by 2 mV as the compact boards */
-        write_object(bench, current ? 0x6071 : CIA402_O_TARGET_VOLTAGE, 2, counts);
-        break;
     }
 }
 
@@ -206,11 +200,11 @@ static void command(struct bench *bench, bool current, double value)
 static void a_voltage_gives_the_motor_s_speed(void **state)
 {
     (void)state;
-    for (int p = BOARD_ICUB; p <= BOARD_DESCRIBED; p++) {
+    for (size_t p = 0; protocol_at(p); p++) {
         struct bench bench;
         double speed;
 
-        start(&bench, (enum board_personality)p);
+        start(&bench, protocol_at(p));
         plant_command(bench.rig.plant)->motor[HIP].condition = DRIVE_SPRING_BREAK;
         speed = bench.sea.Kt * 6.0 / (bench.sea.R * bench.sea.Dm + bench.sea.Kt * bench.sea.Kw);
         enable(&bench, false);
@@ -229,11 +223,11 @@ static void a_voltage_gives_the_motor_s_speed(void **state)
 static void a_current_gives_the_torque(void **state)
 {
     (void)state;
-    for (int p = BOARD_FOC; p <= BOARD_DESCRIBED; p++) {
+    for (size_t p = 1; protocol_at(p); p++) { /* all but icub */
         struct bench bench;
         double torque = 0.0, current = 0.0;
 
-        start(&bench, (enum board_personality)p);
+        start(&bench, protocol_at(p));
         enable(&bench, true);
         for (int t = 0; t < 8000; t++) {
             command(&bench, true, 2.0);
@@ -253,7 +247,7 @@ static void the_compact_current_loop_arrives_within_milliseconds(void **state)
     struct bench bench;
 
     (void)state;
-    start(&bench, BOARD_COMPACT);
+    start(&bench, &protocol_compact);
     plant_command(bench.rig.plant)->motor[HIP].condition = DRIVE_JAM;
     enable(&bench, true);
     for (int t = 1; t <= 12; t++) {
@@ -262,7 +256,7 @@ static void the_compact_current_loop_arrives_within_milliseconds(void **state)
         fail_unless_close(hip(&bench)->current_a, 4.0 * (1.0 - pow(0.5, t)), 0.01);
     }
     stop(&bench);
-    start(&bench, BOARD_COMPACT);
+    start(&bench, &protocol_compact);
     plant_command(bench.rig.plant)->motor[HIP].condition = DRIVE_SPRING_BREAK;
     enable(&bench, true);
     for (int t = 0; t < 100; t++) { /* 4 A speed it up to 11 rad/s, of the 11.7 that 48 V give */
@@ -281,7 +275,7 @@ static void the_foc_current_loop_is_as_stable_as_its_gains_say(void **state)
     struct bench bench;
 
     (void)state;
-    start(&bench, BOARD_FOC);
+    start(&bench, &protocol_foc);
     plant_command(bench.rig.plant)->motor[HIP].condition = DRIVE_JAM;
     enable(&bench, true);
     tick(&bench);

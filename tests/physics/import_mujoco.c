@@ -10,9 +10,10 @@
  * more with the inertias of the robot in both, which shows what import has repaired.
  */
 #include "app/import/import.h"
+#include "boards/protocols.h"
 #include "base/random.h"
 #include "base/vec3.h"
-#include "model/dynamics.h"
+#include "model/plant.h"
 
 #include <libxml/parser.h>
 #include <math.h>
@@ -558,7 +559,7 @@ static void random_trees_are_those_of_mujoco(void **state)
             .folder = folder,
             .options = {.base = floats ? IMPORT_BASE_FLOATING : IMPORT_BASE_FIXED,
                         .free_slides = true},
-            .personality = IMPORT_COMPACT_FD,
+            .boards = {&protocol_compact, true},
             .force = true,
         };
         struct import_result result;
@@ -628,7 +629,11 @@ static void bodies_of_mjcf_are_those_of_mujoco(void **state)
 {
     char folder[] = "/tmp/hil-import-mujoco-XXXXXX", path[128], command[160];
     struct import_request request = {
-        .file = path, .folder = folder, .options = {.free_slides = true}};
+        .file = path,
+        .folder = folder,
+        .options = {.free_slides = true},
+        .boards = {&protocol_icub, false},
+    };
     struct import_result result;
     const struct robot *robot;
     struct differences d;
@@ -664,6 +669,137 @@ static void bodies_of_mjcf_are_those_of_mujoco(void **state)
     snprintf(command, sizeof command, "rm -r '%s'", folder);
     assert_int_equal(system(command), 0);
 }
+
+/* ---- couplings ---- */
+
+/* A finger whose tip follows its root, and a slide that does; to MuJoCo they are tendons, whose
+ * springs it has, as equalities it would make them as stiff as its solver likes. */
+static const char hand[] =
+    "<mujoco model='hand'><compiler angle='radian'/>\n<option integrator='RK4' timestep='4e-6'>"
+    "<flag constraint='disable' contact='disable'/></option>\n<worldbody>\n"
+    "<body name='palm' pos='0 0 1'><inertial pos='0.02 0.01 0.1' mass='0.9' "
+    "diaginertia='0.004 0.005 0.003'/><joint name='wrist' axis='0 1 0.2'/>\n"
+    "<body name='root' pos='0 0.05 0.1'><inertial pos='0 0.01 0.08' mass='0.3' "
+    "diaginertia='6e-4 5e-4 2e-4'/><joint name='root' axis='1 0 0'/>\n"
+    "<body name='tip' pos='0 0 0.15'><inertial pos='0.01 0 0.04' mass='0.2' "
+    "diaginertia='2e-4 2e-4 5e-5'/><joint name='tip' axis='1 0.1 0'/></body></body>\n"
+    "<body name='slide' pos='0 -0.05 0.1'><inertial pos='0 0 0.05' mass='0.25' "
+    "diaginertia='3e-4 2e-4 2e-4'/><joint name='slide' type='slide' axis='0 1 0' "
+    "range='-1 1' limited='true'/></body>\n"
+    "</body></worldbody>\n<tendon><fixed name='tip' springlength='0.1'><joint joint='tip' "
+    "coef='1'/><joint joint='root' coef='-0.7'/></fixed>\n<fixed name='slide' "
+    "springlength='0.02'><joint joint='slide' coef='1'/><joint joint='root' coef='-0.05'/></fixed>"
+    "</tendon>\n<equality><joint joint1='tip' joint2='root' polycoef='0.1 0.7 0 0 0'/>"
+    "<joint joint1='slide' joint2='root' polycoef='0.02 0.05 0 0 0'/></equality></mujoco>\n";
+
+enum { HAND_JOINTS = 4, HAND_MS = 300 };
+
+/* Where MuJoCo's joints of those names are after so long, its tendons those couplings. */
+static void mujoco_move_hand(const char *path, const struct robot *robot, const double *q,
+                             const double *v, double *end)
+{
+    char why[512] = "";
+    mjModel *m = mj_loadXML(path, NULL, why, sizeof why);
+    mjData *data;
+
+    if (!m) {
+        fail_msg("MuJoCo: %s", why);
+    }
+    data = mj_makeData(m);
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        int id = mj_name2id(m, mjOBJ_TENDON, robot->joint[robot->coupling[i].follower].name);
+
+        assert_true(id >= 0);
+        m->tendon_stiffness[id] = robot->coupling[i].stiffness;
+        m->tendon_damping[id] = robot->coupling[i].damping;
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        int id = mj_name2id(m, mjOBJ_JOINT, robot->joint[j].name);
+
+        data->qpos[m->jnt_qposadr[id]] = q[j];
+        data->qvel[m->jnt_dofadr[id]] = v[j];
+    }
+    for (int k = 0; k < HAND_MS * 250; k++) {
+        mj_step(m, data);
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        end[j] = data->qpos[m->jnt_qposadr[mj_name2id(m, mjOBJ_JOINT, robot->joint[j].name)]];
+    }
+    mj_deleteData(data);
+    mj_deleteModel(m);
+}
+
+/* The same of our plant. */
+static void plant_move_hand(const struct robot *robot, enum plant_integrator integrator,
+                            const double *q, const double *v, double *end)
+{
+    struct plant_config config = {.robot = robot,
+                                  .integrator = integrator,
+                                  .rtol = 1e-10,
+                                  .atol = 1e-12,
+                                  .substep_ns = 1000000,
+                                  .supply_v = 1.0};
+    struct dynamics dynamics;
+    struct plant *plant;
+    struct error error;
+    double *state;
+    size_t count;
+
+    config.dynamics = &dynamics;
+    assert_int_equal(dynamics_generic(robot, &arena, &dynamics, &error), ERROR_NONE);
+    assert_int_equal(plant_create(&config, &arena, &plant, &error), ERROR_NONE);
+    assert_int_equal(plant_reset(plant, NULL, NULL, q), ERROR_NONE);
+    state = plant_state(plant, &count);
+    memcpy(state + robot->nq, v, robot->nv * sizeof *v);
+    assert_int_equal(plant_step(plant, HAND_MS), ERROR_NONE);
+    memcpy(end, state, robot->njoint * sizeof *end);
+}
+
+/* Without their drives and stops, from a state in which nothing follows quite. */
+static void couplings_move_joints_as_tendons_of_mujoco_do(void **state)
+{
+    static const enum plant_integrator integrator[] = {PLANT_DOPRI5, PLANT_IMPLICIT};
+    static const double tolerance[] = {1e-10, 5e-5};
+    const double q[HAND_JOINTS] = {0.3, 0.4, 0.3802, 0.0401};
+    const double v[HAND_JOINTS] = {1.0, -2.0, -1.41, -0.1};
+    char folder[] = "/tmp/hil-import-mujoco-XXXXXX", path[128], command[160];
+    struct import_request request = {
+        .file = path, .folder = folder, .options = {.mimic = IMPORT_MIMIC_COUPLE}};
+    double exact[HAND_JOINTS], end[HAND_JOINTS];
+    struct import_result result;
+    struct robot *robot;
+    struct error error;
+
+    (void)state;
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/hand.xml", folder);
+    write_text(path, hand);
+    if (import_run(&request, &arena, &result, &error)) {
+        fail_msg("%s", error.text);
+    }
+    assert_int_equal(robot_copy(result.loaded, &arena, &robot, &error), ERROR_NONE);
+    assert_int_equal(robot->njoint, HAND_JOINTS);
+    assert_int_equal(robot->ncoupling, 2);
+    for (size_t j = 0; j < robot->njoint; j++) {
+        robot->joint[j].sea.present = false;
+        robot->joint[j].stop = (struct robot_stop){0};
+    }
+    mujoco_move_hand(path, robot, q, v, exact);
+    for (int i = 0; i < 2; i++) {
+        double worst = 0.0;
+
+        plant_move_hand(robot, integrator[i], q, v, end);
+        for (int j = 0; j < HAND_JOINTS; j++) {
+            worst = fmax(worst, fabs(end[j] - exact[j]));
+        }
+        print_message("# couplings: %.1e rad or m from MuJoCo after %d ms\n", worst, HAND_MS);
+        assert_true(worst <= tolerance[i]);
+    }
+    snprintf(command, sizeof command, "rm -r '%s'", folder);
+    assert_int_equal(system(command), 0);
+}
+
+/* ---- included files ---- */
 
 /* A robot in four files, all of whose bodies weigh what their geoms do: every solid, many to a
  * body, by density and by mass, some in a group that does not count; a convex mesh and one with a
@@ -721,7 +857,8 @@ static void included_files_and_inertias_of_geoms_are_those_of_mujoco(void **stat
     static const char *const how[] = {"", "exactmeshinertia='true'"};
     static const char *const mass[] = {"mass='3'", ""};
     char folder[] = "/tmp/hil-import-mujoco-XXXXXX", path[128], text[1024], command[160];
-    struct import_request request = {.file = path, .folder = folder, .force = true};
+    struct import_request request = {
+        .file = path, .folder = folder, .boards = {&protocol_icub, false}, .force = true};
     struct import_result result;
     struct differences d;
     struct error error;
@@ -791,6 +928,8 @@ int main(int argc, char **argv)
                                         close_big_arena),
         cmocka_unit_test_setup_teardown(bodies_of_mjcf_are_those_of_mujoco, open_big_arena,
                                         close_big_arena),
+        cmocka_unit_test_setup_teardown(couplings_move_joints_as_tendons_of_mujoco_do,
+                                        open_big_arena, close_big_arena),
         cmocka_unit_test_setup_teardown(included_files_and_inertias_of_geoms_are_those_of_mujoco,
                                         open_big_arena, close_big_arena),
     };

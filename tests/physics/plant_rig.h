@@ -16,11 +16,10 @@ struct plant_rig {
     uint64_t random; /* state of plant_rig_random */
 };
 
-/* Body 3 and 6 on the ground when on_ground; Ks > 0 replaces the stiffness of every series spring,
- * with damping to match. dopri5 has the tolerance 1e-9. Aborts on any error. */
-static inline void plant_rig_walker_with(struct plant_rig *rig, bool on_ground,
-                                         enum plant_integrator integrator, int64_t substep_ns,
-                                         double Ks)
+/* The plant of the walker that the toy is, its feet on the ground when on_ground. dopri5 has the
+ * tolerance 1e-9. Aborts on any error. */
+static inline void plant_rig_start(struct plant_rig *rig, bool on_ground,
+                                   enum plant_integrator integrator, int64_t substep_ns)
 {
     static const int feet[2] = {TOY_RIGHT_FOOT, TOY_LEFT_FOOT};
     struct plant_config config = {.robot = &rig->toy.robot,
@@ -33,12 +32,6 @@ static inline void plant_rig_walker_with(struct plant_rig *rig, bool on_ground,
                                   .account_energy = true};
     struct error error;
 
-    toy_walker(&rig->toy);
-    for (size_t j = 0; j < rig->toy.robot.njoint; j++) {
-        if (Ks > 0.0 && rig->toy.joint[j].sea.present) {
-            rig->toy.joint[j].sea = toy_drive(Ks);
-        }
-    }
     toy_walker_ground(&rig->ground);
     if (on_ground) {
         config.contact = &rig->ground.world;
@@ -51,6 +44,42 @@ static inline void plant_rig_walker_with(struct plant_rig *rig, bool on_ground,
                      ERROR_NONE);
     assert_int_equal(plant_create(&config, &rig->arena, &rig->plant, &error), ERROR_NONE);
     rig->state = plant_state(rig->plant, &rig->count);
+}
+
+/* The walker; Ks > 0 replaces the stiffness of every series spring, with damping to match. */
+static inline void plant_rig_walker_with(struct plant_rig *rig, bool on_ground,
+                                         enum plant_integrator integrator, int64_t substep_ns,
+                                         double Ks)
+{
+    toy_walker(&rig->toy);
+    for (size_t j = 0; j < rig->toy.robot.njoint; j++) {
+        if (Ks > 0.0 && rig->toy.joint[j].sea.present) {
+            rig->toy.joint[j].sea = toy_drive(Ks);
+        }
+    }
+    plant_rig_start(rig, on_ground, integrator, substep_ns);
+}
+
+/* The walker on the ground with two couplings: its left ankle follows the right one, its hand,
+ * which slides, the shoulder. */
+static inline void plant_rig_coupled_walker(struct plant_rig *rig,
+                                            struct robot_coupling coupling[2],
+                                            enum plant_integrator integrator, int64_t substep_ns)
+{
+    toy_walker(&rig->toy);
+    coupling[0] = (struct robot_coupling){
+        .follower = 5, .leader = 2, .multiplier = 1.0, .stiffness = 900.0, .damping = 0.6};
+    coupling[1] = (struct robot_coupling){.follower = 7,
+                                          .leader = 6,
+                                          .multiplier = 0.25,
+                                          .offset = -0.02,
+                                          .stiffness = 2e4,
+                                          .damping = 30.0};
+    rig->toy.joint[5].sea = (struct robot_sea){0};
+    rig->toy.robot.coupling = coupling;
+    rig->toy.robot.ncoupling = 2;
+    toy_finish(&rig->toy);
+    plant_rig_start(rig, true, integrator, substep_ns);
 }
 
 /* The same with rk4 and its own springs. */

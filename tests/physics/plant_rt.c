@@ -14,17 +14,22 @@
 #include "tests/physics/free_rig.h"
 #include "tests/physics/plant_rig.h"
 
-static void step_and_sample(enum plant_integrator integrator)
+static void step_and_sample(enum plant_integrator integrator, bool coupled)
 {
     const double force[3] = {5.0, 0.0, 0.0}, moment[3] = {0.0, 0.0, 1.0};
     double position[3], momentum[3];
+    struct robot_coupling coupling[2];
     struct plant_rig rig;
     struct plant_energy energy;
     struct error error;
     enum error_code code = ERROR_NONE;
     size_t before;
 
-    plant_rig_walker_with(&rig, true, integrator, 100000, 0.0);
+    if (coupled) {
+        plant_rig_coupled_walker(&rig, coupling, integrator, 100000);
+    } else {
+        plant_rig_walker_with(&rig, true, integrator, 100000, 0.0);
+    }
     plant_rig_reset(&rig, 0.52);
     assert_int_equal(arena_seal(&rig.arena, false, &error), ERROR_NONE);
     before = counted_calls();
@@ -45,9 +50,11 @@ static void step_and_sample(enum plant_integrator integrator)
 static void stepping_and_sampling_allocate_nothing(void **state)
 {
     (void)state;
-    step_and_sample(PLANT_RK4);
-    step_and_sample(PLANT_IMPLICIT);
-    step_and_sample(PLANT_DOPRI5);
+    for (int coupled = 0; coupled < 2; coupled++) {
+        step_and_sample(PLANT_RK4, coupled);
+        step_and_sample(PLANT_IMPLICIT, coupled);
+        step_and_sample(PLANT_DOPRI5, coupled);
+    }
 }
 
 static void free_bodies_allocate_nothing(void **state)

@@ -22,7 +22,7 @@ guarded()
     touch "$work/log"
     {
         LD_PRELOAD=$guard RT_GUARD_LOG=$work/log RT_GUARD_FAULTS=${faults:-forbid} \
-            timeout 60 "$program" run "$rig" --quiet "$@" </dev/null
+            timeout 180 "$program" run "$rig" --quiet "$@" </dev/null
         status=$?
     } >"$work/out" 2>"$work/err"
     # on a busy machine a controller in real time may be too late for its robot; the loop did what

@@ -148,7 +148,7 @@ for clock in real free; do
         only clock_nanosleep ppoll read write
 done
 
-# three pages that watch everything, frames too; watched: each has seen some of it
+# three pages that watch everything, frames and rows too; watched: each has seen some of it
 watch_pages()
 {
     HIL_BINARY_DIR=$(dirname "$program") /usr/bin/python3 \
@@ -157,7 +157,7 @@ watch_pages()
 watched()
 {
     sed 's/^/# /' "$work/watched"
-    grep -Eq '^states [1-9][0-9]* [1-9][0-9]* [1-9][0-9]*$' "$work/watched" && only clock_nanosleep
+    grep -Eq '^states( [1-9][0-9]*){3}$' "$work/watched" && only clock_nanosleep
 }
 export HIL_SOURCE_DIR
 for clock in real free; do

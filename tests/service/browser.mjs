@@ -44,6 +44,38 @@ export async function untilReady(child, path, text) {
     .map(([, name, value]) => [name, value]));
 }
 
+/** What a PNG shows: its size, the variance of its luminance, and for each area {x, y, width, height,
+ * colors} how many of its columns have a pixel of each of those colors (as CSS writes them), of all. */
+export async function lookAt(page, png, areas = []) {
+  return page.evaluate(async ({ code, wanted }) => {
+    const bytes = Uint8Array.from(atob(code), (letter) => letter.charCodeAt(0));
+    const bitmap = await createImageBitmap(new Blob([bytes], { type: 'image/png' }));
+    const { width, height } = bitmap;
+    const pen = new OffscreenCanvas(width, height).getContext('2d');
+    const read = (x, y, w, h) => pen.getImageData(Math.round(x), Math.round(y), Math.round(w), Math.round(h));
+    pen.drawImage(bitmap, 0, 0);
+    const share = ({ x, y, width: w, height: h, colors }) => colors.map((color) => {
+      const ink = color.match(/\d+/g).map(Number);
+      const image = read(x, y, w, h);
+      const columns = new Set();
+      for (let i = 0; i < image.data.length; i += 4) {
+        if (ink.every((part, k) => Math.abs(part - image.data[i + k]) < 48)) columns.add((i / 4) % image.width);
+      }
+      return columns.size / image.width;
+    });
+    const { data } = read(0, 0, width, height);
+    let sum = 0;
+    let square = 0;
+    for (let i = 0; i < data.length; i += 4) {
+      const light = 0.2126 * data[i] + 0.7152 * data[i + 1] + 0.0722 * data[i + 2];
+      sum += light;
+      square += light * light;
+    }
+    const count = data.length / 4;
+    return { width, height, variance: square / count - (sum / count) ** 2, shares: wanted.map(share) };
+  }, { code: png.toString('base64'), wanted: areas });
+}
+
 /** In the page: how much the picture of the robot differs from one color, the variance of its luminance. */
 export function variance() {
   const { scene } = window.coman.page;

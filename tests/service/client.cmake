@@ -8,7 +8,6 @@ if(NOT HIL_SANITIZE)
         $<TARGET_FILE:coman-hil>)
     set_tests_properties(service_client PROPERTIES RESOURCE_LOCK install)
     hil_script_test(client_vcan LABELS service TIMEOUT 190
-        COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 180
-                bash ${CMAKE_CURRENT_SOURCE_DIR}/service/client_vcan.sh $<TARGET_FILE:coman-hil>
+        COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/service/client_vcan.sh $<TARGET_FILE:coman-hil>
                 $<TARGET_FILE:client_elbow>)
 endif()

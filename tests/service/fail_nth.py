@@ -136,9 +136,9 @@ def run(name, *arguments, clock="free"):
 
 CASES = [
     Case("run coman", run("coman", "--ticks", "20", "--task", "squat", "--record", "rec"), RUN),
-    Case("run coman served", run("coman", "--ticks", "5", "--gateway", "0"), RUN),
-    Case("run coman controlled", run("coman", "--ticks", "5", "--control", "ctl.sock"), RUN),
-    Case("run coman in real time", run("coman", "--ticks", "3", "--task", "squat", clock="real"),
+    Case("run served", run("hyq-leg", "--ticks", "5", "--gateway", "0"), RUN),
+    Case("run controlled", run("hyq-leg", "--ticks", "5", "--control", "ctl.sock"), RUN),
+    Case("run in real time", run("hyq-leg", "--ticks", "3", "--task", "hold", clock="real"),
          r"ran its length"),
     Case("run grasp", run("grasp", "--ticks", "5", "--task", "grasp", "--settle"), RUN),
     Case("run coman-fd", run("coman-fd", "--ticks", "5", "--energy"), RUN),

@@ -17,7 +17,7 @@ PROGRAM = os.path.join(os.environ["HIL_BINARY_DIR"], "coman-hil")
 CONFIG = os.path.join(os.environ["HIL_SOURCE_DIR"], "config")
 RIG = os.path.join(CONFIG, "rigs", "coman.yaml")
 WORK = tempfile.TemporaryDirectory()
-PATIENCE_S = 60
+PATIENCE_S = 180    # in a guest on a busy machine a tick may take 50 ms, a start 20 s
 
 
 def changed_rig(name, changes):

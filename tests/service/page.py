@@ -185,19 +185,87 @@ def judge_crowds(run):
             page.state()
             counts[i] += 1
     check(min(counts) > 15, "nine pages are served beside one that reads nothing", counts)
-    more = [socket.create_connection(("127.0.0.1", run.port)) for _ in range(8)]
-    time.sleep(0.2)
-    for connection in more:
-        connection.setblocking(False)
-    refused = 0
-    for connection in more:
-        try:
-            refused += b"503" in connection.recv(100)
-        except BlockingIOError:
-            pass
-    check(refused >= 2, "more than sixteen connections are refused", refused)
-    for connection in [*more, lazy, *crowd]:
+    crowd += [Page(run.port, run.look) for _ in range(5)]
+    late = Page(run.port, run.look)
+    check(late.hello == ("closed", 1013), "the sixteenth page that looks is told that there are "
+          "too many", late.hello)
+    owner = Page(run.port, run.control)
+    check(owner.hello["right"] == "control" and owner.ask("status")["ok"],
+          "and the last place is for who may control")
+    for connection in [lazy, owner, *crowd]:
         connection.close()
+    foreign = [Page(run.port, run.look, source="127.0.0.2") for _ in range(9)]
+    own = Page(run.port, run.look)
+    check([page.hello != ("closed", 1013) for page in foreign] == [True] * 8 + [False]
+          and own.hello["right"] == "look", "one address has eight places to look")
+    for connection in [*foreign, own]:
+        connection.close()
+
+
+def judge_slow_connections(run):
+    """Two hundred that ask nothing, or half of a request, and stay."""
+    page = Page(run.port, run.control)
+    slow = []
+    for i in range(200):
+        connection = socket.create_connection(("127.0.0.1", run.port))
+        connection.sendall(b"GET / HTTP/1.1\r\nHost: " if i % 2 else b"")
+        slow.append(connection)
+        if i % 50 == 49:
+            check(ask_http(run.port)[0] == 200, f"beside {i + 1} slow connections the page comes")
+    late = Page(run.port, run.look)
+    check(late.hello["right"] == "look" and late.ask("status")["ok"], "and a new page gets in")
+    check(page.ask("status")["ok"], "and the one that was there stays")
+    for connection in [*slow, late, page]:
+        connection.close()
+
+
+def series(message):
+    """Signals, id, rows, lost, times and columns of a binary message of rows."""
+    nsignal, number, count, rows, lost = struct.unpack_from("<HIIIQ", message, 2)
+    times = struct.unpack_from(f"<{count}d", message, 24)
+    columns = [struct.unpack_from(f"<{count}f", message, 24 + 8 * count + 4 * k * count)
+               for k in range(nsignal)]
+    return number, rows, lost, times, columns
+
+
+def judge_history(run):
+    """Every row comes as it is made, and what was before a signal was chosen is there too."""
+    lead = Page(run.port, run.control)
+    names = ["q_RKneeSag_rad", "torque_RKneeSag_nm"]
+    check(lead.hello["limits"]["rows"] is True, "a history is kept")
+    lead.ask("pause")
+    begun = lead.ask("watch", rate_hz=60, rows=True, signals=names)["rows_after_s"]
+    first = lead.ask("status")["tick"]
+    lead.send({"id": "steps", "cmd": "step", "count": 700})
+    last = first + 700
+    times, values, missing = [], [], 0
+    while not times or times[-1] < last * 1e-3 - 1e-6:
+        number, rows, lost, some, columns = series(lead.state(kind=3))
+        check_row = number == 0 and rows == len(some)
+        times += some
+        values += columns[0]
+        missing += lost
+    ticks = [round(1e3 * time) for time in times]
+    check(check_row and missing == 0 and ticks == list(range(first + 1, last + 1)),
+          "a row comes for every tick", (ticks[0], ticks[-1], len(ticks)))
+    check(round(1e3 * begun) == first, "behind those that there were", (begun, first))
+    lead.ask("watch", rate_hz=0)
+    lead.send({"id": 77, "cmd": "series", "signals": names, "from_s": (first + 1) * 1e-3,
+               "to_s": last * 1e-3, "points": 8000})
+    number, rows, _, before, columns = series(lead.state(kind=3))
+    inside = [i for i, time in enumerate(before) if times[0] <= time <= times[-1]]
+    check(number == 77 and [columns[0][i] for i in inside] == values
+          and [before[i] for i in inside] == times, "the same rows are kept", len(before))
+    lead.send({"id": 78, "cmd": "series", "signals": ["q_LElbj_rad"], "from_s": 0, "to_s": 1e6,
+               "points": 200})
+    number, rows, _, few, _ = series(lead.state(kind=3))
+    check(number == 78 and rows > 600 and len(few) <= 200, "all of it in few points", rows)
+    lead.ask("watch", rate_hz=60, rows=True, signals=names)
+    lead.ask("reset")
+    lead.send({"id": "more", "cmd": "step", "count": 20})
+    some = series(lead.state(kind=3, where=lambda m: series(m)[3][0] < 0.02))[3]
+    check(round(1e3 * some[0]) == 1, "after a reset rows begin anew", some)
+    lead.close()
 
 
 def judge_late_comers(run, reason):
@@ -221,7 +289,7 @@ def judge_pauses(run):
 
 
 def main():
-    print("1..42")
+    print("1..56")
     with Simulator("coman", "--clock", "real", "--task", "squat", "--fault",
                    "jam: motor LKneeSag jam manual") as run:
         judge_states(run)
@@ -230,6 +298,7 @@ def main():
         judge_looking(run)
         judge_acting(run)
         judge_crowds(run)
+        judge_slow_connections(run)
         last = Page(run.port, run.look)
         last.ask("watch", rate_hz=10)
         status = run.stop()
@@ -244,6 +313,8 @@ def main():
               "without a control socket nobody may control")
     with Simulator("coman", "--clock", "free", "--ticks", "2000000") as run:
         judge_pauses(run)
+    with Simulator("coman", "--clock", "lockstep", "--task", "squat") as run:
+        judge_history(run)
     with Simulator("hyq-leg", "--clock", "free", "--ticks", "2000000") as run:
         units = {signal["name"]: signal["unit"]
                  for signal in Page(run.port, run.look).hello["signals"]}

@@ -9,6 +9,7 @@ import socket
 import struct
 import subprocess
 import tempfile
+import time
 
 from ready import wait_until_ready
 
@@ -26,7 +27,7 @@ class Simulator:
 
     def __init__(self, rig, *arguments):
         self.socket = tempfile.mktemp(dir=WORK.name)
-        self.log = tempfile.NamedTemporaryFile("w+", dir=WORK.name)
+        self.log = tempfile.NamedTemporaryFile("w+", dir=WORK.name, delete=False)
         if "--control" not in arguments:
             arguments = ("--control", self.socket, *arguments)
         ready = tempfile.mktemp(dir=WORK.name)
@@ -74,8 +75,9 @@ def ask_http(port, path="/", host=None, headers=(), send=None):
 class Page:
     """A WebSocket; entered when there is an address."""
 
-    def __init__(self, port, address=None, origin=None):
-        self.connection = socket.create_connection(("127.0.0.1", port), PATIENCE_S)
+    def __init__(self, port, address=None, origin=None, source=None, stay=False):
+        self.connection = socket.create_connection(("127.0.0.1", port), PATIENCE_S,
+                                                   source and (source, 0))
         self.data = b""
         self.number = 0
         self.events = []
@@ -86,12 +88,12 @@ class Page:
             f"Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: {key}\r\n\r\n"
             .encode())
         while b"\r\n\r\n" not in self.data:
-            self.data += self.connection.recv(4096)
+            self._more()
         head, _, self.data = self.data.partition(b"\r\n\r\n")
         self.status = int(head.split()[1])
         self.hello = None
         if address:
-            self.send({"cmd": "enter", "token": token(address)})
+            self.send({"cmd": "enter", "token": token(address), **({"stay": True} if stay else {})})
             self.hello = self.receive()
 
     def send_frame(self, payload, opcode=1, first=0x80):
@@ -106,12 +108,15 @@ class Page:
     def send(self, message):
         self.send_frame(json.dumps(message).encode())
 
+    def _more(self):
+        part = self.connection.recv(65536)
+        if not part:
+            raise EOFError("the server has closed the connection")
+        self.data += part
+
     def _take(self, size):
         while len(self.data) < size:
-            part = self.connection.recv(65536)
-            if not part:
-                raise EOFError
-            self.data += part
+            self._more()
         taken, self.data = self.data[:size], self.data[size:]
         return taken
 
@@ -127,26 +132,30 @@ class Page:
             return "closed", struct.unpack(">H", payload[:2])[0]
         return json.loads(payload) if first & 0xf == 1 else payload
 
+    def until(self, wanted):
+        """The first message that is wanted(message), or the end; events before it are kept."""
+        end = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end:
+            message = self.receive()
+            if isinstance(message, tuple) or wanted(message):
+                return message
+            if isinstance(message, dict) and message.get("type") == "event":
+                self.events.append(message)
+        raise TimeoutError("other messages come, but not the one that is waited for")
+
     def ask(self, cmd, **keys):
         """The answer to a request; states before it are dropped, events kept."""
         self.number += 1
         self.send({"id": self.number, "cmd": cmd, **keys})
-        while True:
-            message = self.receive()
-            if isinstance(message, tuple):
-                return message
-            if isinstance(message, dict) and message.get("type") == "event":
-                self.events.append(message)
-            elif isinstance(message, dict) and message.get("id") == self.number:
-                return message
+        return self.until(lambda message: isinstance(message, dict)
+                          and message.get("id") == self.number)
 
-    def state(self, kind=1):
-        while True:
-            message = self.receive()
-            if isinstance(message, dict):
-                self.events.append(message)
-            elif message[0] == kind:
-                return message
+    def state(self, kind=1, where=lambda message: True):
+        """The next state, or binary message of a kind, of which where(message) holds."""
+        message = self.until(lambda message: isinstance(message, bytes) and message[0] == kind
+                             and where(message))
+        assert isinstance(message, bytes), message
+        return message
 
     def close(self):
         self.connection.close()

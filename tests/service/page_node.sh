@@ -1,7 +1,7 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
 # usage: page_node.sh bundle | page_node.sh store
-#        page_node.sh browser|visual|replay|plots|act COMAN-HIL
+#        page_node.sh browser|end|visual|replay|plots|act COMAN-HIL
 # What needs node, npm's packages and a browser, which ./dev setup --browser installs: that the
 # committed bundle is the one that its sources make, and the page in a browser. Prints TAP.
 set -u

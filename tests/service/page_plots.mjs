@@ -7,7 +7,7 @@ import { spawn, spawnSync } from 'node:child_process';
 import { mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
-import { check, launch, plan, untilReady, WAIT_MS } from './browser.mjs';
+import { check, launch, lookAt, plan, untilReady, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
 const rig = join(process.env.HIL_SOURCE_DIR, 'config/rigs/coman.yaml');
@@ -48,6 +48,20 @@ function shown() {
     names: [...plot.querySelectorAll('.chip span')].map((e) => e.textContent),
     values: [...plot.querySelectorAll('.chip b')].map((e) => Number(e.textContent)),
     apart: [...plot.querySelectorAll('.chip small')].map((e) => Number(e.textContent.replace('Δ', ''))) }));
+}
+
+/** In the page: where the saved picture has each plot, and the colors of its curves. */
+function places() {
+  const [margin, title] = [8, 22];
+  const grid = document.querySelector('.plotgrid');
+  const frame = grid.getBoundingClientRect();
+  return { width: frame.width, plots: [...grid.querySelectorAll('.plot')].map((plot) => {
+    const part = plot.querySelector('.stage').getBoundingClientRect();
+    const y = margin + plot.getBoundingClientRect().top - frame.top + grid.scrollTop;
+    const area = { x: margin + part.left - frame.left, width: part.width,
+      colors: [...plot.querySelectorAll('.chip i')].map((e) => getComputedStyle(e).backgroundColor) };
+    return { names: { ...area, y, height: title }, curves: { ...area, y: y + title, height: part.height } };
+  }) };
 }
 
 async function judge(browser, run, work) {
@@ -136,7 +150,13 @@ async function judge(browser, run, work) {
   check(curves.length === inside.length && worst < 1e-6 && ELBOW in curves[0], 'CSV has the rows that are shown',
     { rows: curves.length, worst });
   const image = await saved('#plots-png');
-  check(image.subarray(1, 4).toString() === 'PNG' && image.length > 8000, 'PNG has the plots', image.length);
+  const { width, plots } = await page.evaluate(places);
+  const seen = await lookAt(page, image, plots.flatMap(({ names, curves }) => [names, curves]));
+  const named = seen.shares.filter((_, i) => i % 2 === 0).flat();
+  const drawn = seen.shares.filter((_, i) => i % 2);
+  check(image.subarray(1, 4).toString() === 'PNG' && seen.width >= width && plots.length === 4
+    && plots.every(({ curves }) => curves.y + curves.height <= seen.height) && Math.min(...named) > 0.02
+    && drawn.every((shares) => shares.some((share) => share > 0.5)), 'PNG has the plots with names and curves', seen);
 
   // The other robot
   await page.evaluate(() => window.coman.page.past.show(3));

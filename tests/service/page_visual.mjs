@@ -9,7 +9,7 @@ import { join } from 'node:path';
 import { check, launch, plan, untilReady, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
-const TESTS = 19;
+const TESTS = 20;
 const PATIENCE_MS = 2 * WAIT_MS; // four pages, each with meshes, drawn by the processor
 
 // ---- meshes whose answer is known ----
@@ -123,7 +123,7 @@ async function start(work, rig) {
   let text = '';
   child.stderr.on('data', (data) => { text += data; });
   const { page_view: look } = await untilReady(child, ready, () => text);
-  return { child, look };
+  return { child, look, said: () => text };
 }
 
 // ---- in the page ----
@@ -170,6 +170,7 @@ async function open(browser, url, viewport, errors) {
   page.on('pageerror', (error) => errors.push(error.message));
   await page.goto(`${url}&quality=low`);
   await page.waitForFunction(isWhole, null, { timeout: PATIENCE_MS });
+  await page.evaluate(() => { window.coman.page.scene.period = 1000; }); // tests draw what they look at
   return page;
 }
 
@@ -200,6 +201,8 @@ async function judgeArm(browser, work, errors) {
     await page.click('.lacks summary');
     const lacks = await page.textContent('.lacks');
     check(lacks.startsWith('1 shape is missing') && lacks.includes('gone.stl'), 'the page names what is missing', lacks);
+    check(/notice: page: .* is not shown as it looks: .*gone\.stl/.test(run.said()), 'so does the terminal',
+      run.said().split('\n').filter((line) => line.includes('page:')));
     const hand = await page.evaluate(() => {
       const { scene, hello } = window.coman.page;
       const body = hello.scene.bodies.findIndex(({ name }) => name === 'hand');
@@ -238,7 +241,8 @@ async function judgeDog(browser, work, errors) {
     const red = await page.evaluate(() => window.coman.page.hello.scene.visuals.filter(({ color }) => color?.[0] === 1).length);
     check(red === 0, 'groups that MuJoCo hides are hidden', red);
     const lacks = await page.textContent('.lacks');
-    check(/visual2.*found 300 bytes, expected a binary STL/.test(lacks), 'a damaged file is named', lacks);
+    check(/visual2.*found 300 bytes, expected a binary STL/.test(lacks)
+      && /notice: page: .*found 300 bytes, expected a binary STL/.test(run.said()), 'a damaged file is named', lacks);
     const whole = await page.evaluate(look, [[at[0] + 0.3, at[1] + 0.15, 0], [at[0] - 0.3, at[1] - 0.15, 0], [at[0] - 0.27, at[1] + 0.09, at[2] + 0.06]]);
     check(whole.every(({ within }) => within), 'nothing of the legged robot is cut off');
     await save(page, 'dog');

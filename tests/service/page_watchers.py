@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """usage: page_watchers.py LOG COUNT
 Waits until a run has written the address of its page to LOG, then watches it with so many clients,
-frames too, each in a thread, until the run ends. Prints how many states each has seen."""
+frames and all rows too, each in a thread, until the run ends. Prints how many states each has
+seen."""
 import re
 import sys
 import threading
@@ -13,7 +14,7 @@ from page_client import Page
 
 def watch(port, address, seen, i):
     page = Page(port, address)
-    page.ask("watch", rate_hz=60, trace=True, signals=["q_*"])
+    page.ask("watch", rate_hz=60, trace=True, rows=True, signals=["q_*"])
     try:
         while not isinstance(message := page.receive(), tuple):
             seen[i] += isinstance(message, bytes) and message[0] == 1

@@ -26,11 +26,13 @@ simulate()
     local name=$1
     shift
     "$program" run "$rig" --transport socketcan --record "$work/$name" --quiet \
-        --control "$work/$name.socket" "$@" >"$work/$name.out" 2>"$work/$name.err" </dev/null &
+        --control "$work/$name.socket" --ready "$work/$name.ready" "$@" \
+        >"$work/$name.out" 2>"$work/$name.err" </dev/null &
     simulator=$!
-    for _ in $(seq 100); do
-        "$program" ctl hello --socket "$work/$name.socket" >/dev/null 2>&1 && break
-        sleep 0.05
+    # the guest is slow at starting processes: no program asks, and few sleeps
+    for _ in $(seq 600); do
+        [ -e "$work/$name.ready" ] && break
+        sleep 0.2
     done
 }
 
@@ -47,9 +49,9 @@ at()
 # said TEXT FILE: waits until the file has it
 said()
 {
-    for _ in $(seq 600); do
+    for _ in $(seq 300); do
         grep -q "$1" "$2" && return
-        sleep 0.05
+        sleep 0.2
     done
 }
 
@@ -63,9 +65,9 @@ task()
 echo 1..10
 
 name="two processes in lockstep record the very bytes of one process"
-"$program" run "$rig" --transport local --clock lockstep --task squat --ticks 300 \
+"$program" run "$rig" --transport local --clock lockstep --task squat --ticks 150 \
     --record "$work/one" --quiet >"$work/one.out" 2>"$work/one.err" </dev/null
-simulate two --clock lockstep --ticks 300
+simulate two --clock lockstep --ticks 150
 task
 wait "$simulator"
 simulated=$?

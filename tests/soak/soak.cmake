@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# Long runs, bounded here: five simulated minutes in lockstep (one with sanitizers) and twelve
+# Long runs, bounded here: two simulated minutes in lockstep (one with sanitizers) and twelve
 # seconds in real time; with SOAK=full in the environment an hour and ten minutes.
 set(soak_sources fault_lines intruder listener lockstep part player rules)
 list(TRANSFORM soak_sources PREPEND ${CMAKE_CURRENT_SOURCE_DIR}/soak/)
@@ -12,7 +12,7 @@ add_executable(soak_realtime ${CMAKE_CURRENT_SOURCE_DIR}/soak/realtime.c)
 target_link_libraries(soak_realtime PRIVATE hil_flags sim report)
 target_compile_definitions(soak_realtime PRIVATE HIL_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
 
-set(soak_seconds 300)
+set(soak_seconds 120)
 if(HIL_SANITIZE)
     set(soak_seconds 60)
 endif()

@@ -14,8 +14,8 @@ import tempfile
 ROOT = pathlib.Path(os.environ.get("HIL_SOURCE_DIR") or pathlib.Path(__file__).parents[2])
 
 # Low to high. FOLDER: what its files may include of the tree, as regular expressions of whole
-# paths. A folder has the rule of the longest name here that it begins with. dynamics/ is written by
-# the build, and so are embedded texts (manual/).
+# paths. A folder has the rule of the longest name here that it begins with; NAME/* is that of the
+# sub-rooms of NAME. dynamics/ is written by the build, and so are embedded texts (manual/).
 BELOW_SIM = (r"(base|canbus|contact|model|model/symbolic|boards|boards/\w+|tasks|rt|rig)/[^/]*"
              r"|canbus/wire/[^/]*")
 RULES = {
@@ -24,7 +24,8 @@ RULES = {
     "canbus": r"(base|canbus|canbus/wire)/[^/]*",
     "contact": r"(base|contact)/[^/]*",
     "model": r"(base|model|model/symbolic)/[^/]*|contact/(contact|mesh)\.h|dynamics/builtin\.inc",
-    "boards": r"(base|boards|boards/\w+)/[^/]*|canbus/frame\.h|model/plant_io\.h",
+    "boards": r"(base|boards)/[^/]*|canbus/frame\.h|model/plant_io\.h",
+    "boards/*": r"(base|boards|boards/\w+)/[^/]*|canbus/frame\.h|model/plant_io\.h|manual/[^/]*",
     "tasks": r"(base|canbus|tasks)/[^/]*|boards/\w+/protocol\.h",
     "rt": r"(base|canbus|rt)/[^/]*",
     "tools": r"(base|contact|tools)/[^/]*",
@@ -63,7 +64,8 @@ def includes(root, path):
 
 def rule_of(folder):
     while folder not in RULES:
-        folder = os.path.dirname(folder)
+        room = os.path.dirname(folder)
+        folder = f"{room}/*" if f"{room}/*" in RULES else room
     return RULES[folder]
 
 
@@ -155,6 +157,7 @@ PLANTED = [
     ("canbus_knows_no_boards", "canbus/wire/x.c", "boards/board.h"),
     ("model_calls_contact_through_its_headers_only", "model/x.c", "contact/contact_private.h"),
     ("boards_see_no_plant_beyond_plant_io", "boards/x.c", "model/plant.h"),
+    ("boards_know_no_protocol", "boards/x.c", "boards/icub/board.h"),
     ("boards_see_no_can_port", "boards/icub/x.c", "canbus/port.h"),
     ("tasks_see_no_boards_beyond_the_protocol", "tasks/x.c", "boards/board.h"),
     ("the_loop_knows_no_rig", "rt/x.h", "rig/rig.h"),

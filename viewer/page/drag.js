@@ -50,7 +50,7 @@ export class Drag {
     const away = this.scene.camera.getWorldDirection(new THREE.Vector3());
     this.scene.canvas.setPointerCapture(event.pointerId);
     this.#held = { pointer: event.pointerId, body: hit.body, point: body.worldToLocal(hit.point.clone()),
-      plane: new THREE.Plane().setFromNormalAndCoplanarPoint(away, hit.point), target: hit.point.clone() };
+      pushed: false, plane: new THREE.Plane().setFromNormalAndCoplanarPoint(away, hit.point), target: hit.point.clone() };
     this.update();
   }
 
@@ -84,7 +84,8 @@ export class Drag {
     this.label.style.left = `${fixed((at.x + 1) / 2 * box.width + 14, 0)}px`;
     this.label.style.top = `${fixed((1 - at.y) / 2 * box.height + 14, 0)}px`;
     setText(this.label, `${fixed(size, 0)} N`);
-    if (!this.#asking && performance.now() - this.#askedAt >= PERIOD_MS) {
+    if (!this.#asking && (size >= 1 || this.#held.pushed) && performance.now() - this.#askedAt >= PERIOD_MS) {
+      this.#held.pushed = true;
       const lever = point.sub(this.scene.robot.bodies[this.#held.body].position);
       this.#push(this.#held.body, force, lever.cross(force), Math.min(10, HOLD_S * Math.max(1, this.pace() || 1)));
     }
@@ -93,12 +94,12 @@ export class Drag {
   /** Lets go: the force is 0. */
   release() {
     if (!this.#held) return;
-    const { body } = this.#held;
+    const { body, pushed } = this.#held;
     const none = new THREE.Vector3();
     this.#held = null;
     this.label.hidden = true;
     this.scene.showForce(none, none, 0);
-    this.#push(body, none, none, 0);
+    if (pushed) this.#push(body, none, none, 0);
   }
 
   async #push(body, force, moment, duration) {

@@ -89,6 +89,7 @@ export class Events {
 export class Past {
   #kept = [];
   #shown = null;
+  word = 'Live'; // for the newest state
 
   constructor(changed) {
     this.changed = changed;
@@ -140,7 +141,7 @@ export class Past {
     const last = this.#kept.at(-1);
     const now = last?.time ?? 0;
     setClass(this.element, 'back', this.#shown !== null);
-    setText(this.live, this.#shown ? 'Back to now' : 'Live');
+    setText(this.live, !this.#shown ? this.word : this.word === 'Live' ? 'Back to now' : 'Back to the end');
     setText(this.label, this.#shown ? `${fixed(this.#shown.time - now, 2)} s` : '');
     const marks = events.filter(({ time }) => time > now - SPAN_S && time <= now);
     const key = `${marks.length} ${Math.round(now * 4)}`;

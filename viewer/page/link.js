@@ -27,7 +27,7 @@ export class Link extends EventTarget {
     }
     const socket = new WebSocket(`ws://${location.host}/socket`);
     socket.binaryType = 'arraybuffer';
-    socket.onopen = () => socket.send(JSON.stringify({ cmd: 'enter', token: this.token }));
+    socket.onopen = () => socket.send(JSON.stringify({ cmd: 'enter', token: this.token, stay: true }));
     socket.onmessage = (event) => this.#take(event.data);
     socket.onclose = (event) => this.#lose(event);
     this.#socket = socket;
@@ -40,15 +40,19 @@ export class Link extends EventTarget {
   #lose(event) {
     const refused = event.code === 1008;
     this.open = false;
-    for (const { reject } of this.#waiting.values()) reject(new Error('the connection is gone'));
-    this.#waiting.clear();
+    this.#refuseWaiting('the connection is gone');
     this.#tell('gone', {
       reason: refused ? 'The token is not that of this run: take the address that it printed.'
         : event.code === 1001 ? this.hello?.run.replay ? 'The replay has ended.' : 'The run has ended.'
-          : 'No connection to the simulator.',
+          : event.code === 1013 ? 'Too many pages look at this run.' : 'No connection to the simulator.',
       final: refused,
     });
     if (!refused) setTimeout(() => this.connect(), AGAIN_MS);
+  }
+
+  #refuseWaiting(text) {
+    for (const { reject } of this.#waiting.values()) reject(new Error(text));
+    this.#waiting.clear();
   }
 
   #take(data) {
@@ -56,7 +60,7 @@ export class Link extends EventTarget {
       const kind = new DataView(data).getUint8(0);
       if (kind === 1) this.#tell('state', { state: readState(data), buffer: data });
       else if (kind === 2) this.#tell('trace', readTrace(data));
-      else if (kind === 3) this.#answer({ ok: true, ...readSeries(data) });
+      else if (kind === 3) this.#takeSeries(readSeries(data));
       return;
     }
     const message = JSON.parse(data);
@@ -67,9 +71,18 @@ export class Link extends EventTarget {
       this.#tell('hello', message);
     } else if (message.type === 'event') {
       this.#tell('event', message);
+    } else if (message.type === 'end') {
+      this.#refuseWaiting('the run has ended');
+      this.#tell('end', message);
     } else {
       this.#answer(message);
     }
+  }
+
+  /** An answer, or rows that come by themselves. */
+  #takeSeries(series) {
+    if (series.id === 0) this.#tell('rows', series);
+    else this.#answer({ ok: true, ...series });
   }
 
   #answer(message) {
@@ -103,7 +116,7 @@ export class Link extends EventTarget {
   async #watch() {
     try {
       const answer = await this.ask('watch', this.#wish);
-      this.#tell('watching', answer.signals);
+      this.#tell('watching', answer);
     } catch (error) {
       this.#tell('complaint', error.message);
     }

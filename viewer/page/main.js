@@ -5,6 +5,7 @@ import { Camera, VIEWS } from './camera.js';
 import { Compare } from './compare.js';
 import { count, fixed, h, setClass, setText } from './dom.js';
 import { Drag } from './drag.js';
+import { Ending } from './ending.js';
 import { Events, Past } from './events.js';
 import { Link } from './link.js';
 import { Actions, Boards, Buses, Joints, Parameters } from './panels.js';
@@ -24,6 +25,7 @@ const KEYS = [['Space', 'pause, go on'], ['.', 'one tick'], [',', 'ten ticks'], 
 const REPLAY_KEYS = [['Space', 'play, pause'], ['. ,', 'a row on, back'], ['→ ←', 'a second on, back'],
   ['] [', 'next event, event before'], ['Home End', 'begin, end'], ['1 2 6', 'panels']];
 const ALL_KEYS = [['/', 'search a signal'], ['F', 'forces'], ['C', 'center of mass'],
+  ['Q', 'torques by color'],
   ['I', 'ellipsoids of inertia'], ['V', 'how it looks, or what can touch'], ['R', 'look at the robot'],
   ...Object.values(VIEWS).map(({ key, text }) => [key, `look ${text}`]), ['W', 'follow the robot, or not'],
   ['P', 'save the picture'], ['T', 'light or dark'], ['?', 'this list']];
@@ -121,13 +123,15 @@ function makeBar(hello) {
     title: timed ? 'virtual seconds a second' : 'only the real clock has a speed',
     onchange: () => act('speed', { factor: Number(page.speed.value) }) },
   [...SPEEDS, ...fast].map(([value, text]) => h('option', { value: String(value), selected: value === 1 }, text)));
+  page.right = h('span', { class: can ? 'badge control' : 'badge', id: 'right' },
+    replay ? 'recording' : can ? 'control' : 'look only');
   return h('header', { class: 'bar' },
     h('div', { class: 'brand' }, h('b', {}, hello.run.robot), h('span', {}, `${hello.run.rig}${hello.run.task ? ` · ${hello.run.task}` : ''}`)),
     h('div', { class: 'figures' }, Object.values(parts).map(([, element]) => element)),
     replay ? h('span', { class: 'muted file', title: hello.run.recording }, hello.run.recording)
       : h('div', { class: 'budget', title: `the tick's budget: ${fixed(1e6 * hello.run.tick_s, 0)} us` }, page.budget),
     h('div', { class: 'transport' }, page.pause, page.step, page.speed),
-    h('span', { class: can ? 'badge control' : 'badge', id: 'right' }, replay ? 'recording' : can ? 'control' : 'look only'),
+    page.right,
     h('button', { class: 'icon', title: 'light or dark: T', 'aria-label': 'light or dark',
       onclick: () => setTheme(page.theme === 'dark' ? 'light' : 'dark') }, '◐'),
     h('button', { class: 'icon', title: 'keys: ?', 'aria-label': 'keys', onclick: () => page.help.showModal() }, '?'));
@@ -261,10 +265,11 @@ function build(hello) {
     if (state) page.scene.update(state);
     page.tablesAt = 0;
   });
-  page.store = feedStore(link, hello);
+  page.store = hello.run.replay ? null : feedStore(link, hello);
   page.plots = new Plots(link, hello, complain, page.store);
   page.recorder = new Recorder(link, hello, page.plots, complain);
   const view = makeView(hello);
+  page.ending = new Ending(link, complain);
   page.events = new Events(link, page.past);
   page.trace = new Trace(link, hello, complain);
   page.joints = new Joints(hello, (name) => {
@@ -289,6 +294,7 @@ function build(hello) {
   }
   page.side = makeTabs('side', page.panels, hello.run.task === 'pose' ? page.panels.length - 1 : 0);
   page.bottom = makeTabs('bottom', [['Plots', page.plots], ['Frames', page.trace], ['Events', page.events]], 0);
+  view.append(page.ending.element);
   page.root.replaceChildren(makeBar(hello), view, page.side.element, page.bottom.element, makeHelp(hello));
   setTheme(firstTheme());
 }
@@ -298,7 +304,7 @@ function build(hello) {
 const ACTIONS = {
   ' ': () => page.pause.click(),
   '.': () => page.step.click(),
-  ',': () => page.hello.right === 'control' && act('step', { count: 10 }),
+  ',': () => page.hello.right === 'control' && !page.over && act('step', { count: 10 }),
   l: () => page.past.show(null),
   r: () => {
     page.camera.free();
@@ -351,10 +357,16 @@ addEventListener('keydown', (event) => {
 // ---- what comes ----
 
 link.addEventListener('hello', ({ detail }) => {
-  const same = page.hello && page.hello.run.rig === detail.run.rig && page.hello.right === detail.right
-    && Boolean(page.hello.run.replay) === Boolean(detail.run.replay);
   page.gone.hidden = true;
-  if (same) return;
+  if (page.hello?.run.id === detail.run.id) {
+    setOver(page.over === 'ended' ? 'ended' : '');
+    return;
+  }
+  // Another run at this address: everything begins anew
+  if (page.hello) {
+    location.reload();
+    return;
+  }
   try {
     build(detail);
     page.built = true;
@@ -364,7 +376,31 @@ link.addEventListener('hello', ({ detail }) => {
   }
 });
 
+/** What a run that is over, or out of reach, cannot do any more; '' = it is there. */
+function setOver(over) {
+  const { replay } = page.hello.run;
+  const can = !over && (page.hello.right === 'control' || Boolean(replay));
+  page.over = over;
+  page.past.word = { ended: 'End', lost: 'Lost' }[over] ?? 'Live';
+  setClass(page.root, 'over', Boolean(over));
+  page.pause.disabled = page.step.disabled = !can;
+  page.speed.disabled = !can || (!replay && page.hello.run.clock !== 'real');
+  setText(page.right, over || (replay ? 'recording' : page.hello.right === 'control' ? 'control' : 'look only'));
+  for (const set of document.querySelectorAll('#panel-actions fieldset, .sender fieldset')) set.disabled = !can;
+}
+
+link.addEventListener('end', ({ detail }) => {
+  if (!page.built) return;
+  setOver('ended');
+  page.ending.show(detail, page.events.all, () => page.bottom.open(2));
+});
+
 link.addEventListener('gone', ({ detail }) => {
+  if (page.over === 'ended') {
+    page.ending.lose();
+    return;
+  }
+  if (page.built && !page.hello.run.replay) setOver('lost');
   page.gone.replaceChildren(h('b', {}, detail.reason), h('span', {}, detail.final ? ''
     : newest ? ` What is shown is of ${fixed(newest.time, 3)} s. Looking for it again…` : ' Looking for it again…'));
   page.gone.hidden = false;
@@ -395,6 +431,7 @@ function updatePace(state) {
 function statusOf(state) {
   if (page.hello.run.replay) return ['', ''];
   if (page.past.shown) return ['looking back', 'back'];
+  if (page.over) return [page.over, page.over];
   if (state.paused) return ['paused', 'paused'];
   if (state.clamped) return ['links are clamped', 'clamped'];
   return ['', ''];
@@ -405,7 +442,7 @@ function renderLoad(state) {
   const tick = 1e6 * page.hello.run.tick_s;
   const part = Math.min(1, state.workMean / tick);
   updatePace(state);
-  setText(page.figures.factor, `×${fixed(pace.factor, 2)}`);
+  setText(page.figures.factor, page.over ? '–' : `×${fixed(pace.factor, 2)}`);
   setText(page.figures.tick, `${fixed(state.workMean, 0)} / ${fixed(state.work99, 0)} / ${fixed(state.workMax, 0)} us`);
   setText(page.figures.overruns, state.lost ? `${count(state.overruns)}, ${count(state.lost)} dropped` : count(state.overruns));
   setClass(page.figures.overruns, 'late', state.overruns > 0);
@@ -435,7 +472,7 @@ function renderTables(state) {
   page.events.render(state.time);
   page.past.render(page.events.all);
   page.recorder.render(newest.time);
-  if (page.plots.isOpen) page.plots.render(newest.time);
+  if (page.plots.isOpen) page.plots.render();
 }
 
 function draw(now) {

@@ -246,6 +246,9 @@ export class Actions {
   }
 }
 
+/** A name that may go on in the next line behind its dots and underscores. */
+const breakable = (name) => name.split(/(?<=[._])/).map((part) => [part, h('wbr')]);
+
 export class Parameters {
   constructor(link, hello, complain) {
     this.link = link;
@@ -256,7 +259,7 @@ export class Parameters {
     this.body = h('tbody');
     this.element = h('section', { class: 'panel', id: 'panel-parameters' },
       h('div', { class: 'tools' }, this.search),
-      h('div', { class: 'scroll' }, h('table', {}, h('thead', {}, h('tr', {},
+      h('div', { class: 'scroll' }, h('table', { class: 'parameters' }, h('thead', {}, h('tr', {},
         ['Parameter', 'Value', 'Unit', 'Range'].map((title) => h('th', {}, title)))), this.body)));
   }
 
@@ -284,7 +287,7 @@ export class Parameters {
             this.complain(error.message);
           }
         } });
-      return h('tr', {}, h('td', {}, tunable.name), h('td', {}, input), h('td', { class: 'muted' },
+      return h('tr', {}, h('td', {}, breakable(tunable.name)), h('td', {}, input), h('td', { class: 'muted' },
         tunable.unit), h('td', { class: 'muted mono' }, `${short(tunable.min)} … ${short(tunable.max)}`));
     }));
   }

@@ -2,7 +2,7 @@
 // Plots of signals against virtual time, side by side: one axis of time and one cursor for all of
 // them. Signals are chosen by search or dropped; what is shown can be saved.
 import { cutTable } from './compare.js';
-import { h, setText, short } from './dom.js';
+import { count, h, setText, short } from './dom.js';
 import { nearest, Plot, SIGNALS_MOST } from './plot.js';
 import { saveCurves, savePicture } from './plot_export.js';
 
@@ -42,7 +42,7 @@ export class Plots {
   #asking = false;
   #stale = true;
 
-  /** store: a SeriesStore that the link fills. */
+  /** store: a SeriesStore that the link fills; null: a recording is shown. */
   constructor(link, hello, complain, store) {
     this.link = link;
     this.hello = hello;
@@ -51,11 +51,11 @@ export class Plots {
     if (this.replay) this.#range = [this.replay.from_s, this.replay.to_s];
     this.units = new Map(hello.signals.map(({ name, unit }) => [name, unit]));
     this.store = store;
-    store.listen(() => { this.#stale = true; });
+    store?.listen(() => { this.#stale = true; });
     this.compare = h('span');
     this.element = this.#build();
     this.#restore();
-    link.addEventListener('watching', (event) => this.#watched(event.detail));
+    link.addEventListener('watching', (event) => this.#watched(event.detail.signals));
   }
 
   // ---- what the panel is made of ----
@@ -72,6 +72,7 @@ export class Plots {
     const button = (text, title, action, id) => h('button', { class: 'quiet', title, onclick: action, id }, text);
     this.back = button(this.replay ? 'All' : 'Live', this.replay ? 'the whole recording: Esc' : 'back to now: Esc',
       () => this.showAll(), 'plots-live');
+    this.lack = h('span', { class: 'muted', id: 'rows-lost' });
     this.time = h('output', { class: 'mono cursor', 'aria-live': 'off' });
     this.grid = h('div', { class: 'plotgrid' });
     return h('section', { class: 'panel plots', id: 'panel-plots' },
@@ -79,7 +80,7 @@ export class Plots {
         button('+ Plot', 'another plot beside', () => this.#addPlot(), 'plot-add'),
         h('span', { class: 'group' }, button('−', 'less in detail', () => this.zoom(2), 'plots-out'),
           button('+', 'more in detail', () => this.zoom(0.5), 'plots-in'), this.back),
-        this.time, h('span', { class: 'space' }), this.compare,
+        this.time, this.lack, h('span', { class: 'space' }), this.compare,
         button('CSV', 'save the samples that are shown', () => this.#saveCurves(), 'plots-csv'),
         button('PNG', 'save the plots as a picture', () => this.#savePicture(), 'plots-png')),
       this.grid);
@@ -264,13 +265,19 @@ export class Plots {
   /** The two ends of what is shown. */
   get range() {
     if (this.#range) return this.#range;
-    const now = Number.isFinite(this.store.to_s) ? this.store.to_s : 0;
-    return [now - this.#span, Math.max(now, 1e-3)];
+    const now = this.#now;
+    const from = Math.max(0, now - this.#span);
+    return [from, Math.max(now, from + Math.min(this.#span, 1))];
+  }
+
+  /** The time of the newest sample of a run. */
+  get #now() {
+    return this.store?.to_s || this.newest || 0;
   }
 
   /** The two ends of what there is. */
   get #limits() {
-    const now = this.store.to_s || 0;
+    const now = this.#now;
     return this.replay ? [this.replay.from_s, this.replay.to_s] : [Math.max(0, now - KEPT_S), now];
   }
 
@@ -327,7 +334,7 @@ export class Plots {
     this.#stale = true;
     if (this.replay) this.#fetch();
     this.back.disabled = !this.replay && !this.#range;
-    this.render(this.newest);
+    this.render();
   }
 
   // ---- the cursor ----
@@ -368,6 +375,7 @@ export class Plots {
   // ---- samples ----
 
   take(state) {
+    this.newest = state.time;
     this.#values = new Map(this.#order.map((name, k) => [name, state.signals[k]]));
   }
 
@@ -393,14 +401,14 @@ export class Plots {
       this.#stale = true;
     }
     this.#asking = false;
-    this.render(this.newest);
+    this.render();
   }
 
   /** The table of a recording to compare with; null = none. */
   compareWith(table) {
     this.#table = table;
     this.#stale = true;
-    this.render(this.newest);
+    this.render();
   }
 
   setTheme() {
@@ -408,15 +416,15 @@ export class Plots {
     this.#stale = true;
   }
 
-  /** time: of the newest state. */
-  render(time) {
-    this.newest = time;
+  render() {
     if (!this.isOpen) return;
     if (this.#stale) {
       this.#stale = false;
       const range = this.range;
       if (!this.replay) {
-        this.#data = this.#columnsOf(this.#order, this.store.range(this.#order, ...range, POINTS));
+        const found = this.store.range(this.#order, ...range, POINTS);
+        this.#data = this.#columnsOf(this.#order, found);
+        setText(this.lack, found.lost > 0 ? `${count(found.lost)} ticks are missing` : '');
       }
       this.#other = this.#table && cutTable(this.#table, this.#order, ...range, POINTS);
       for (const plot of this.#plots) plot.draw(this.#data, this.#other, range);
@@ -426,7 +434,7 @@ export class Plots {
         }
       }
     }
-    for (const plot of this.#plots) plot.showMoment(this.replay ? time : null);
+    for (const plot of this.#plots) plot.showMoment(this.replay ? this.newest : null);
     this.#tell();
   }
 

@@ -230,6 +230,13 @@ export class Scene {
     this.scene.fog = new THREE.Fog(this.scene.background, Math.max(3.5, 1.6 * far), Math.max(9, 4 * far));
   }
 
+  /** The floor goes with the view, by whole squares of its pattern; fog hides its end. */
+  #placeFloor() {
+    const at = this.ground.worldToLocal(this.controls.target.clone());
+    const cell = CELL_M * this.floor.scale.x;
+    this.floor.position.set(cell * Math.round(at.x / cell), cell * Math.round(at.y / cell), 0);
+  }
+
   #basePosition() {
     return this.robot.bodies.length ? this.robot.bodies[0].position.clone() : new THREE.Vector3();
   }
@@ -323,6 +330,7 @@ export class Scene {
     }
     this.#follow();
     this.moved?.();
+    this.#placeFloor();
     this.#placeForces(state);
     this.#placeCenter();
     this.dirty = true;

@@ -10,6 +10,7 @@ const CHUNK = 4096; // rows
 const PIECE = 4000; // rows of a fetch
 const PIECE_BYTES = 240 << 10; // of a fetch; the server has room for some more
 const MEMORY = 64 << 20; // bytes
+const AGAIN_MS = 500; // after a fetch that has failed
 
 /** Index of the first of sorted times that is at least time. */
 function lowerBound(times, count, time) {
@@ -118,7 +119,8 @@ export class SeriesStore {
   }
 
   /** Columns of signals between two times, one more row on either side so that a curve does not end
-   * within a picture: {times: Float64Array, columns: [Float32Array]}, in the order of names. With
+   * within a picture: {times: Float64Array, columns: [Float32Array], lost}, in the order of names;
+   * lost: how many rows are missing among them, for which the server had no room. With
    * points, where there are more rows, the least and the greatest of some. What is not here yet is
    * fetched; listeners are told when it has come. */
   range(names, from_s, to_s, points = Infinity) {
@@ -148,7 +150,8 @@ export class SeriesStore {
       at += end - begin;
     }
     this.#fetchBefore(names, from_s);
-    return count > points ? reduce(found, points) : found;
+    const lost = count ? Math.round((found.times[count - 1] - found.times[0]) / this.period) + 1 - count : 0;
+    return { ...count > points ? reduce(found, points) : found, lost };
   }
 
   /** Calls changed() whenever rows have come or gone; returns a function that ends it. */
@@ -164,13 +167,18 @@ export class SeriesStore {
   // ---- live rows ----
 
   /** The signals that live rows have from now on, in their order. One that was left out before
-   * begins anew; without any all is forgotten. */
-  choose(names) {
+   * begins anew; without any all is forgotten. after_s: the time of the last row before those rows,
+   * null when there is none: what is up to there of signals that are new can be fetched. */
+  choose(names, after_s = null) {
     for (const name of this.#known.keys()) {
       if (!names.includes(name)) this.#forget(name);
     }
     this.#chosen = [...names];
+    for (const name of names) {
+      if (!this.#known.has(name)) this.#known.set(name, after_s === null ? -Infinity : after_s + this.period / 2);
+    }
     if (!names.length) this.clear();
+    this.#tell();
   }
 
   #forget(name) {
@@ -190,9 +198,6 @@ export class SeriesStore {
   append(times, columns) {
     if (!times.length) return;
     if (times[0] <= this.to_s) this.#cut(times[0]);
-    for (const name of this.#chosen) {
-      if (!this.#known.has(name)) this.#known.set(name, times[0]);
-    }
     for (let at = 0; at < times.length;) {
       let chunk = this.#chunks.at(-1);
       if (!chunk || chunk.count === chunk.times.length) this.#chunks.push(chunk = new Chunk(CHUNK));
@@ -231,9 +236,9 @@ export class SeriesStore {
   // ---- rows from before ----
 
   /** Rows that are older than what is known of signals, all of them up to there. */
-  #fill(names, { times, columns }) {
+  #fill(names, { times, columns }, to_s) {
     const kept = [...names.keys()].filter((k) => this.#known.has(names[k]));
-    const fresh = this.#chunks.length ? lowerBound(times, times.length, this.from_s) : 0;
+    const fresh = lowerBound(times, times.length, this.#chunks.length ? this.from_s : to_s);
     let chunk = 0;
     let at = 0;
     for (let i = fresh; i < times.length && chunk < this.#chunks.length; i++) {
@@ -268,17 +273,14 @@ export class SeriesStore {
     this.#fetching = true;
     try {
       const piece = await this.fetch(batch, begin, newest);
-      if (age !== this.#age) return;
-      this.#fill(batch, piece);
+      if (age === this.#age) this.#fill(batch, piece, newest);
       // Before the first row that the server has there is nothing to ask for
       const end = !(piece.times[0] < newest) || piece.times[0] > begin + 1.5 * this.period;
-      for (const name of batch) {
+      for (const name of age === this.#age ? batch : []) {
         if (this.#known.has(name)) this.#known.set(name, end ? -Infinity : Math.min(newest, begin));
       }
     } catch {
-      for (const name of batch) {
-        if (this.#known.has(name)) this.#known.set(name, -Infinity); // as far as it goes
-      }
+      await new Promise((again) => { setTimeout(again, AGAIN_MS); }); // no connection, or no room in it
     } finally {
       this.#fetching = false;
     }

@@ -25,6 +25,7 @@ export class Trace {
   #seen = 0;
   #lost = 0;
   #held = false;
+  #opened = new Set(); // messages whose rows are shown in full
 
   constructor(link, hello, complain) {
     this.link = link;
@@ -48,12 +49,12 @@ export class Trace {
       setText(this.hold, this.#held ? 'Go on' : 'Hold');
     } }, 'Hold');
     this.note = h('span', { class: 'muted' });
-    this.body = h('tbody');
+    this.body = h('tbody', { onclick: (event) => this.#toggle(event.target.closest('tr')?.dataset.key) });
     this.head = h('thead', {}, h('tr', {}, ['Bus', 'Id', 'Message', '', 'Data', 'Meaning']
       .map((title) => h('th', {}, title))));
     return h('section', { class: 'panel trace', id: 'panel-trace' },
       h('div', { class: 'tools' }, this.filter, this.bus, this.order, this.hold, this.note),
-      h('div', { class: 'scroll' }, h('table', { class: 'frames' }, this.head, this.body)),
+      h('div', { class: 'scroll' }, h('table', { class: this.hello.buses.some(({ fd }) => fd) ? 'frames fd' : 'frames' }, this.head, this.body)),
       this.hello.run.replay ? null : this.#buildSender());
   }
 
@@ -207,6 +208,13 @@ export class Trace {
     }
   }
 
+  /** Rows have one height, so that they do not jump; a click shows all of a message, or less again. */
+  #toggle(key) {
+    if (!key || getSelection().type === 'Range') return;
+    if (!this.#opened.delete(key)) this.#opened.add(key);
+    this.render(true);
+  }
+
   #matches(frame, message) {
     const words = this.filter.value.trim().toLowerCase();
     if (this.bus.value !== '' && frame.bus !== Number(this.bus.value)) return false;
@@ -226,13 +234,16 @@ export class Trace {
     for (const { frame, period, count: times } of this.#entries()) {
       const message = this.#database?.find(frame.bus, frame);
       if (!this.#matches(frame, message)) continue;
-      rows.push(h('tr', { class: frame.ours ? 'ours' : frame.error ? 'bad' : '' },
+      const meaning = describe(message, frame.data);
+      const key = `${frame.bus}:${frame.id}`;
+      rows.push(h('tr', { 'data-key': key, class: [frame.ours ? 'ours' : frame.error ? 'bad' : '',
+        this.#opened.has(key) ? 'open' : ''].join(' ').trim() },
         h('td', {}, this.hello.buses[frame.bus].name), h('td', { class: 'mono' }, idText(frame)),
         h('td', {}, frame.error ? 'error frame' : message?.name ?? ''),
         h('td', { class: 'mono right muted' }, grouped
           ? `${count(times)} × ${fixed(1e3 * period, 1)} ms` : `${fixed(frame.time, 4)} s`),
-        h('td', { class: 'mono' }, hex(frame.data)),
-        h('td', { class: 'meaning' }, describe(message, frame.data))));
+        h('td', { class: 'mono data' }, h('div', {}, hex(frame.data))),
+        h('td', { class: 'meaning', title: meaning }, h('div', {}, meaning))));
       if (rows.length >= ROWS) break;
     }
     this.body.replaceChildren(...rows);

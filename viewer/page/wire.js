@@ -14,7 +14,7 @@ export function readState(buffer) {
   const [nbody, njoint, ncontact, nbus, nboard, nfault, nsignal] =
     [64, 66, 68, 70, 72, 74, 76].map(u16);
   const state = {
-    paused: Boolean(flags & 1), clamped: Boolean(flags & 2), skipped: u32(4), tick: u64(8),
+    paused: Boolean(flags & 1), clamped: Boolean(flags & 2), ended: Boolean(flags & 4), skipped: u32(4), tick: u64(8),
     time: u64(16) * 1e-9, elapsed: u64(24) * 1e-9, sent: u64(32) * 1e-6,
     overruns: u32(40), lost: u32(44), speed: f32(48),
     workMean: f32(52), work99: f32(56), workMax: f32(60),

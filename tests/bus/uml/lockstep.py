@@ -22,12 +22,12 @@ import time
 
 PROGRAM, CONTROLLER = sys.argv[1:3]
 LONG = [int(argument) for argument in sys.argv[3:5]]
-TICKS_PYTHON = 200
+TICKS_PYTHON = 100
 RIG = os.environ["HIL_SOURCE_DIR"] + "/config/rigs/coman.yaml"
 BUSES = ["can0", "can1", "can2", "can3", "can4"]
 STEP, DONE = 0x6F0, 0x6FF
 SET, GET, ASK, ANSWER = 0x40, 0x41, 0x001, 0x010  # MIN_POSITION of board 1
-PATIENCE_S = 30
+PATIENCE_S = 90
 WORK = tempfile.mkdtemp()
 NUMBER = 0
 
@@ -152,11 +152,11 @@ def main():
         return check(good, "a C controller finds every frame of %d ticks at its place" % LONG[0],
                      *facts)
     print("1..4")
-    good, *facts = c_controller(500, 1)
-    result = check(good, "a C controller finds every frame of 500 ticks at its place", *facts)
-    good, *facts = c_controller(2000, 20)
-    result &= check(good, "and of 2000 ticks of which a STEP asks for 20", *facts)
-    good, *facts = c_controller(400, 4, "--wire", "wire")
+    good, *facts = c_controller(300, 1)
+    result = check(good, "a C controller finds every frame of 300 ticks at its place", *facts)
+    good, *facts = c_controller(1000, 20)
+    result &= check(good, "and of 1000 ticks of which a STEP asks for 20", *facts)
+    good, *facts = c_controller(200, 4, "--wire", "wire")
     result &= check(good, "and on buses that a wire paces", *facts)
     good, *facts = python_can_controller()
     return result & check(good, "a controller of python-can drives virtual time", *facts)

@@ -28,7 +28,7 @@ fi
 limit=$((3 * limit)) # as ctest's: it ends what hangs, and a busy machine takes its time
 first=
 if [ "${1:-}" = -x ]; then
-    first=exec
+    first=yes
     shift
 fi
 if [ $# -eq 0 ]; then
@@ -64,14 +64,11 @@ clean_up() {
 trap clean_up EXIT
 trap 'exit 70' INT TERM HUP
 
-cp "$here/init.sh" "$work/init" && chmod +x "$work/init"
-{
-    declare -p HIL_SOURCE_DIR HIL_BINARY_DIR
-    printf 'command=('
-    printf ' %q' "$@"
-    printf ' )\nfirst=%s\n' "$first"
-    printf 'export CMOCKA_MESSAGE_OUTPUT=TAP HIL_SOURCE_DIR HIL_BINARY_DIR HIL_UML=1\n'
-} >"$work/environment"
+cp "$HIL_BINARY_DIR/tests/uml_init" "$work/init" || exit 70
+printf '%s\0' CMOCKA_MESSAGE_OUTPUT=TAP HIL_UML=1 "HIL_SOURCE_DIR=$HIL_SOURCE_DIR" \
+    "HIL_BINARY_DIR=$HIL_BINARY_DIR" >"$work/environment"
+# an empty word: the command takes the place of the first process
+printf '%s\0' ${first:+""} "$@" >"$work/command"
 
 # the guest's memory is a sparse file; a small /dev/shm, as in containers, would kill it half-way
 shm_kib=$(df --output=avail -k /dev/shm 2>/dev/null | tail -n 1)
@@ -94,7 +91,7 @@ setsid taskset -c "$processor" timeout -k 5 "$limit" \
     env ${preload:+"LD_PRELOAD=$preload"} \
     "$kernel" mem=512M root=/dev/root rootfstype=hostfs rootflags=/ ro \
     init="$work/init" HIL_WORK="$work" ${HIL_UML_ENVIRONMENT:+"$HIL_UML_ENVIRONMENT"} \
-    con=null con0=fd:0,fd:1 quiet panic=1 \
+    con=null con0=fd:0,fd:1 pty.legacy_count=0 quiet panic=1 \
     </dev/null >"$work/console" 2>&1 &
 session=$!
 # show the output while it comes; the status file marks its end

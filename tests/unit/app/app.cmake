@@ -5,7 +5,7 @@ foreach(name control hostile memory parse socket)
         TIMEOUT 240)
 endforeach()
 
-foreach(name doctor doctor_external eventlog firmware notify ready)
+foreach(name doctor doctor_external eventlog firmware notify ready token_file)
     hil_test(cli_${name} SOURCES unit/app/cli/${name}.c LIBS cli LABELS unit)
 endforeach()
 hil_test(cli_cmd_accel SOURCES unit/app/cli/cmd_accel.c LIBS cli random_robot LABELS unit)
@@ -26,7 +26,7 @@ hil_script_test(cli_old_files COMMAND /usr/bin/python3
 hil_script_test(cli_protocol COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/protocol.sh
                 $<TARGET_FILE:coman-hil> LABELS unit)
 
-foreach(name cylinder hostile mesh mjcf_include run urdf)
+foreach(name cylinder follow hostile mesh mjcf_include run urdf)
     hil_test(import_${name} SOURCES unit/app/import/${name}.c LIBS import LABELS unit
              TIMEOUT 240)
 endforeach()

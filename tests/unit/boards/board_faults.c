@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Faults of boards: power, hanging firmware; no fault shows on another board or out of its time. */
 #include "tests/unit/boards/fault_bench.h"
+#include "boards/protocols.h"
 
 /* Frames of the whole run of a base, hashed; without those of leg1 when others_only. */
 static uint64_t run_hash(const char *line, bool others_only)
@@ -256,7 +257,7 @@ static void power_cut_ends_a_hang(void **state)
 /* A field that the firmware turns stands still: the motor brakes. */
 static void hung_2foc_brakes(void **state)
 {
-    static const struct boards_bus_config buses[BENCH_BUSES] = {{.personality = BOARD_FOC}};
+    static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_foc}};
     static struct fault_bench bench;
 
     (void)state;

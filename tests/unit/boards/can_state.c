@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What boards tell of their CAN controllers: by hand, and with a wire that counts. */
 #include "boards/foc/protocol.h"
+#include "boards/protocols.h"
 #include "canbus/wire/wire.h"
 #include "tests/unit/boards/board_bench.h"
 
@@ -97,7 +98,7 @@ static uint32_t foc_faults(struct board_bench *bench)
 
 static void a_2foc_tells_states_in_its_fault_bits_and_remembers_them(void **state)
 {
-    static const struct boards_bus_config buses[BENCH_BUSES] = {{.personality = BOARD_FOC}};
+    static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_foc}};
     struct board_bench bench;
     uint32_t was;
 

@@ -3,6 +3,7 @@
 #include "boards/compact/table.h"
 #include "boards/foc/protocol.h"
 #include "boards/sensing.h"
+#include "boards/protocols.h"
 #include "tests/unit/boards/board_bench.h"
 
 #define LIMIT_C 70.0
@@ -151,7 +152,7 @@ static void the_trip_comes_when_the_winding_s_law_says(void **state)
 
 static void a_2foc_with_a_thermometer_trips_with_over_heating(void **state)
 {
-    static const struct boards_bus_config buses[BENCH_BUSES] = {{.personality = BOARD_FOC}};
+    static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_foc}};
     struct board_bench bench;
 
     (void)state;
@@ -183,7 +184,7 @@ static void a_2foc_with_a_thermometer_trips_with_over_heating(void **state)
 
 static void a_compact_board_tells_whole_degrees_and_trips_at_its_own_limit(void **state)
 {
-    static const struct boards_bus_config buses[BENCH_BUSES] = {{.personality = BOARD_COMPACT}};
+    static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_compact}};
     struct board_bench bench;
 
     (void)state;

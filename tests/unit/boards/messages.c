@@ -6,6 +6,7 @@
  */
 #include "boards/compact/protocol.h"
 #include "boards/messages.h"
+#include "boards/protocols.h"
 #include "tests/unit/boards/board_bench.h"
 
 enum { MESSAGES_MAX = 2048 };
@@ -25,9 +26,9 @@ static bool append(void *context, const struct message *message)
 }
 
 static const struct boards_bus_config icub[BENCH_BUSES],
-    foc[BENCH_BUSES] = {{.personality = BOARD_FOC}},
-    compact[BENCH_BUSES] = {{.personality = BOARD_COMPACT}},
-    fd[BENCH_BUSES] = {{.personality = BOARD_COMPACT, .fd = true}};
+    foc[BENCH_BUSES] = {{.protocol = &protocol_foc}},
+    compact[BENCH_BUSES] = {{.protocol = &protocol_compact}},
+    fd[BENCH_BUSES] = {{.protocol = &protocol_compact, .fd = true}};
 
 static void configure(struct board_bench *bench, const struct boards_bus_config *bus)
 {
@@ -38,7 +39,7 @@ static void configure(struct board_bench *bench, const struct boards_bus_config 
         bench->board[i].axis[2].joint = bench->board[i].axis[3].joint = -1;
         bench->board[i].transmit_at_start = true;
     }
-    if (bus->personality == BOARD_COMPACT) {
+    if (bus->protocol == &protocol_compact) {
         bench->board[2] = bench->board[3];
         bench->board[2].period_ns = 1000000;
         bench->config.nboard = 3;

@@ -3,6 +3,7 @@
  * speak. */
 #include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
+#include "boards/protocols.h"
 #include "tests/unit/boards/board_bench.h"
 
 static size_t find(const struct board_bench *bench, size_t board, size_t axis, const char *name,
@@ -89,8 +90,8 @@ static void spare_axes_and_sensors_have_none(void **state)
 
 static void foc_gains_are_the_same_however_they_were_set(void **state)
 {
-    static const struct boards_bus_config buses[BENCH_BUSES] = {{.personality = BOARD_FOC},
-                                                                {.personality = BOARD_ICUB}};
+    static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_foc},
+                                                                {.protocol = &protocol_icub}};
     struct board_bench bench;
 
     (void)state;
@@ -121,8 +122,8 @@ static void foc_gains_are_the_same_however_they_were_set(void **state)
 
 static void compact_settings_may_change_while_the_axis_runs(void **state)
 {
-    static const struct boards_bus_config buses[BENCH_BUSES] = {{.personality = BOARD_COMPACT},
-                                                                {.personality = BOARD_COMPACT}};
+    static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_compact},
+                                                                {.protocol = &protocol_compact}};
     struct board_setting setting;
     struct board_bench bench;
 

@@ -8,6 +8,7 @@
 #include "base/count.h"
 #include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
+#include "boards/protocols.h"
 #include "tests/unit/boards/board_bench.h"
 
 #define MS INT64_C(1000000)
@@ -16,10 +17,10 @@ static const int64_t ticks_ns[] = {500000, 2000000, 300000, 700000, 1500000, 100
 
 enum { RUN_MS = 2100 }; /* a whole number of each tick */
 
-static const struct boards_bus_config foc_bus[BENCH_BUSES] = {{.personality = BOARD_FOC},
-                                                              {.personality = BOARD_ICUB}};
-static const struct boards_bus_config compact_bus[BENCH_BUSES] = {{.personality = BOARD_COMPACT},
-                                                                  {.personality = BOARD_ICUB}};
+static const struct boards_bus_config foc_bus[BENCH_BUSES] = {{.protocol = &protocol_foc},
+                                                              {.protocol = &protocol_icub}};
+static const struct boards_bus_config compact_bus[BENCH_BUSES] = {{.protocol = &protocol_compact},
+                                                                  {.protocol = &protocol_icub}};
 
 /* One board: a 2FOC of address 1 (joint 0), or a compact node 4 (joints 0, 1). */
 static void start_foc(struct board_bench *bench, int64_t tick_ns)

@@ -6,8 +6,8 @@ find_package(Simbody REQUIRED CONFIG)
 add_library(random_robot STATIC ${unit}/random_robot.c)
 target_link_libraries(random_robot PUBLIC hil_flags model)
 
-foreach(name actuator integrator integrator_dopri5 published robot robot_drive robot_hydraulic
-             robot_yaml walkman)
+foreach(name actuator coupling integrator integrator_dopri5 published robot robot_drive
+             robot_hydraulic robot_yaml walkman)
     hil_test(model_${name} SOURCES ${unit}/${name}.c LIBS model LABELS unit)
 endforeach()
 hil_test(model_actuator_step SOURCES ${unit}/actuator_step.c physics/toy.c LIBS model LABELS unit)

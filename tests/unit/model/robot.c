@@ -248,6 +248,58 @@ static void refuses_frames_sensors_and_poses_that_are_nowhere(void **state)
     assert_refused(&s, "pose zero is not finite or not a rotation");
 }
 
+/* Refuses both of the sample's joints as one coupling, or two. */
+static void assert_coupling_refused(struct sample *s, struct robot_coupling one,
+                                    const struct robot_coupling *other, const char *why)
+{
+    struct robot_coupling couplings[2] = {one};
+
+    couplings[1] = other ? *other : one;
+    s->robot.coupling = couplings;
+    s->robot.ncoupling = other ? 2 : 1;
+    assert_refused(s, why);
+}
+
+static void refuses_couplings_that_cannot_be(void **state)
+{
+    const struct robot_coupling sound = {
+        .follower = 1, .leader = 0, .multiplier = 1.0, .stiffness = 10.0};
+    const struct robot_coupling back = {
+        .follower = 0, .leader = 1, .multiplier = 1.0, .stiffness = 10.0};
+    struct robot_coupling changed = sound, most[ROBOT_COUPLINGS_MAX + 1];
+    struct sample s;
+
+    (void)state;
+    fill(&s);
+    s.robot.coupling = &changed;
+    s.robot.ncoupling = 1;
+    assert_accepted(&s);
+    changed.follower = 2;
+    assert_coupling_refused(&s, changed, NULL, "coupling 0: one of its joints is none");
+    changed.follower = -1;
+    assert_coupling_refused(&s, changed, NULL, "coupling 0: one of its joints is none");
+    changed.follower = 0;
+    assert_coupling_refused(&s, changed, NULL, "the joint follows itself");
+    changed = sound;
+    changed.multiplier = 0.0;
+    assert_coupling_refused(&s, changed, NULL, "a multiplier that is not 0");
+    changed.multiplier = NAN;
+    assert_coupling_refused(&s, changed, NULL, "a multiplier that is not 0");
+    changed = sound;
+    changed.damping = -1.0;
+    assert_coupling_refused(&s, changed, NULL, "no negative damping");
+    assert_coupling_refused(&s, sound, &sound, "the joint follows two others");
+    assert_coupling_refused(&s, sound, &back, "its leader follows another joint");
+    s.joint[1].sea = (struct robot_sea){.present = true, .J = 1.0, .N = 1.0, .L = 1.0};
+    assert_coupling_refused(&s, sound, NULL, "the joint has a drive of its own");
+    for (int i = 0; i <= ROBOT_COUPLINGS_MAX; i++) {
+        most[i] = sound;
+    }
+    s.robot.coupling = most;
+    s.robot.ncoupling = ROBOT_COUPLINGS_MAX + 1;
+    assert_refused(&s, "found 33 couplings, expected at most 32");
+}
+
 static const struct robot_inertia nothing = {0};
 static const struct robot_inertia point_on_axis = {1.0, {0.0, 0.4, 0.0}, {0}};
 
@@ -300,6 +352,7 @@ int main(void)
         cmocka_unit_test(refuses_inertias_that_no_body_has),
         cmocka_unit_test(refuses_joints_that_cannot_be),
         cmocka_unit_test(refuses_frames_sensors_and_poses_that_are_nowhere),
+        cmocka_unit_test(refuses_couplings_that_cannot_be),
         cmocka_unit_test(refuses_what_would_make_the_dynamics_singular),
         cmocka_unit_test(accepts_massless_bodies_that_something_hangs_on),
     };

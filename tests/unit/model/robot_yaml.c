@@ -376,6 +376,141 @@ static void wrong_visuals_are_refused(void **state)
     }
 }
 
+/* ---- couplings ---- */
+
+#define FINGER(name)                                                                               \
+    "  - {name: " name ", mass_kg: 1, com_m: [0, 0, 0], inertia_kg_m2: [0.1, 0, 0, 0.1, 0, "       \
+    "0.1]}\n"
+#define FINGER_JOINT(name, child)                                                                  \
+    "  - {name: " name ", type: revolute, parent: hand, child: " child                             \
+    ", axis: [1, 0, 0],\n     origin: {xyz_m: [0, 0, 0]}, limits: {lower_rad: -1, upper_rad: 1, "  \
+    "torque_nm: 5}}\n"
+#define STIFF "stiffness_nm_rad: 100, damping_nm_s_rad: 1}\n"
+
+/* Loads the sound file with two fingers without drives, these couplings and this pose. */
+static enum error_code load_coupled(const char *couplings, const char *pose,
+                                    const struct robot **robot, struct error *error)
+{
+    const char *joints = strstr(sound, "joints:\n"), *frames = strstr(sound, "frames:\n");
+    const char *poses = strstr(sound, "  home:"), *variants = strstr(sound, "variants:");
+    char path[] = "/tmp/robot-XXXXXX";
+    FILE *file = fdopen(mkstemp(path), "w");
+    enum error_code code;
+
+    assert_non_null(file);
+    fprintf(file, "%.*s" FINGER("thumb") FINGER("index") "%.*s", (int)(joints - sound), sound,
+            (int)(frames - joints), joints);
+    fprintf(file, FINGER_JOINT("bend", "index") FINGER_JOINT("pinch", "thumb") "couplings:\n%s",
+            couplings);
+    fprintf(file, "%.*s  home: {base_xyz_m: [0, 0, 1], %s}\n%s", (int)(poses - frames), frames,
+            pose, variants);
+    assert_int_equal(fclose(file), 0);
+    code = robot_load(path, NULL, &arena, robot, error);
+    unlink(path);
+    return code;
+}
+
+/* Followers stand where their leaders lead them, named by the pose or not. */
+static void couplings_are_read_and_poses_follow_them(void **state)
+{
+    static const char couplings[] =
+        "  - {follower: slide, leader: shoulder, multiplier: 0.2, offset_m: 0.1,\n"
+        "     stiffness_n_m: 5000, damping_n_s_m: 3}\n"
+        "  - {follower: pinch, leader: bend, multiplier: -1, " STIFF;
+    const struct robot *robot;
+    struct error error;
+
+    (void)state;
+    if (load_coupled(couplings, "joints_rad: {shoulder: 0.5, bend: 0.3}", &robot, &error)) {
+        fail_msg("%s", error.text);
+    }
+    assert_int_equal(robot->ncoupling, 2);
+    assert_int_equal(robot->coupling[0].follower, robot_find_joint(robot, "slide"));
+    assert_int_equal(robot->coupling[0].leader, robot_find_joint(robot, "shoulder"));
+    assert_near(robot->coupling[0].multiplier, 0.2, 0.0);
+    assert_near(robot->coupling[0].offset, 0.1, 0.0);
+    assert_near(robot->coupling[0].stiffness, 5000.0, 0.0);
+    assert_near(robot->coupling[0].damping, 3.0, 0.0);
+    assert_near(robot->coupling[1].offset, 0.0, 0.0);
+    assert_ptr_equal(robot_find_coupling(robot, 3), &robot->coupling[1]);
+    assert_null(robot_find_coupling(robot, 2));
+    assert_near(robot->pose[0].joint[1], 0.2, 1e-15);
+    assert_near(robot->pose[0].joint[3], -0.3, 0.0);
+
+    /* What a pose says of a follower may be rounded, and is made exact */
+    assert_int_equal(load_coupled(couplings,
+                                  "joints_rad: {shoulder: 0.6, bend: 0.1, pinch: -0.1000004}, "
+                                  "joints_m: {slide: 0.22}",
+                                  &robot, &error),
+                     ERROR_NONE);
+    assert_near(robot->pose[0].joint[3], -0.1, 0.0);
+}
+
+static void wrong_couplings_are_refused(void **state)
+{
+    static const struct {
+        const char *couplings, *pose, *place, *expected;
+    } cases[] = {
+        {"  - {follower: pinhc, leader: bend, multiplier: 1, " STIFF, "",
+         ":33:16: ", "found unknown joint \"pinhc\", expected \"pinch\""},
+        {"  - {follower: pinch, leader: bent, multiplier: 1, " STIFF, "",
+         ":33:31: ", "found unknown joint \"bent\", expected \"bend\""},
+        {"  - {follower: pinch, leader: pinch, multiplier: 1, " STIFF, "",
+         ":33:31: ", "as its own leader"},
+        {"  - {follower: shoulder, leader: bend, multiplier: 1, " STIFF, "",
+         ":33:16: ", "found follower \"shoulder\" with a drive of its own"},
+        {"  - {follower: pinch, leader: bend, multiplier: 1, " STIFF
+         "  - {follower: pinch, leader: shoulder, multiplier: 1, " STIFF,
+         "", ":34:16: ",
+         "\"pinch\" as a follower again, expected one leader (it follows \"bend\" in "
+         "line 33)"},
+        {"  - {follower: pinch, leader: shoulder, multiplier: 1, " STIFF
+         "  - {follower: bend, leader: pinch, multiplier: 1, " STIFF,
+         "", ":34:30: ", "which follows \"shoulder\" itself (line 33)"},
+        {"  - {follower: bend, leader: pinch, multiplier: 1, " STIFF
+         "  - {follower: pinch, leader: shoulder, multiplier: 1, " STIFF,
+         "", ":34:16: ", "which \"bend\" follows (line 33)"},
+        {"  - {follower: bend, leader: pinch, multiplier: 1, " STIFF
+         "  - {follower: pinch, leader: bend, multiplier: 1, " STIFF,
+         "", ":34:31: ", "found leader \"bend\""},
+        {"  - {follower: pinch, leader: bend, multiplier: 0, " STIFF, "",
+         ":33:49: ", "found multiplier 0"},
+        {"  - {follower: pinch, leader: bend, multiplier: 1e9, " STIFF, "",
+         ":33:49: ", "found 1e9"},
+        {"  - {follower: pinch, leader: bend, multiplier: .nan, " STIFF, "", ":33:49: ", "found"},
+        {"  - {follower: pinch, leader: bend, multiplier: 1, stiffness_nm_rad: 0,\n"
+         "     damping_nm_s_rad: 1}\n",
+         "", ":33:", "found 0"},
+        {"  - {follower: pinch, leader: bend, multiplier: 1, stiffness_nm_rad: 9}\n", "",
+         ":33:5: ", "of revolute joint \"pinch\", expected the keys stiffness_nm_rad, "},
+        {"  - {follower: pinch, leader: bend, multiplier: 1, offset_m: 1, " STIFF, "",
+         ":33:5: ", "offset_rad"},
+        {"  - {follower: slide, leader: bend, multiplier: 1, " STIFF, "",
+         ":33:5: ", "of prismatic joint \"slide\", expected the keys stiffness_n_m, "},
+        {"  - {follower: pinch, leader: bend, " STIFF, "", ":33:5: ", "\"multiplier\""},
+        {"  - {follower: pinch, leader: bend, multiplier: 1, " STIFF, ", bend: 0.5, pinch: 0.4",
+         ":40:", "found joint \"pinch\" at 0.4, expected 0.5, where \"bend\" leads it"},
+        {"  - {follower: pinch, leader: bend, multiplier: 3, " STIFF, ", bend: 0.5",
+         ":40:9: ", "with joint \"pinch\" at 1.5, where \"bend\" leads it, expected -1 to 1"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const struct robot *robot;
+        struct error error;
+        char pose[128];
+
+        snprintf(pose, sizeof pose, "joints_rad: {shoulder: 0.5%s}, joints_m: {slide: 0.2}",
+                 cases[i].pose);
+        assert_int_equal(load_coupled(cases[i].couplings, pose, &robot, &error), ERROR_INPUT);
+        if (!strstr(error.text, cases[i].expected) || !strstr(error.text, cases[i].place)) {
+            fail_msg("%s, expected %s%s", error.text, cases[i].place, cases[i].expected);
+        }
+    }
+}
+
+/* ---- stops, springs and effects ---- */
+
 static void assert_stop(const struct robot_stop *stop, double stiffness, double damping)
 {
     assert_near(stop->stiffness, stiffness, 1e-12 * stiffness);
@@ -686,6 +821,8 @@ int main(void)
         TEST(a_sound_file_becomes_a_robot),
         TEST(visuals_are_read_and_change_no_dynamics),
         TEST(wrong_visuals_are_refused),
+        TEST(couplings_are_read_and_poses_follow_them),
+        TEST(wrong_couplings_are_refused),
         TEST(limits_have_stops),
         TEST(springs_with_room_have_stops),
         TEST(coman_has_stops),

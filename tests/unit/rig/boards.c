@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The buses of rigs: what each speaks, what that allows on it, how far it is loaded. */
+#include "boards/protocols.h"
 #include "rig/rig.h"
 
 #include "tests/unit/rig/rig_bench.h"
@@ -90,12 +91,12 @@ static void each_bus_speaks_its_own_personality(void **state)
                    "     boards: [{kind: motor, address: 31, axes: [knee]}]}\n");
 
     (void)state;
-    assert_int_equal(rig->bus[0].personality, BOARD_FOC);
-    assert_int_equal(rig->boards.bus[0].personality, BOARD_FOC);
-    assert_int_equal(rig->host_bus[0].personality, HOST_FOC);
+    assert_ptr_equal(rig->bus[0].protocol, &protocol_foc);
+    assert_ptr_equal(rig->boards.bus[0].protocol, &protocol_foc);
+    assert_string_equal(rig->host_bus[0].protocol, "foc");
     assert_false(rig->bus[0].fd || rig->boards.bus[0].fd || rig->host_bus[0].fd);
-    assert_int_equal(rig->bus[1].personality, BOARD_COMPACT);
-    assert_int_equal(rig->host_bus[1].personality, HOST_COMPACT);
+    assert_ptr_equal(rig->bus[1].protocol, &protocol_compact);
+    assert_string_equal(rig->host_bus[1].protocol, "compact");
     assert_true(rig->bus[1].fd && rig->boards.bus[1].fd && rig->host_bus[1].fd);
     assert_int_equal(rig->bus[1].bitrate, 500000);
     assert_int_equal(rig->bus[1].data_bitrate, 2000000);
@@ -337,7 +338,7 @@ static void a_described_bus_has_its_protocol(void **state)
                    "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n"
                    "  - {name: right, interface: can1,\n"
                    "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n");
-    assert_int_equal(rig->bus[0].personality, BOARD_DESCRIBED);
+    assert_ptr_equal(rig->bus[0].protocol, &protocol_described);
     assert_ptr_equal(rig->boards.bus[0].described, rig->bus[0].described);
     assert_ptr_equal(rig->host_bus[0].described, rig->bus[0].described);
     assert_null(rig->bus[1].described);

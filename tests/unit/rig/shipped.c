@@ -4,6 +4,7 @@
  * limits, the order of axes, gains. What a rig has become is told in words and compared with what
  * was once read from the sources, line by line.
  */
+#include "boards/protocol.h"
 #include "rig/rig.h"
 
 #include "base/count.h"
@@ -53,10 +54,10 @@ static const char *joint_name(int joint)
 
 static void tell_time_and_start(void)
 {
-    add("%s: %s, tick %g ms of %zu, clock %d, integrator %d, personality %d, %g V, %g ohm",
+    add("%s: %s, tick %g ms of %zu, clock %d, integrator %d, personality %s, %g V, %g ohm",
         rig->name, rig->robot->name, (double)rig->tick_ns * 1e-6, rig->substeps, rig->clock,
-        rig->integrator, rig->boards.bus ? (int)rig->boards.bus[0].personality : -1, rig->supply_v,
-        rig->supply_ohm);
+        rig->integrator, rig->boards.bus ? rig->boards.bus[0].protocol->name : "none",
+        rig->supply_v, rig->supply_ohm);
     add("start: %s, hold %d, settle %d, lockstep bus %d 0x%x 0x%x %g s, priority %d, cpu %d",
         rig->pose, rig->hold, rig->settle, rig->lockstep.bus, (unsigned)rig->lockstep.step_id,
         (unsigned)rig->lockstep.done_id, (double)rig->lockstep.partner_timeout_ns * 1e-9,
@@ -208,7 +209,7 @@ static void check_rig(const char *name, const char *const *expected, size_t coun
 /* Friction of the paper's Table 2 on the layers of its walking code; full scales of iCub's F/T
  * boards at the legs, half as much at the arms; 49 N m at 12 A. */
 static const char *const coman[] = {
-    "coman: COMAN, tick 1 ms of 1, clock 0, integrator 1, personality 0, 48 V, 0 ohm",
+    "coman: COMAN, tick 1 ms of 1, clock 0, integrator 1, personality icub, 48 V, 0 ohm",
     "start: crouch_home, hold 1, settle 0, lockstep bus 0 0x6f0 0x6ff 1 s, priority 80, cpu -1",
     "contact: engine 2, law 0, friction 1, transition 0.01 m/s",
     "pairs: ground-right_foot ground-left_foot",
@@ -244,7 +245,7 @@ static const char *const coman[] = {
 
 /* Encoders of 80,000 counts; a valve shows no current. */
 static const char *const hyq[] = {
-    "hyq: hyq, tick 1 ms of 1, clock 0, integrator 1, personality 4, 48 V, 0 ohm",
+    "hyq: hyq, tick 1 ms of 1, clock 0, integrator 1, personality described, 48 V, 0 ohm",
     "start: standing, hold 1, settle 1, lockstep bus 0 0x6f0 0x6ff 1 s, priority 80, cpu -1",
     "contact: engine 2, law 0, friction 1, transition 0.01 m/s",
     "pairs:",
@@ -262,7 +263,7 @@ static const char *const hyq[] = {
 /* Drives of 50 A and 10 A (walkman_robotran_edu_2017); depth, period and cycles of the paper's
  * section 7; limits of 40 V and 24 V of the drives that take no 80 V. */
 static const char *const walkman[] = {
-    "walkman: WALK-MAN, tick 1 ms of 1, clock 0, integrator 1, personality 0, 80 V, 0 ohm",
+    "walkman: WALK-MAN, tick 1 ms of 1, clock 0, integrator 1, personality icub, 80 V, 0 ohm",
     "start: squat_top, hold 1, settle 0, lockstep bus 0 0x6f0 0x6ff 1 s, priority 80, cpu -1",
     "contact: engine 2, law 0, friction 1, transition 0.01 m/s",
     "pairs: ground-right_foot ground-left_foot",
@@ -308,7 +309,7 @@ static const char *const walkman[] = {
 
 /* Materials of the paper's Table 2, boards as COMAN's; the box of 1.5 kg and 15 cm. */
 static const char *const grasp[] = {
-    "grasp: COMAN, tick 1 ms of 1, clock 0, integrator 1, personality 0, 48 V, 0 ohm",
+    "grasp: COMAN, tick 1 ms of 1, clock 0, integrator 1, personality icub, 48 V, 0 ohm",
     "start: zero, hold 1, settle 0, lockstep bus 0 0x6f0 0x6ff 1 s, priority 80, cpu -1",
     "contact: engine 2, law 0, friction 1, transition 0.002 m/s",
     "pairs: ground-right_foot ground-left_foot table-box right_wrist-box left_wrist-box",

@@ -11,6 +11,7 @@
 #include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
 #include "boards/icub/protocol.h"
+#include "boards/protocols.h"
 #include "canbus/frame.h"
 #include "model/actuator.h"
 
@@ -57,33 +58,30 @@ static inline const struct motor_sense *bench_motor(const struct bench *bench)
 static inline double bench_find_count(const struct bench *bench)
 {
     const struct board_axis_config *axis = &bench->external->axis[0];
-    enum board_personality personality = bench->copy.boards.bus[BUS].personality;
+    const struct protocol *protocol = bench->copy.boards.bus[BUS].protocol;
 
-    return personality == BOARD_FOC       ? 2 * M_PI / FOC_ICUBDEG_PER_REV / axis->gear
-           : personality == BOARD_COMPACT ? COMPACT_POSITION_RAD
-                                          : 1 / axis->motor_ticks_per_rad;
+    return protocol == &protocol_foc       ? 2 * M_PI / FOC_ICUBDEG_PER_REV / axis->gear
+           : protocol == &protocol_compact ? COMPACT_POSITION_RAD
+                                           : 1 / axis->motor_ticks_per_rad;
 }
 
 /* Telemetry of the board: the angle of its first motor, on icub of both. */
 static inline struct bus_frame bench_angle(const struct bench *bench, double rad)
 {
+    const struct protocol *protocol = bench->copy.boards.bus[BUS].protocol;
     uint32_t counts = (uint32_t)(int32_t)lrint(rad / bench->count);
     uint32_t address = bench->external->address;
     struct bus_frame frame = {.len = 8};
 
-    switch (bench->copy.boards.bus[BUS].personality) {
-    case BOARD_FOC:
+    if (protocol == &protocol_foc) {
         frame.id = 0x100 | address << 4 | FOC_FEEDBACK;
         put_u32_le(frame.data + 4, counts);
-        break;
-    case BOARD_COMPACT:
+    } else if (protocol == &protocol_compact) {
         frame.id = (uint32_t)COMPACT_TELEMETRY << 5; /* of slot 0 */
         put_u32_le(frame.data, counts & 0x3fffff);
-        break;
-    default:
+    } else {
         frame.id = 0x100 | address << 4 | ICUB_MOTOR_POSITION;
         put_u32_le(frame.data, counts);
-        break;
     }
     return frame;
 }

@@ -154,6 +154,38 @@ static void push_askew(struct play *p, int64_t tick)
     }
 }
 
+/* A push for half a second that is renewed at each tick, and let go. */
+static void push_as_a_hand_does(struct play *p, int64_t tick)
+{
+    char text[256];
+    uint64_t key;
+
+    if (tick >= 5 && tick <= 55) {
+        struct steer_request request = {.kind = STEER_PUSH,
+                                        .index = 0,
+                                        .force_n = {tick < 55 ? (double)tick - 4.0 : 0.0},
+                                        .duration_ns = 500000000};
+
+        assert_true(steering_ask(simulator_steering(p->w.simulator), &request));
+    }
+    while (tick == 60 && simulator_next_event(p->w.simulator, &key, text, sizeof text)) {
+        p->count += strstr(text, "body Waist pushed with") != NULL;
+        p->count += strstr(text, "body Waist pushed with 1.0 N") ? 100 : 0;
+        p->count += strstr(text, "body Waist pushed with 11.0 N") ? 1000 : 0;
+        p->count += strstr(text, "body Waist let go, pushed with 50.0 N at most") ? 10000 : 0;
+    }
+}
+
+static void a_push_that_goes_on_is_told_once_and_at_its_end(void **state)
+{
+    const struct scene scene = {
+        .rig = "coman", .clock = LOOP_CLOCK_FREE, .no_contact = true, .falls = true};
+
+    (void)state;
+    perform(&scene, 62, true, push_as_a_hand_does);
+    assert_int_equal(play.count, 11102);
+}
+
 static void the_log_tells_how_hard_a_push_is(void **state)
 {
     const struct scene scene = {
@@ -479,6 +511,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_run_without_requests_is_the_same_bit_for_bit),
         cmocka_unit_test(pushes_give_their_momentum_and_end_in_virtual_time),
+        cmocka_unit_test(a_push_that_goes_on_is_told_once_and_at_its_end),
         cmocka_unit_test(the_log_tells_how_hard_a_push_is),
         cmocka_unit_test(a_fault_counts_for_the_tick_that_comes),
         cmocka_unit_test(host_and_steering_see_the_same_parameters),

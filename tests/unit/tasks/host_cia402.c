@@ -129,7 +129,7 @@ static int set_up(void **state)
         {.joint = "knee", .address = 1, .axis = 1, .torque_address = -1},
         {.joint = "ankle", .address = 5, .torque_address = -1}};
     static const struct host_ft ft[] = {{.name = "foot", .address = 31, .period_ns = 4000000}};
-    static const struct host_bus bus[] = {{.personality = HOST_CIA402}};
+    static const struct host_bus bus[] = {{.protocol = "cia402"}};
     struct host_config config = {.nbus = 1,
                                  .bus = bus,
                                  .naxis = AXES,

@@ -93,8 +93,8 @@ static int set_up(void **state)
     static struct bench bench;
     static char names[AXES][16];
     static struct host_axis axis[AXES];
-    static const struct host_bus bus[] = {{.personality = HOST_COMPACT},
-                                          {.personality = HOST_COMPACT, .fd = true}};
+    static const struct host_bus bus[] = {{.protocol = "compact"},
+                                          {.protocol = "compact", .fd = true}};
     static const struct host_ft ft[] = {
         {.name = "foot", .bus = CLASSIC, .address = 31},
         {.name = "hand", .bus = FD, .address = 3, .period_ns = 2000000}};

@@ -38,7 +38,7 @@ static struct bench *open_bench(int64_t period_ns)
 {
     static struct bench bench;
     static struct host_axis axis[AXES];
-    static const struct host_bus bus[] = {{.personality = HOST_FOC}};
+    static const struct host_bus bus[] = {{.protocol = "foc"}};
     struct host_config config = {
         .nbus = 1,
         .bus = bus,
@@ -249,7 +249,7 @@ static void frames_of_wrong_length_and_from_nobody_change_nothing(void **state)
 
 static void five_motors_on_a_bus_are_refused(void **state)
 {
-    static const struct host_bus bus[] = {{.personality = HOST_FOC}};
+    static const struct host_bus bus[] = {{.protocol = "foc"}};
     static const struct host_axis axis[] = {{.joint = "fifth",
                                              .address = 5,
                                              .drive = {.gear = 100, .spring_nm_rad = 200},

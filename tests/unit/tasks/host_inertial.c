@@ -28,7 +28,7 @@ static void play_compact(struct bench *bench, int bus, const struct bus_frame *f
     }
 }
 
-static struct bench *open_host_every(enum host_personality personality, bool fd, int64_t period_ns)
+static struct bench *open_host_every(const char *protocol, bool fd, int64_t period_ns)
 {
     static struct bench bench;
     static struct host_bus bus[1];
@@ -39,15 +39,15 @@ static struct bench *open_host_every(enum host_personality personality, bool fd,
                                        .period_ns = 1000000};
 
     memset(&bench, 0, sizeof bench);
-    bus[0] = (struct host_bus){.personality = personality, .fd = fd};
-    bench.play[0] = personality == HOST_COMPACT ? play_compact : play_icub;
+    bus[0] = (struct host_bus){.protocol = protocol, .fd = fd};
+    bench.play[0] = !strcmp(protocol, "compact") ? play_compact : play_icub;
     bench_open(&bench, &config);
     return &bench;
 }
 
-static struct bench *open_host(enum host_personality personality, bool fd)
+static struct bench *open_host(const char *protocol, bool fd)
 {
-    return open_host_every(personality, fd, 5000000);
+    return open_host_every(protocol, fd, 5000000);
 }
 
 static void assert_motion(const struct host_motion *motion, double tolerance)
@@ -68,7 +68,7 @@ static void assert_motion(const struct host_motion *motion, double tolerance)
 
 static void icub_board_is_configured_and_heard(void **state)
 {
-    struct bench *bench = open_host(HOST_ICUB, false);
+    struct bench *bench = open_host("icub", false);
     const struct host_motion *motion = host_motion(bench->host);
 
     (void)state;
@@ -101,7 +101,7 @@ static void compact_boards_are_heard(void **state)
 
     (void)state;
     for (int fd = 0; fd < 2; fd++) {
-        struct bench *bench = open_host(HOST_COMPACT, fd);
+        struct bench *bench = open_host("compact", fd);
 
         assert_int_equal(start_up(bench, 100), HOST_READY);
         assert_true(was_sent(bench, 0, 0x689, 6, (const uint8_t[]){0x85, 0, 5, 0, 0, 0}));
@@ -120,7 +120,7 @@ static void compact_boards_are_heard(void **state)
 
 static void another_kind_of_board_there_ends_the_start_up(void **state)
 {
-    struct bench *bench = open_host(HOST_COMPACT, false);
+    struct bench *bench = open_host("compact", false);
 
     (void)state;
     bench->mute = true;
@@ -155,7 +155,7 @@ static void a_board_that_falls_silent_is_noticed_by_who_needs_it(void **state)
     (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(part); i++) {
         for (int watched = 0; watched < 2; watched++) {
-            struct bench *bench = open_host(HOST_ICUB, false);
+            struct bench *bench = open_host("icub", false);
 
             assert_int_equal(start_up(bench, 100), HOST_READY);
             if (watched) {
@@ -178,7 +178,7 @@ static void a_board_that_falls_silent_is_noticed_by_who_needs_it(void **state)
 /* One that never says anything; ten of its periods are longer than 100 ms. */
 static void a_board_that_is_never_heard_has_ten_periods(void **state)
 {
-    struct bench *bench = open_host_every(HOST_ICUB, false, 20000000);
+    struct bench *bench = open_host_every("icub", false, 20000000);
     int waited = 0;
 
     (void)state;

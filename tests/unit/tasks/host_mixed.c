@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A host with another personality on each of its buses, and anything at all on them. */
+/* A host with another protocol on each of its buses, and anything at all on them. */
+#include "boards/described/protocol.h"
+#include "boards/protocols.h"
 #include "tests/unit/tasks/host_bench.h"
 
 enum { ICUB, FOC, COMPACT };
@@ -49,7 +51,7 @@ static int set_up(void **state)
     static const char *const joint[] = {"one", "two", "three"};
     static struct host_axis axis[3];
     static const struct host_bus bus[] = {
-        {.personality = HOST_ICUB}, {.personality = HOST_FOC}, {.personality = HOST_COMPACT}};
+        {.protocol = "icub"}, {.protocol = "foc"}, {.protocol = "compact"}};
     struct host_config config = {
         .nbus = 3,
         .bus = bus,
@@ -172,6 +174,37 @@ static void no_frame_can_harm_the_host(void **state)
     assert_int_equal(host_joint(bench->host, 1)->motor, HOST_MOTOR_ON);
     assert_near(host_joint(bench->host, 2)->motor_rad, 0.0, 0.0);
     assert_near(host_joint(bench->host, 2)->joint_rad, 0.0, 0.0);
+
+    /* Motor boards of icub leave the torque to a board of its own */
+    assert_false(host_joint(bench->host, 0)->torque_told);
+    assert_true(host_joint(bench->host, 1)->torque_told);
+    assert_true(host_joint(bench->host, 2)->torque_told);
+}
+
+/* What boards speak has a host, but nothing else has. */
+static void a_bus_whose_protocol_has_no_host_is_refused(void **state)
+{
+    static struct described_protocol described;
+    const struct protocol *protocol;
+    struct host_bus bus = {.described = &described};
+    const struct host_config config = {
+        .nbus = 1, .bus = &bus, .supply_v = 48, .period_ns = 1000000};
+    struct arena arena;
+    struct host *host;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
+    for (size_t i = 0; (protocol = protocol_at(i)); i++) {
+        bus.protocol = protocol->name;
+        if (host_create(&config, &arena, &host, &error)) {
+            fail_msg("%s: %s", protocol->name, error.text);
+        }
+    }
+    bus.protocol = "nobody";
+    assert_int_equal(host_create(&config, &arena, &host, &error), ERROR_INPUT);
+    assert_string_equal(error.text, "host: bus 0 speaks nobody, which no host knows");
+    arena_fini(&arena);
 }
 
 int main(void)
@@ -179,6 +212,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(each_bus_is_spoken_to_in_its_own_way, set_up,
                                         bench_tear_down),
+        cmocka_unit_test(a_bus_whose_protocol_has_no_host_is_refused),
         cmocka_unit_test_setup_teardown(no_frame_can_harm_the_host, set_up, bench_tear_down),
     };
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-foreach(name gait host host_cia402 host_compact host_foc host_inertial host_lockstep host_mixed)
-    hil_test(tasks_${name} SOURCES unit/tasks/${name}.c LIBS tasks LABELS unit)
-endforeach()
-foreach(name motion_profile pose sine_fit trajectory)
+file(GLOB hosts CONFIGURE_DEPENDS RELATIVE ${CMAKE_CURRENT_LIST_DIR}
+     ${CMAKE_CURRENT_LIST_DIR}/host*.c)
+list(TRANSFORM hosts REPLACE "[.]c$" "")
+foreach(name ${hosts} gait motion_profile pose sine_fit trajectory)
     hil_test(tasks_${name} SOURCES unit/tasks/${name}.c LIBS tasks LABELS unit)
 endforeach()
 hil_test(tasks_leg SOURCES unit/tasks/leg.c LIBS rig LABELS unit)

@@ -73,6 +73,7 @@ static void a_sound_file_is_passed_on_byte_for_byte(void **state)
 
     (void)state;
     write_stl(2, 184);
+    assert_int_equal(viewer_check_visual(viewer->rig->robot->visual, &error), ERROR_NONE);
     got = viewer_visual_file(viewer, 0, &error);
     assert_non_null(got);
     assert_int_equal(got->size, 184);
@@ -96,6 +97,9 @@ static void what_is_no_stl_is_refused_by_name(void **state)
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         write_stl(cases[i].faces, cases[i].size);
         assert_null(viewer_visual_file(viewer, 0, &error));
+        assert_non_null(strstr(error.text, "a.stl: found"));
+        error.text[0] = '\0';
+        assert_int_equal(viewer_check_visual(viewer->rig->robot->visual, &error), ERROR_INPUT);
         assert_non_null(strstr(error.text, "a.stl: found"));
         assert_non_null(strstr(error.text, "expected a binary STL file"));
     }

@@ -25,8 +25,10 @@ has_all_of() {
     [ ! -s "$work/out" ]
 }
 
-echo 1..15
-for personality in icub foc compact cia402; do
+pages=$(cd "$source/docs/protocol" && echo *.md)
+echo 1..$(($(echo "$pages" | wc -w) + 11))
+for page in $pages; do
+    personality=${page%.md}
     "$program" protocol $personality >"$work/$personality.md" 2>"$work/out" &&
         diff "$source/docs/protocol/$personality.md" "$work/$personality.md" >"$work/out"
     result $? "docs/protocol/$personality.md is what \`coman-hil protocol $personality\` prints"

@@ -10,7 +10,7 @@
 static struct bench bench;
 static struct bench_client hostile;
 
-enum { STORM_TICKS = 4000, STORM_STEP = 50 };
+enum { STORM_TICKS = 1000, STORM_STEP = 50 };
 
 static uint32_t random_below(uint64_t *state, uint32_t limit)
 {

@@ -3,6 +3,8 @@
  * whatever the number of joints and what the boards speak. */
 #include "app/import/import.h"
 #include "app/import/write.h"
+#include "base/count.h"
+#include "boards/protocols.h"
 #include "rig/rig.h"
 
 #include <math.h>
@@ -73,10 +75,10 @@ static void write_limbs(int limbs, int joints)
     assert_int_equal(fclose(out), 0);
 }
 
-static void import_limbs(enum import_personality personality, struct import_result *result)
+static void import_limbs(struct import_boards boards, struct import_result *result)
 {
     const struct import_request request = {
-        .file = file, .folder = folder, .personality = personality, .force = true};
+        .file = file, .folder = folder, .boards = boards, .force = true};
     struct error error;
 
     if (import_run(&request, &arena, result, &error)) {
@@ -89,14 +91,18 @@ static void no_bus_is_loaded_beyond_the_share(void **state)
     static const struct {
         int limbs, joints;
     } robots[] = {{1, 1}, {1, 6}, {1, 7}, {4, 3}, {5, 6}, {3, 13}};
+    static const struct import_boards benches[] = {{&protocol_icub, false},
+                                                   {&protocol_foc, false},
+                                                   {&protocol_compact, false},
+                                                   {&protocol_compact, true}};
 
     (void)state;
     for (size_t i = 0; i < sizeof robots / sizeof *robots; i++) {
         write_limbs(robots[i].limbs, robots[i].joints);
-        for (int p = IMPORT_ICUB; p <= IMPORT_COMPACT_FD; p++) {
+        for (size_t p = 0; p < ARRAY_COUNT(benches); p++) {
             struct import_result result;
 
-            import_limbs((enum import_personality)p, &result);
+            import_limbs(benches[p], &result);
             assert_true(result.worst_load > 0.0 && result.worst_load <= IMPORT_BUS_LOAD);
             assert_int_equal(result.loaded->njoint, robots[i].limbs * robots[i].joints);
             assert_int_equal(result.loaded->nft, robots[i].limbs);
@@ -109,7 +115,7 @@ static void no_bus_is_loaded_beyond_the_share(void **state)
 static void too_many_joints_name_the_way_out(void **state)
 {
     const struct import_request request = {
-        .file = file, .folder = folder, .personality = IMPORT_FOC};
+        .file = file, .folder = folder, .boards = {&protocol_foc, false}};
     struct import_result result;
     struct error error;
 
@@ -118,13 +124,14 @@ static void too_many_joints_name_the_way_out(void **state)
     assert_int_equal(import_run(&request, &arena, &result, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "--personality compact-fd"));
     assert_int_not_equal(access(result.robot, F_OK), 0);
-    import_limbs(IMPORT_COMPACT_FD, &result);
+    import_limbs((struct import_boards){&protocol_compact, true}, &result);
 }
 
 /* What was edited after the first import is there after the second. */
 static void a_second_import_asks_before_it_writes_over_the_first(void **state)
 {
-    struct import_request request = {.file = file, .folder = folder};
+    struct import_request request = {
+        .file = file, .folder = folder, .boards = {&protocol_icub, false}};
     struct import_result first, again;
     struct error error;
     char line[64] = "";
@@ -164,7 +171,7 @@ static void same_file_gives_the_same_bytes(void **state)
     (void)state;
     write_limbs(2, 3);
     for (int i = 0; i < 2; i++) {
-        import_limbs(IMPORT_ICUB, &result);
+        import_limbs((struct import_boards){&protocol_icub, false}, &result);
         assert_non_null(in = fopen(result.rig, "r"));
         size[i] = fread(i ? second : first, 1, sizeof first, in);
         fclose(in);
@@ -192,7 +199,7 @@ static void a_box_gets_the_capsule_that_holds_it(void **state)
     assert_non_null(out);
     fprintf(out, text, inertial);
     assert_int_equal(fclose(out), 0);
-    import_limbs(IMPORT_ICUB, &result);
+    import_limbs((struct import_boards){&protocol_icub, false}, &result);
     assert_int_equal(result.loaded->ncapsule, 1);
     capsule = &result.loaded->capsule[0];
     assert_true(fabs(capsule->radius - 0.05) < 1e-6);
@@ -270,10 +277,10 @@ static void visuals_come_with_their_places_and_colors(void **state)
     write_file("bad.obj", "v 0 0 0\nv 1 zero 0\n");
     snprintf(text, sizeof text, "%s%s%s", begin, middle, end);
     write_file("r.urdf", text);
-    import_limbs(IMPORT_ICUB, &plain);
+    import_limbs((struct import_boards){&protocol_icub, false}, &plain);
     snprintf(text, sizeof text, "%s%s%s%s%s", begin, looks, middle, more, end);
     write_file("r.urdf", text);
-    import_limbs(IMPORT_ICUB, &result);
+    import_limbs((struct import_boards){&protocol_icub, false}, &result);
     assert_int_equal(result.loaded->nvisual, 6);
     assert_true(result.loaded->hash == plain.loaded->hash);
     assert_int_equal(import_count_notes(&result.notes, IMPORT_MISSING), 2);
@@ -322,7 +329,7 @@ static void geoms_of_mjcf_are_seen_as_in_its_viewer(void **state)
         "conaffinity='0' material='steel'/><geom type='box' size='1 2 3' contype='0' "
         "conaffinity='0' rgba='0 1 0 0.5' material='steel'/></body></body></worldbody>"
         "</mujoco>\n");
-    import_limbs(IMPORT_ICUB, &result);
+    import_limbs((struct import_boards){&protocol_icub, false}, &result);
     visual = result.loaded->visual;
     assert_int_equal(result.loaded->nvisual, 3);
     assert_int_equal(result.loaded->ncapsule, 2);
@@ -354,7 +361,8 @@ static void ankles_hold_up_what_stands_on_them(void **state)
         "<motor joint='right_ankle' ctrlrange='-40 40'/><motor joint='elbow' ctrlrange='-9 9'/>"
         "</actuator><keyframe><key name='stand' qpos='0 0 0.9 1 0 0 0 0 0 0'/></keyframe></mujoco>";
     const double tips = 0.5 * 9.81 * (40.01 * 0.85 - 1.0 * 0.88);
-    struct import_request request = {.file = file, .folder = folder};
+    struct import_request request = {
+        .file = file, .folder = folder, .boards = {&protocol_icub, false}};
     struct import_result result;
     const struct rig *rig;
     struct error error;

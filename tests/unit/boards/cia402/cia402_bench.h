@@ -4,10 +4,11 @@
 #define TESTS_UNIT_BOARDS_CIA402_CIA402_BENCH_H
 
 #include "boards/cia402/protocol.h"
+#include "boards/protocols.h"
 #include "tests/unit/boards/board_bench.h"
 
-static const struct boards_bus_config buses[BENCH_BUSES] = {{.personality = BOARD_CIA402},
-                                                            {.personality = BOARD_CIA402}};
+static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_cia402},
+                                                            {.protocol = &protocol_cia402}};
 
 /* bus 0: drive 4 (joints 0, 1), drive 20 (joint 2), F/T node 31; bus 1: drive 7 (joints 3, 4) and
  * inertial node 8. */

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The compact protocol on its buses: identifiers, room on the wire, configurations, events. */
 #include "tests/unit/boards/compact/compact_bench.h"
+#include "boards/protocols.h"
 
 static void identifiers_are_apart_and_ordered_by_urgency(void **state)
 {
@@ -64,16 +65,16 @@ static void a_wrong_configuration_is_refused(void **state)
 {
     static const struct {
         const char *text;
-    } wrong[] = {{"1 to 31 on a compact bus"},
-                 {"needs no torque board"},
+    } wrong[] = {{"1 to 31 on a bus that speaks compact"},
+                 {"a bus that speaks compact has no torque boards"},
                  {"both axes have the same joint"},
-                 {"only compact and described boards speak CAN FD"},
-                 {"1 to 4, for only these have a target"},
+                 {"only compact or described boards speak CAN FD"},
+                 {"1 to 4 on a bus that speaks foc"},
                  {"the gear must be above 0"}};
     static const struct boards_bus_config fd[BENCH_BUSES] = {
-        {.personality = BOARD_ICUB, .fd = true}, {.personality = BOARD_ICUB}};
-    static const struct boards_bus_config foc[BENCH_BUSES] = {{.personality = BOARD_FOC},
-                                                              {.personality = BOARD_COMPACT}};
+        {.protocol = &protocol_icub, .fd = true}, {.protocol = &protocol_icub}};
+    static const struct boards_bus_config foc[BENCH_BUSES] = {{.protocol = &protocol_foc},
+                                                              {.protocol = &protocol_compact}};
 
     (void)state;
     for (int i = 0; i < 6; i++) {

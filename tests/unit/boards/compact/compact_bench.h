@@ -4,10 +4,11 @@
 #define TESTS_UNIT_BOARDS_COMPACT_COMPACT_BENCH_H
 
 #include "boards/compact/table.h"
+#include "boards/protocols.h"
 #include "tests/unit/boards/board_bench.h"
 
 static const struct boards_bus_config buses[BENCH_BUSES] = {
-    {.personality = BOARD_COMPACT}, {.personality = BOARD_COMPACT, .fd = true}};
+    {.protocol = &protocol_compact}, {.protocol = &protocol_compact, .fd = true}};
 
 /* bus 0, classic: node 4 (joints 0, 1, slots 0, 1), node 20 (joint 2, slot 2), F/T node 31; bus 1,
  * FD: node 7 (joints 3, 4, slots 0, 1). */

@@ -5,6 +5,7 @@
  * the torque that they have to make.
  */
 #include "boards/described/protocol.h"
+#include "boards/protocols.h"
 
 #include "tests/unit/boards/board_bench.h"
 
@@ -56,7 +57,7 @@ static void open_bench(struct described_bench *bench, const char *file, int64_t 
 
     memset(bench, 0, sizeof *bench);
     bench_configure(base);
-    bench->bus[0].personality = BOARD_DESCRIBED;
+    bench->bus[0].protocol = &protocol_described;
     bench->bus[0].fd = file == checked;
     read_protocol(bench, file);
     base->config.bus = bench->bus;

@@ -4,13 +4,14 @@
 #define TESTS_UNIT_BOARDS_FOC_FOC_BENCH_H
 
 #include "boards/foc/protocol.h"
+#include "boards/protocols.h"
 #include "tests/unit/boards/board_bench.h"
 
 #define GEAR 100.0
 #define ROTOR_TICKS 4096.0
 
-static const struct boards_bus_config buses[BENCH_BUSES] = {{.personality = BOARD_FOC},
-                                                            {.personality = BOARD_ICUB}};
+static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_foc},
+                                                            {.protocol = &protocol_icub}};
 
 /* bus 0: 2FOC boards 1 (joint 0) and 3 (joint 1), pseudo-STRAIN, F/T; bus 1: an iCub board. */
 static inline void configure(struct board_bench *bench)

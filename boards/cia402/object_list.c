@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Prints the rows of boards/cia402/table.h. */
-#include "app/cli/object_list.h"
+#include "boards/cia402/object_list.h"
 
 #include "base/options.h"
 #include "boards/cia402/table.h"
@@ -45,7 +45,7 @@ static void object_print_row(const struct cia402_object *object, FILE *out)
     options_wrap(line, 0, 2, out);
 }
 
-void object_list_print(FILE *out)
+void cia402_print_objects(FILE *out)
 {
     fputs("\n## Objects\n\n", out);
     options_wrap("Of axis 0, of the first RPDO and of the first TPDO; the others follow as above. "

@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The file that keeps the tokens and the port of a page from one run to the next, so that a page
+ * that is open finds the next run of the same folder at the same address. Only its owner may read
+ * it. Not RT-safe.
+ */
+#ifndef APP_CLI_TOKEN_FILE_H
+#define APP_CLI_TOKEN_FILE_H
+
+#include "base/error.h"
+#include "viewer/viewer.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* What the file keeps; port 0: nothing. */
+struct page_tokens {
+    char token[2][VIEWER_TOKEN]; /* to look, to control */
+    uint16_t port;
+};
+
+/* Writes the default path for runs in the working directory: coman-hil/pages/HASH, of the
+ * directory's path, below $XDG_STATE_HOME or $HOME/.local/state; false when there is neither. */
+bool token_file_default(char *path, size_t size);
+
+/* Reads the file; *tokens has port 0 when there is none. ERROR_INPUT when it is not a file of such
+ * content that nobody but its owner, this user, may read or write. */
+enum error_code token_file_read(const char *path, struct page_tokens *tokens, struct error *error);
+
+/* Replaces the file, with mode 0600; folders that are missing are made. ERROR_SYSTEM. */
+enum error_code token_file_write(const char *path, const struct page_tokens *tokens,
+                                 struct error *error);
+
+#endif

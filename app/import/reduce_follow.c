@@ -1,0 +1,299 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Joints that follow others: chains of them, what becomes of each, and where they rest. A chain is
+ * led by its first joint; those between count into the multiplier and the offset of the last.
+ */
+#include "app/import/reduce_private.h"
+
+#include "model/coupling.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Multipliers and offsets that a robot file takes. */
+#define MULTIPLIER_LEAST 1e-6
+#define MULTIPLIER_MOST 1e3
+#define OFFSET_MOST 1e3
+
+bool reduce_is_rigid(const struct reducer *r, size_t j)
+{
+    return r->out->fixed[j] || r->model->joint[j].type == IMPORT_FIXED;
+}
+
+enum error_code reduce_find_followers(struct reducer *r)
+{
+    const struct import_model *model = r->model;
+
+    r->mimic = arena_alloc(r->arena, model->njoint + 1, sizeof *r->mimic);
+    r->lower = arena_alloc(r->arena, model->njoint + 1, sizeof *r->lower);
+    r->upper = arena_alloc(r->arena, model->njoint + 1, sizeof *r->upper);
+    if (!r->mimic || !r->lower || !r->upper) {
+        return reduce_no_memory(r);
+    }
+    for (size_t j = 0; j < model->njoint; j++) {
+        const struct import_joint *joint = &model->joint[j];
+
+        r->mimic[j] = joint->mimic ? import_find_joint(model, joint->mimic) : -1;
+        r->lower[j] = joint->has_limit ? joint->lower : -2.0 * M_PI * REDUCE_TURNS_MAX;
+        r->upper[j] = joint->has_limit ? joint->upper : 2.0 * M_PI * REDUCE_TURNS_MAX;
+    }
+
+    /* Up from each one; what does not end goes round */
+    for (size_t j = 0; j < model->njoint; j++) {
+        int up = r->mimic[j];
+
+        for (size_t step = 0; up >= 0 && step <= model->njoint; step++) {
+            up = r->mimic[up];
+        }
+        if (up >= 0) {
+            return import_error(r->error, model->joint[j].mimic_file, model->joint[j].mimic_line,
+                                "found joint \"%.63s\" that follows \"%.63s\", which ends in a "
+                                "circle, expected a joint that follows none",
+                                model->joint[j].name, model->joint[j].mimic);
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Where joint j follows: the first joint of the chain above it that does not follow or does not
+ * move, -1 = none; position = *multiplier times that joint's + *offset. */
+static int find_leader(const struct reducer *r, size_t j, double *multiplier, double *offset)
+{
+    int leader = r->mimic[j];
+
+    *multiplier = r->model->joint[j].multiplier;
+    *offset = r->model->joint[j].offset;
+    while (leader >= 0 && r->mimic[leader] >= 0 && !reduce_is_rigid(r, (size_t)leader)) {
+        *offset += *multiplier * r->model->joint[leader].offset;
+        *multiplier *= r->model->joint[leader].multiplier;
+        leader = r->mimic[leader];
+    }
+    return leader;
+}
+
+/* ---- rest ---- */
+
+/* Beyond a limit by so much of the range, or by 0.1 rad or m of a wide one. */
+#define REST_INSIDE 0.05
+
+double reduce_rest(const struct reducer *r, size_t j)
+{
+    const double lower = r->lower[j], upper = r->upper[j];
+    double inside = fmin(REST_INSIDE * (upper - lower), 0.1);
+
+    if (lower <= 0.0 && upper >= 0.0) {
+        return 0.0;
+    }
+    return lower > 0.0 ? lower + inside : upper - inside;
+}
+
+double reduce_follow(const struct reducer *r, size_t j)
+{
+    const struct import_joint *joint = &r->model->joint[j];
+    double multiplier, offset, at;
+    int leader = find_leader(r, j, &multiplier, &offset);
+
+    if (leader < 0) {
+        return reduce_rest(r, j);
+    }
+    at = reduce_is_rigid(r, (size_t)leader) ? r->at[leader] : reduce_rest(r, (size_t)leader);
+    at = multiplier * at + offset;
+    return joint->has_limit ? fmin(fmax(at, joint->lower), joint->upper) : at;
+}
+
+/* ---- coupled joints ---- */
+
+bool reduce_is_coupled(const struct reducer *r, size_t j)
+{
+    return r->options->mimic == IMPORT_MIMIC_COUPLE && r->mimic[j] >= 0 && !reduce_is_rigid(r, j);
+}
+
+/* What a coupling can be: linear, with numbers of a size that a robot file takes. */
+static enum error_code check_coupling(const struct reducer *r, const struct import_joint *joint,
+                                      double multiplier, double offset)
+{
+    if (joint->bends) {
+        return import_error(
+            r->error, joint->mimic_file, joint->mimic_line,
+            "found joint \"%.63s\" that follows \"%.63s\" by a polynomial, expected "
+            "a straight line (polycoef \"a b 0 0 0\"): --lock %.63s fixes it, "
+            "--mimic free lets all such joints move on their own",
+            joint->name, joint->mimic, joint->name);
+    }
+    if (!(fabs(multiplier) >= MULTIPLIER_LEAST && fabs(multiplier) <= MULTIPLIER_MOST) ||
+        !(fabs(offset) <= OFFSET_MOST)) {
+        return import_error(r->error, joint->mimic_file, joint->mimic_line,
+                            "found joint \"%.63s\" that follows with multiplier %g and offset %g, "
+                            "expected %g to %g, positive or negative, and an offset within %g",
+                            joint->name, multiplier, offset, MULTIPLIER_LEAST, MULTIPLIER_MOST,
+                            OFFSET_MOST);
+    }
+    return ERROR_NONE;
+}
+
+/* A leader rests, and stands in poses, where its follower can follow. */
+static enum error_code narrow_leader(struct reducer *r, size_t j, size_t leader, double multiplier,
+                                     double offset)
+{
+    const struct import_joint *joint = &r->model->joint[j];
+    const double end[2] = {(r->lower[j] - offset) / multiplier,
+                           (r->upper[j] - offset) / multiplier};
+
+    r->lower[leader] = fmax(r->lower[leader], fmin(end[0], end[1]));
+    r->upper[leader] = fmin(r->upper[leader], fmax(end[0], end[1]));
+    if (r->lower[leader] > r->upper[leader]) {
+        return import_error(r->error, joint->mimic_file, joint->mimic_line,
+                            "found joint \"%.63s\" with limits %g to %g that exclude where "
+                            "\"%.63s\" leads it, %g times that joint's position + %g, expected a "
+                            "place where both can be",
+                            joint->name, r->lower[j], r->upper[j], r->model->joint[leader].name,
+                            multiplier, offset);
+    }
+    return ERROR_NONE;
+}
+
+enum error_code reduce_narrow_leaders(struct reducer *r)
+{
+    enum error_code code = ERROR_NONE;
+
+    for (size_t j = 0; j < r->model->njoint && !code; j++) {
+        double multiplier, offset;
+        int leader;
+
+        if (!reduce_is_coupled(r, j)) {
+            continue;
+        }
+        leader = find_leader(r, j, &multiplier, &offset);
+        if (!reduce_is_rigid(r, (size_t)leader) && multiplier != 0.0) {
+            code = check_coupling(r, &r->model->joint[j], multiplier, offset);
+            code = code ? code : narrow_leader(r, j, (size_t)leader, multiplier, offset);
+        }
+    }
+    return code;
+}
+
+/* ---- what becomes of them ---- */
+
+static enum error_code refuse_follower(const struct reducer *r, const struct import_joint *joint)
+{
+    return import_error(r->error, joint->mimic_file, joint->mimic_line,
+                        "found joint \"%.63s\" that follows \"%.63s\": give --mimic couple to have "
+                        "it follow, driven by that joint's drive, --mimic lock to fix all such "
+                        "joints where they rest, or --mimic free to let them move on their own",
+                        joint->name, joint->mimic);
+}
+
+static enum error_code settle_follower(struct reducer *r, size_t j, size_t *couplings)
+{
+    const struct import_joint *joint = &r->model->joint[j];
+    double multiplier, offset;
+    int leader = find_leader(r, j, &multiplier, &offset);
+
+    if (leader < 0 || reduce_is_rigid(r, j)) {
+        return ERROR_NONE;
+    }
+    if (reduce_is_rigid(r, (size_t)leader)) {
+        reduce_fix_joint(r, j, reduce_follow(r, j), "it follows a joint that is fixed");
+        return ERROR_NONE;
+    }
+    switch (r->options->mimic) {
+    case IMPORT_MIMIC_LOCK:
+        reduce_fix_joint(r, j, reduce_follow(r, j),
+                         "it follows another, and --mimic lock holds it there");
+        return ERROR_NONE;
+    case IMPORT_MIMIC_FREE:
+        import_note_add(r->notes, IMPORT_CHANGED, joint->mimic_file, joint->mimic_line,
+                        "joint \"%.63s\" no longer follows \"%.63s\": it moves on its own "
+                        "(--mimic free)",
+                        joint->name, joint->mimic);
+        return ERROR_NONE;
+    case IMPORT_MIMIC_COUPLE:
+        if (multiplier == 0.0) {
+            reduce_fix_joint(r, j, reduce_follow(r, j), "it follows another 0 times");
+        } else if (++*couplings > ROBOT_COUPLINGS_MAX) {
+            return import_error(r->error, joint->mimic_file, joint->mimic_line,
+                                "found joint \"%.63s\" that follows, which is one more than the %d "
+                                "that may, expected fewer: --lock JOINT fixes what need not move",
+                                joint->name, ROBOT_COUPLINGS_MAX);
+        }
+        return ERROR_NONE;
+    default:
+        return refuse_follower(r, joint);
+    }
+}
+
+enum error_code reduce_settle_followers(struct reducer *r)
+{
+    enum error_code code = ERROR_NONE;
+    size_t couplings = 0;
+
+    for (size_t j = 0; j < r->model->njoint && !code; j++) {
+        code = settle_follower(r, j, &couplings);
+    }
+    return code;
+}
+
+/* ---- the robot's couplings ---- */
+
+/* The joint of the robot that a joint of the model has become. */
+static int find_made(const struct reducer *r, const struct import_joint *joint)
+{
+    for (size_t j = 0; j < r->out->robot->njoint; j++) {
+        if (r->out->source[j] == joint) {
+            return (int)j;
+        }
+    }
+    return -1;
+}
+
+enum error_code reduce_add_couplings(struct reducer *r)
+{
+    const struct import_model *model = r->model;
+    struct robot *robot = r->out->robot;
+
+    robot->coupling = arena_alloc(r->arena, ROBOT_COUPLINGS_MAX, sizeof *robot->coupling);
+    if (!robot->coupling) {
+        return reduce_no_memory(r);
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        const size_t own = (size_t)(r->out->source[j] - model->joint);
+        struct robot_coupling *coupling = &robot->coupling[robot->ncoupling];
+
+        if (reduce_is_coupled(r, own)) {
+            int leader = find_leader(r, own, &coupling->multiplier, &coupling->offset);
+
+            coupling->follower = (int)j;
+            coupling->leader = find_made(r, &model->joint[leader]);
+            if (coupling->leader < 0) {
+                return import_error(r->error, model->joint[own].mimic_file,
+                                    model->joint[own].mimic_line,
+                                    "found joint \"%.63s\" that follows \"%.63s\", which is no "
+                                    "joint of the robot's, expected one that turns or slides",
+                                    model->joint[own].name, model->joint[leader].name);
+            }
+            coupling->stiffness = 1.0; /* until its drive is known: drive.h */
+            robot->ncoupling++;
+        }
+    }
+    return ERROR_NONE;
+}
+
+void reduce_align_pose(const struct reducer *r, const struct import_pose *pose, double *position)
+{
+    const struct robot *robot = r->out->robot;
+
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+        const double to = coupling->multiplier * position[coupling->leader] + coupling->offset;
+        double *at = &position[coupling->follower];
+
+        if (fabs(*at - to) > COUPLING_ALIGNED * fmax(1.0, fabs(to))) {
+            import_note_add(r->notes, IMPORT_CHANGED, pose->file, pose->line,
+                            "pose \"%.63s\": joint \"%.63s\" is at %g, where \"%.63s\" leads it, "
+                            "not at %g",
+                            pose->name, robot->joint[coupling->follower].name, to,
+                            robot->joint[coupling->leader].name, *at);
+        }
+    }
+    coupling_align(robot, position);
+}

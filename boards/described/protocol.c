@@ -1,0 +1,87 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Protocols that a file describes, described, as a module. */
+#include "boards/described/protocol.h"
+
+#include "boards/board_private.h"
+#include "boards/described/board.h"
+#include "boards/described/messages.h"
+#include "boards/protocols.h"
+
+static struct board *described_make_board(const struct board_config *config, struct arena *arena)
+{
+    return config->kind == BOARD_MOTOR      ? described_motor_create(arena)
+           : config->kind == BOARD_INERTIAL ? described_inertial_create(arena)
+                                            : described_ft_create(arena);
+}
+
+static enum error_code described_check_board(const struct boards_bus_config *bus,
+                                             const struct board_config *board, struct error *error)
+{
+    const char *name = board->name ? board->name : "(no name)";
+
+    if (board->address > bus->described->address_max) {
+        return error_set(error, ERROR_INPUT,
+                         "board %s: the address is beyond those of its protocol", name);
+    }
+    if (board_config_axes(board) > bus->described->axes) {
+        return error_set(error, ERROR_INPUT,
+                         "board %s: it has more axes than boards of its protocol", name);
+    }
+    return ERROR_NONE;
+}
+
+static bool described_claims_id(const struct boards_bus_config *bus, uint32_t id, char *text,
+                                size_t size)
+{
+    unsigned number;
+
+    for (size_t i = 0; bus && i < bus->described->nframe; i++) {
+        const struct described_frame *frame = &bus->described->frame[i];
+
+        if (described_number(frame, id, false, &number)) {
+            snprintf(text, size, "frame %s of protocol %s, expected another", frame->name,
+                     bus->described->name);
+            return true;
+        }
+    }
+    return false;
+}
+
+/* The law in force: the states themselves have the names of a file. */
+static const char *described_law_name(uint32_t law)
+{
+    static const char *const names[] = {
+        [DESCRIBED_OFF] = "off",
+        [DESCRIBED_VOLTAGE] = "voltage",
+        [DESCRIBED_CURRENT] = "current",
+        [DESCRIBED_TORQUE] = "torque",
+        [DESCRIBED_VELOCITY] = "velocity",
+        [DESCRIBED_POSITION] = "position",
+        [DESCRIBED_IMPEDANCE] = "impedance",
+        [DESCRIBED_FAULT] = "fault",
+    };
+
+    return law <= DESCRIBED_FAULT ? names[law] : "unknown";
+}
+
+const struct protocol protocol_described = {
+    .name = "described",
+    .motor_address_max = DESCRIBED_ADDRESS_MAX,
+    .address_max = DESCRIBED_ADDRESS_MAX,
+    .axes_max = DESCRIBED_AXES,
+    .slots_max = DESCRIBED_SLOTS,
+    .canfd = true,
+    .needs_file = true,
+    .make_bus = described_bus_create,
+    .make_board = described_make_board,
+    .check_board = described_check_board,
+    .visit_broadcasts = described_visit_broadcasts,
+    .visit_board = described_visit_board,
+    .comment_message = described_comment_message,
+    .note_field = described_note_field,
+    .claims_id = described_claims_id,
+    .mode_name = described_law_name,
+    .fault_names = described_fault_names,
+    .timeout_text = "as its protocol has it",
+    .limit_text = "ticks, voltage set to 0",
+};

@@ -1,0 +1,204 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The protocol of the 2FOC boards, foc, as a module: what differs from icub. */
+#include "boards/foc/board.h"
+#include "boards/foc/table.h"
+#include "boards/icub/board.h"
+#include "boards/icub/messages.h"
+#include "boards/protocols.h"
+#include "manual/protocol_foc.h"
+
+#include <math.h>
+#include <string.h>
+
+/* ---- boards ---- */
+
+static struct board *foc_make_board(const struct board_config *config, struct arena *arena)
+{
+    return config->kind == BOARD_MOTOR ? foc_board_create(arena) : icub_make_sensor(config, arena);
+}
+
+static enum error_code foc_check_board(const struct boards_bus_config *bus,
+                                       const struct board_config *board, struct error *error)
+{
+    double gear = board->axis[0].gear;
+
+    (void)bus;
+    if (board->kind == BOARD_MOTOR && board->axis[0].joint >= 0 && !(isfinite(gear) && gear > 0)) {
+        return error_set(error, ERROR_INPUT, "board %s: the gear must be above 0",
+                         board->name ? board->name : "(no name)");
+    }
+    return ERROR_NONE;
+}
+
+/* ---- messages ---- */
+
+static uint32_t foc_cycle_ns(const struct board_config *board, unsigned type)
+{
+    return type == FOC_ADDITIONAL_STATUS ? foc_additional_status_ms(board->address) * (uint32_t)MS
+           : type == FOC_STATUS && board->status_period_ns > MS ? (uint32_t)board->status_period_ns
+                                                                : (uint32_t)MS;
+}
+
+/* DISCOVER, and DESIRED_TARGETS, which has a target for each of four addresses. */
+static void foc_visit_broadcasts(struct message_walk *walk)
+{
+    const struct message targets = {
+        .name = foc_frames[FOC_DESIRED_TARGETS].name,
+        .id = FOC_DESIRED_TARGETS_ID,
+        .base = FOC_DESIRED_TARGETS_ID,
+        .sender = MESSAGE_NO_BOARD,
+        .receiver = MESSAGE_NO_BOARD,
+        .from_host = true,
+        .length = FOC_TARGETS_LENGTH,
+        .code = MESSAGE_NO_CODE,
+        .section = ICUB_SECTION_TELEMETRY,
+        .cycle_ns = MS,
+        .fields = foc_frames[FOC_DESIRED_TARGETS].fields,
+        .repeats = 1,
+        .slot = -1,
+    };
+
+    icub_visit_discovery(walk);
+    message_visit(walk, &targets);
+}
+
+static void foc_visit_board(struct message_walk *walk, int board, unsigned first_slot)
+{
+    static const struct icub_dialect dialect = {
+        .frames = foc_frames,
+        .commands = foc_commands,
+        .host_frame = FOC_DESIRED_TARGETS,
+        .spread_frame = FOC_ADDITIONAL_STATUS,
+        .cycle_ns = foc_cycle_ns,
+    };
+
+    (void)first_slot;
+    icub_visit_messages(walk, board, &dialect);
+}
+
+/* The axis of the motor board at an address of a bus; NULL: none. */
+static const struct board_axis_config *foc_find_axis(const struct boards_config *config, int bus,
+                                                     int address)
+{
+    for (size_t i = 0; i < config->nboard; i++) {
+        const struct board_config *board = &config->board[i];
+
+        if (board->bus == bus && board->kind == BOARD_MOTOR && board->address == address) {
+            return &board->axis[0];
+        }
+    }
+    return NULL;
+}
+
+static void foc_describe_field(const struct boards_config *config, int bus,
+                               const struct message_field *field, struct field_subject *subject)
+{
+    const struct board_config *board = icub_message_board(config, field->message);
+    double rotor;
+
+    if (!board) {
+        subject->axis = foc_find_axis(config, bus, field->index + 1);
+    } else if (board->kind == BOARD_MOTOR && field->message->id >> 8 != ICUB_MANAGEMENT) {
+        subject->axis = &board->axis[0];
+    }
+    icub_describe_channel(config, field, subject);
+
+    /* Angles of the rotor as those of the joint */
+    if (!subject->axis || !(subject->axis->gear > 0.0)) {
+        return;
+    }
+    rotor = 2.0 * M_PI / FOC_ICUBDEG_PER_REV / subject->axis->gear;
+    if (!strcmp(subject->unit, "icubdeg")) {
+        subject->scale = rotor;
+        subject->unit = "rad";
+    } else if (!strcmp(subject->unit, "icubdeg/ms")) {
+        subject->scale = 1e3 * rotor;
+        subject->unit = "rad/s";
+    }
+}
+
+/* ---- load ---- */
+
+static void foc_visit_board_load(struct load_walk *walk, const struct board_config *board)
+{
+    double period_s = load_period_s(walk, 0); /* of DESIRED_TARGETS */
+
+    if (board->kind != BOARD_MOTOR) {
+        icub_visit_sensor_load(walk, board);
+        return;
+    }
+    load_visit(walk, FOC_FEEDBACK_LENGTH, period_s);
+    load_visit(walk, FOC_STATUS_LENGTH, fmax(period_s, (double)board->status_period_ns * 1e-9));
+    load_visit(walk, FOC_ADDITIONAL_STATUS_LENGTH, foc_additional_status_ms(board->address) * 1e-3);
+}
+
+static void foc_visit_command_load(struct load_walk *walk)
+{
+    if (load_bus_axes(walk) > 0) {
+        load_visit(walk, FOC_TARGETS_LENGTH, load_period_s(walk, 0));
+    }
+}
+
+static const char *const foc_fault_names[] = {"protocol",
+                                              "Hall sequence",
+                                              "absolute encoder checksum",
+                                              "Hall value",
+                                              "over-current",
+                                              "over-voltage",
+                                              "under-voltage",
+                                              "external",
+                                              "bit 8",
+                                              "over-heating",
+                                              "CAN reception warning",
+                                              "CAN sending warning",
+                                              "CAN passive",
+                                              "CAN passive",
+                                              "set-point expired",
+                                              "CAN overrun",
+                                              "PWM",
+                                              "encoder calculation",
+                                              "SPI timing",
+                                              "encoder",
+                                              "EMUROM CRC",
+                                              "EMUROM",
+                                              "I2t",
+                                              "ADC calibration",
+                                              "lower limit",
+                                              "upper limit",
+                                              "silicon",
+                                              "CAN length",
+                                              NULL};
+
+const struct protocol protocol_foc = {
+    .name = "foc",
+    .motor_address_max = FOC_AXES_MAX, /* only these have a target */
+    .address_max = ICUB_ADDRESS_MAX,
+    .axes_max = 1,
+    .torque_boards = true,
+    .padded = true,
+    .external = true,
+    .make_bus = icub_bus_create,
+    .make_board = foc_make_board,
+    .check_board = foc_check_board,
+    .firmware = icub_firmware,
+    .visit_broadcasts = foc_visit_broadcasts,
+    .visit_board = foc_visit_board,
+    .describe_field = foc_describe_field,
+    .claims_id = icub_claims_id,
+    .visit_board_load = foc_visit_board_load,
+    .visit_command_load = foc_visit_command_load,
+    .mode_name = icub_mode_name,
+    .fault_names = foc_fault_names,
+    .timeout_text = "a fault",
+    .limit_text = "ticks, voltage set to 0",
+    .help = MANUAL_PROTOCOL_FOC,
+    .sections = icub_sections,
+    .bench = {.bus_axes = 2,
+              .board_axes = 1,
+              .ft_address = 0x0d,
+              .torque_address = 0x0c,
+              .ft_period_s = "0.005",
+              .torque_period_s = "0.01",
+              .command_period_s = "0.001",
+              .motors = "  rotor_poles: 8\n  status_period_s: 0.01\n"},
+};

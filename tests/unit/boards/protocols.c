@@ -1,0 +1,118 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The list of protocols: each is found by its name, has what everyone may ask for, and is refused
+ * what it cannot do. */
+#include "boards/protocols.h"
+
+#include "base/count.h"
+#include "boards/described/protocol.h"
+#include "tests/unit/boards/board_bench.h"
+
+static void each_is_found_by_its_name(void **state)
+{
+    size_t count = 0;
+
+    (void)state;
+    for (const struct protocol *p; (p = protocol_at(count)); count++) {
+        assert_ptr_equal(protocol_find(p->name), p);
+        assert_string_equal(protocol_words[count].word, p->name);
+        assert_int_equal(protocol_words[count].value, count);
+    }
+    assert_true(count >= 5);
+    assert_null(protocol_words[count].word);
+    assert_null(protocol_at(count + 1));
+    assert_null(protocol_find("nobody"));
+    assert_ptr_equal(protocol_find("compact"), &protocol_compact);
+}
+
+static void each_has_what_everyone_asks_for(void **state)
+{
+    const struct protocol *p;
+
+    (void)state;
+    for (size_t i = 0; (p = protocol_at(i)); i++) {
+        assert_true(p->make_bus && p->make_board && p->visit_broadcasts && p->visit_board);
+        assert_true(p->mode_name && p->fault_names && p->timeout_text && p->limit_text);
+        assert_true(!p->sections || p->sections[0]);
+        assert_true(p->needs_file || p->help);
+        assert_true(!p->visit_board_load == !p->visit_command_load);
+        assert_in_range(p->axes_max, 1, BOARD_AXES_MAX);
+        assert_in_range(p->motor_address_max, 1, p->address_max);
+        assert_true(p->address_max < 32);
+        assert_true(p->external || !p->external_torque);
+        assert_true(p->canfd || !p->bench_fd.bus_axes);
+        for (size_t k = 0; p->fault_names[k]; k++) {
+            assert_true(k < 32);
+        }
+        for (uint32_t mode = 0; mode < 300; mode++) {
+            assert_non_null(p->mode_name(mode));
+        }
+        assert_string_equal(p->mode_name(299), "unknown");
+    }
+}
+
+static void capabilities_are_listed_in_words(void **state)
+{
+    char text[80], brief[8];
+
+    (void)state;
+    assert_string_equal(protocols_list(offsetof(struct protocol, external), text, sizeof text),
+                        "icub, foc or compact");
+    assert_string_equal(protocols_list(offsetof(struct protocol, padded), text, sizeof text),
+                        "icub or foc");
+    assert_string_equal(protocols_list(offsetof(struct protocol, spare_axes), text, sizeof text),
+                        "icub");
+    assert_string_equal(protocols_list(offsetof(struct protocol, external), brief, sizeof brief),
+                        "icub, f");
+}
+
+static void a_mode_that_a_board_reports_has_a_name(void **state)
+{
+    (void)state;
+    assert_string_equal(protocol_compact.mode_name(7), "fault");
+    assert_string_equal(protocol_compact.mode_name(3), "unknown");
+    assert_string_equal(protocol_icub.mode_name(0x50), "voltage");
+    assert_string_equal(protocol_cia402.mode_name(0), "not ready to switch on");
+    assert_string_equal(protocol_described.mode_name(6), "impedance");
+}
+
+static void refuses(const struct protocol *protocol, uint8_t address, const char *message)
+{
+    const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = protocol}};
+    struct board_bench bench;
+    struct error error;
+
+    bench_configure(&bench);
+    bench.config.bus = buses;
+    bench.board[0].address = address;
+    for (int i = 0; i < BENCH_BOARDS; i++) {
+        bench.board[i].axis[2].joint = bench.board[i].axis[3].joint = -1;
+    }
+    assert_int_equal(arena_init(&bench.arena, 1 << 22, &error), ERROR_NONE);
+    assert_int_equal(boards_create(&bench.config, &bench.arena, &bench.boards, &error),
+                     ERROR_INPUT);
+    assert_non_null(strstr(error.text, message));
+    arena_fini(&bench.arena);
+}
+
+static void addresses_and_boards_are_those_of_the_protocol(void **state)
+{
+    (void)state;
+    refuses(&protocol_icub, 15, "the address must be 1 to 14 on a bus that speaks icub");
+    refuses(&protocol_foc, 5, "the address must be 1 to 4 on a bus that speaks foc");
+    refuses(&protocol_compact, 32, "the address must be 1 to 31 on a bus that speaks compact");
+    refuses(&protocol_cia402, 3, "a bus that speaks cia402 has no torque boards");
+    refuses(&protocol_described, 3, "a described bus without its protocol");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(each_is_found_by_its_name),
+        cmocka_unit_test(each_has_what_everyone_asks_for),
+        cmocka_unit_test(capabilities_are_listed_in_words),
+        cmocka_unit_test(a_mode_that_a_board_reports_has_a_name),
+        cmocka_unit_test(addresses_and_boards_are_those_of_the_protocol),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
