@@ -410,7 +410,7 @@ static void bristles_ahead_are_those_that_the_rates_lead_to(void **state)
 {
     (void)state;
     for (int kind = 0; kind < KINDS; kind++) {
-        const double y[CONTACT_BRISTLE] = {1e-5, -7e-6, 0, 5e-6};
+        const double y[CONTACT_BRISTLE] = {1e-6, -7e-7, 0, 5e-7};
         double rate[CONTACT_BRISTLE], soon[CONTACT_BRISTLE], change;
         struct contact_wrench wrench[BODIES], faster[BODIES];
         struct body_motion motion[BODIES];
