@@ -763,8 +763,10 @@ static void couplings_move_joints_as_tendons_of_mujoco_do(void **state)
     const double q[HAND_JOINTS] = {0.3, 0.4, 0.3802, 0.0401};
     const double v[HAND_JOINTS] = {1.0, -2.0, -1.41, -0.1};
     char folder[] = "/tmp/hil-import-mujoco-XXXXXX", path[128], command[160];
-    struct import_request request = {
-        .file = path, .folder = folder, .options = {.mimic = IMPORT_MIMIC_COUPLE}};
+    struct import_request request = {.file = path,
+                                     .folder = folder,
+                                     .boards = {&protocol_icub, false},
+                                     .options = {.mimic = IMPORT_MIMIC_COUPLE}};
     double exact[HAND_JOINTS], end[HAND_JOINTS];
     struct import_result result;
     struct robot *robot;

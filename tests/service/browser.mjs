@@ -47,6 +47,9 @@ export async function untilReady(child, path, text) {
 /** What a PNG shows: its size, the variance of its luminance, and for each area {x, y, width, height,
  * colors} how many of its columns have a pixel of each of those colors (as CSS writes them), of all. */
 export async function lookAt(page, png, areas = []) {
+  if (png.length < 8 || png.subarray(1, 4).toString() !== 'PNG' || png.subarray(-8, -4).toString() !== 'IEND') {
+    throw new Error(`no whole PNG: ${png.length} bytes, ${JSON.stringify(png.subarray(0, 60).toString('latin1'))} to ${JSON.stringify(png.subarray(-12).toString('latin1'))}`);
+  }
   return page.evaluate(async ({ code, wanted }) => {
     const bytes = Uint8Array.from(atob(code), (letter) => letter.charCodeAt(0));
     const bitmap = await createImageBitmap(new Blob([bytes], { type: 'image/png' }));

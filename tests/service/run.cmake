@@ -22,7 +22,7 @@ if(NOT HIL_SANITIZE)
     hil_script_test(service_run_vcan LABELS service TIMEOUT 200
         COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 180
                 ${CMAKE_CURRENT_SOURCE_DIR}/service/run_vcan.sh)
-    hil_script_test(service_rest_bus_vcan LABELS service TIMEOUT 90
-        COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 80
+    hil_script_test(service_rest_bus_vcan LABELS service TIMEOUT 160
+        COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 150
                 ${CMAKE_CURRENT_SOURCE_DIR}/service/rest_bus_vcan.sh)
 endif()

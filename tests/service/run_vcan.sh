@@ -125,22 +125,30 @@ if grep -q "no STEP frame on can0" "$work/silent.err" &&
     [ "$(json "$work/silent" ticks)" = 0 ]
 then ok "$name"; else not_ok "$name"; fi
 
-name="interfaces go down, come up and vanish while the loop goes on"
-simulate fragile --clock real
-ip link set can2 down
-said "bus can2 is down" "$work/fragile.err"
-ip link set can2 up
-ip link del can3
-said "bus can2 is up" "$work/fragile.err"
-said "bus can3 is gone" "$work/fragile.err"
+# one bus and long ticks: the loop of a slow guest leaves its only processor to others, and no
+# recording is full of overruns
+name="an interface goes down, comes up and vanishes while the loop goes on"
+whole=$rig
+cp -r "$HIL_SOURCE_DIR/config" "$work/config"
+rig=$work/config/rigs/slow.yaml
+printf '%s\n' 'extends: hyq-leg.yaml' 'name: slow' 'tick_s: 0.05' 'substep_s: 0.001' \
+    'tasks: {servo: {command_period_s: 0.05}}' >"$rig"
+simulate fragile --clock real --record-period 50
+ip link set can0 down
+said "bus can0 is down" "$work/fragile.err"
+ip link set can0 up
+said "bus can0 is up" "$work/fragile.err"
+ip link del can0
+said "bus can0 is gone" "$work/fragile.err"
 kill -TERM "$simulator"
 wait "$simulator"
 simulated=$?
-ip link add dev can3 type vcan && ip link set can3 up
+ip link add dev can0 type vcan && ip link set can0 up
+rig=$whole
 if [ $simulated = 0 ] && [ "$(json "$work/fragile" end)" = stopped ] &&
-    grep -q "bus can2 is down" "$work/fragile.err" &&
-    grep -q "bus can2 is up" "$work/fragile.err" &&
-    grep -q "bus can3 is gone" "$work/fragile.err"
+    grep -q "bus can0 is down" "$work/fragile.err" &&
+    grep -q "bus can0 is up" "$work/fragile.err" &&
+    grep -q "bus can0 is gone" "$work/fragile.err"
 then ok "$name"; else not_ok "$name"; fi
 
 # refused STATUS NAME MESSAGE ARGUMENT...
