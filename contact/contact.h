@@ -214,7 +214,7 @@ enum contact_axis {
  * scales friction with the normal force is left out. Bristles count in D, as the time ahead that
  * they were bent for makes them follow V; they themselves change by bristle_per_m_s times what the
  * velocity at bristle_arm has across the normal, and the twist by bristle_per_rad_s times what the
- * angular velocity has along it. */
+ * angular velocity has along bristle_axis. */
 struct contact_tangent {
     int pair;
     int body_a, body_b; /* indices into the motions, -1 = the fixed world */
@@ -224,14 +224,19 @@ struct contact_tangent {
     double normal[3];                          /* mean, the way b is pushed; 0 without bristles */
     double bristle_per_m_s, bristle_per_rad_s; /* with the time ahead */
     double bristle_arm[3];                     /* from center to where the bristles stand */
+    double bristle_axis[3];                    /* that the twist turns about, along normal */
 };
 
-/* Parts of a pair's bristles: the shear y_s in the world frame, J^0.5, of b's motion against a, and
- * the twist y_n about the mean normal. */
+/* Parts of a pair's bristles: the shear y_s in the world frame, J^0.5, of b's motion against a, the
+ * twist y_n about the mean normal, J^0.5, and the anchor: r c (m2) and r u (m), both in the frame of
+ * the surface that c and u are fixed in; all 0 before the surfaces touch. */
 enum contact_bristle_part {
     BRISTLE_SHEAR = 0,
     BRISTLE_TWIST = 3,
-    CONTACT_BRISTLE = 4, /* their number */
+    BRISTLE_BENT = 4, /* number of those that bend and store energy */
+    BRISTLE_POINT = 4,
+    BRISTLE_AXIS = 7,
+    CONTACT_BRISTLE = 10, /* number of all */
 };
 
 /* Bristles as an evaluation takes them: those of pair i from CONTACT_BRISTLE i on. With a time

@@ -409,8 +409,10 @@ static void tangent_set_bristles(const struct native_grip *grip, const double ce
     vec3_sub(grip->center, center, arm);
     mat3_apply(turn, arm, tangent->bristle_arm);
     mat3_apply(turn, grip->normal, tangent->normal);
+    mat3_apply(turn, grip->axis, tangent->bristle_axis);
     for (int k = 0; k < 3; k++) {
         tangent->normal[k] *= sign;
+        tangent->bristle_axis[k] *= sign;
     }
     tangent->bristle_per_m_s = gain;
     tangent->bristle_per_rad_s = grip->inverse_radius > 0 ? gain / grip->inverse_radius : 0;

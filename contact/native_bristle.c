@@ -5,6 +5,7 @@
  * bristles' state goes by b against a of the configured pair in the world frame; the twist is the
  * same from both sides.
  */
+#include "contact/native_anchor.h"
 #include "contact/native_moments.h"
 #include "contact/native_private.h"
 #include "base/vec3.h"
@@ -27,8 +28,8 @@ enum { SCALE_STEPS = 6 };   /* to find the scale at which bristles begin to yiel
 
 /* How the motion moves the surfaces past each other where a patch's bristles stand. */
 struct slide {
-    double velocity[3], spin;     /* across the normal, along it */
-    double rate[CONTACT_BRISTLE]; /* of bristles that do not yield, J^0.5/s */
+    double velocity[3], spin;  /* across the normal, about the twist's axis */
+    double rate[BRISTLE_BENT]; /* of bristles that do not yield, J^0.5/s */
 };
 
 /* ---- sums over the springs of a pair ---- */
@@ -90,17 +91,15 @@ static double moments_find_radius(const struct moments *m, const double c[3], co
     return square > 1e-12 * vec3_dot(c, c) + DBL_MIN ? sqrt(square) : 0;
 }
 
-/* Finds where the bristles of a patch stand and how stiff they are, and how the motion bends them.
- */
+/* Finds what presses on a patch and where, and the area that touches: what a new anchor would be. */
 static void grip_find(const struct springs *s, const struct native_sum *sum,
-                      struct native_grip *grip, struct slide *slide)
+                      struct native_grip *grip, struct native_anchor *touch)
 {
     const struct native_gather *gather = sum->gather;
     const struct moments *area = &gather->area;
-    const struct native_relative *relative = s->relative;
     const double length = vec3_norm(gather->along);
     struct moments pressure = {.zeroth = sum->normal};
-    double *n = grip->normal, radius, along;
+    double *n = grip->normal, radius;
 
     /* Mean normal, center of pressure and centroid of the area */
     *grip = (struct native_grip){.inverse_normal = 1 / sum->normal,
@@ -108,14 +107,14 @@ static void grip_find(const struct springs *s, const struct native_sum *sum,
     for (int k = 0; k < 3; k++) {
         n[k] = length > DBL_MIN ? gather->along[k] / length : k == 2;
         grip->pressure[k] = sum->lever[k] / sum->normal;
-        grip->center[k] = area->zeroth > 0 ? area->first[k] / area->zeroth : grip->pressure[k];
+        touch->point[k] = area->zeroth > 0 ? area->first[k] / area->zeroth : grip->pressure[k];
     }
+    memcpy(touch->axis, n, sizeof touch->axis);
     grip->root = s->pair->law.shear_root;
     grip->reach = sum->normal / grip->root;
 
     /* Their radii */
-    radius = moments_find_radius(area, grip->center, n);
-    grip->inverse_radius = radius > 0 ? 1 / radius : 0;
+    touch->radius = moments_find_radius(area, touch->point, n);
     memcpy(pressure.first, sum->lever, sizeof pressure.first);
     memcpy(pressure.second, gather->second, sizeof pressure.second);
     radius = moments_find_radius(&pressure, grip->pressure, n);
@@ -124,16 +123,82 @@ static void grip_find(const struct springs *s, const struct native_sum *sum,
     /* Springs act between the surfaces. What rocks on the other without sliding is a point of the
      * surface that the normals do not belong to */
     if (area->zeroth > 0) {
-        vec3_add_scaled(grip->center, s->pair->onto * gather->elastic / area->zeroth, n,
-                        grip->center);
+        vec3_add_scaled(touch->point, s->pair->onto * gather->elastic / area->zeroth, n,
+                        touch->point);
+    }
+}
+
+/* An anchor, which is in the first surface's frame, in that of the surface that it is fixed in. */
+static void anchor_enter(const struct springs *s, struct native_anchor *anchor)
+{
+    double from[3], axis[3];
+
+    if (s->pair->anchored == 1) {
+        vec3_sub(anchor->point, s->relative->p, from);
+        memcpy(axis, anchor->axis, sizeof axis);
+        mat3_apply_transposed(s->relative->R, from, anchor->point);
+        mat3_apply_transposed(s->relative->R, axis, anchor->axis);
+    }
+}
+
+/* The other way. */
+static void anchor_leave(const struct springs *s, struct native_anchor *anchor)
+{
+    double point[3], axis[3];
+
+    if (s->pair->anchored == 1) {
+        memcpy(point, anchor->point, sizeof point);
+        memcpy(axis, anchor->axis, sizeof axis);
+        mat3_apply(s->relative->R, point, anchor->point);
+        mat3_apply(s->relative->R, axis, anchor->axis);
+        vec3_add_scaled(anchor->point, 1, s->relative->p, anchor->point);
+    }
+}
+
+/* Stands the grip's bristles on the anchor that given has kept, dragged to the area that touches if
+ * it is too far off, or on a new one. Fills the state of that anchor (kept) and of a new one
+ * (anew). */
+static void grip_stand(const struct springs *s, struct native_anchor touch,
+                       const double given[CONTACT_BRISTLE], struct native_grip *grip,
+                       double kept[CONTACT_BRISTLE], double anew[CONTACT_BRISTLE])
+{
+    struct native_anchor anchor;
+    double aligned;
+
+    /* In the frame of the surface that it is fixed in */
+    anchor_enter(s, &touch);
+    native_anchor_write(&touch, anew);
+    memcpy(kept, given, CONTACT_BRISTLE * sizeof *kept);
+    if (!(touch.radius > 0) || !native_anchor_read(given, &anchor)) {
+        anchor = touch;
+        memcpy(kept, anew, CONTACT_BRISTLE * sizeof *kept);
+    } else if (native_anchor_drag(&touch, &anchor)) {
+        native_anchor_write(&anchor, kept);
     }
 
-    /* How the surfaces slide there */
+    /* In the first surface's. The twist turns about an axis between that of the anchor and the
+     * normal, each fixed in one of the surfaces: its integral depends on how they stand alone */
+    anchor_leave(s, &anchor);
+    aligned = 1 / (1 + vec3_dot(anchor.axis, grip->normal));
+    for (int k = 0; k < 3; k++) {
+        grip->center[k] = anchor.point[k];
+        grip->axis[k] = aligned * (anchor.axis[k] + grip->normal[k]);
+    }
+    grip->inverse_radius = anchor.radius > 0 ? 1 / anchor.radius : 0;
+}
+
+/* Finds how the motion slides the surfaces past each other where a grip's bristles stand, and bends
+ * these. */
+static void slide_find(const struct springs *s, const struct native_grip *grip, struct slide *slide)
+{
+    const struct native_relative *relative = s->relative;
+    double along;
+
     vec3_cross(relative->w, grip->center, slide->velocity);
     vec3_add_scaled(slide->velocity, 1, relative->v, slide->velocity);
-    along = vec3_dot(n, slide->velocity);
-    vec3_add_scaled(slide->velocity, -along, n, slide->velocity);
-    slide->spin = vec3_dot(n, relative->w);
+    along = vec3_dot(grip->normal, slide->velocity);
+    vec3_add_scaled(slide->velocity, -along, grip->normal, slide->velocity);
+    slide->spin = vec3_dot(grip->axis, relative->w);
     for (int k = 0; k < 3; k++) {
         slide->rate[BRISTLE_SHEAR + k] = grip->root * slide->velocity[k];
     }
@@ -142,7 +207,7 @@ static void grip_find(const struct springs *s, const struct native_sum *sum,
 }
 
 /* The shear into the plane across n, keeping its length. */
-static void shear_align(const double n[3], double y[CONTACT_BRISTLE])
+static void shear_align(const double n[3], double y[BRISTLE_BENT])
 {
     double length = vec3_norm(y), along = vec3_dot(n, y), left;
 
@@ -153,7 +218,7 @@ static void shear_align(const double n[3], double y[CONTACT_BRISTLE])
     }
 }
 
-static double bristle_square(const double y[CONTACT_BRISTLE])
+static double bristle_square(const double y[BRISTLE_BENT])
 {
     return y[0] * y[0] + y[1] * y[1] + y[2] * y[2] + y[3] * y[3];
 }
@@ -180,7 +245,7 @@ static double grip_find_yield(const struct springs *s, const struct native_grip 
         if (!(scale < 1)) {
             return 1;
         }
-        for (int k = 0; k < CONTACT_BRISTLE; k++) {
+        for (int k = 0; k < BRISTLE_BENT; k++) {
             scaled.bristle[k] = scale * grip->bristle[k];
         }
         springs_hold(s, &scaled, NULL);
@@ -207,7 +272,7 @@ static double law_find_coefficient(const struct native_law *law, double speed)
  * surface of all forces and moments with which the patch slides (Howe, Cutkosky, Int. J. Robotics
  * Research 15, 1996). */
 static double grip_find_demand(const struct springs *s, const struct native_grip *grip,
-                               const struct slide *slide, const double e[CONTACT_BRISTLE])
+                               const struct slide *slide, const double e[BRISTLE_BENT])
 {
     const double limit =
         grip->reach * law_find_coefficient(&s->pair->law, vec3_norm(slide->velocity));
@@ -229,7 +294,7 @@ static double grip_find_demand(const struct springs *s, const struct native_grip
 /* Adds a share of the friction of bristles e that hold as a whole: at the centroid of the area, and
  * about it. Returns its power, which is what bends them and what their retardation takes. */
 static double grip_add_whole(const struct native_grip *grip, const struct slide *slide,
-                             const double e[CONTACT_BRISTLE], double share, struct native_sum *sum)
+                             const double e[BRISTLE_BENT], double share, struct native_sum *sum)
 {
     const double twist = grip->inverse_radius > 0 ? e[BRISTLE_TWIST] / grip->inverse_radius : 0;
     double force[3], turn[3];
@@ -238,7 +303,7 @@ static double grip_add_whole(const struct native_grip *grip, const struct slide 
         force[k] = -share * grip->root * e[k];
     }
     vec3_cross(grip->center, force, turn);
-    vec3_add_scaled(turn, -share * grip->root * twist, grip->normal, turn);
+    vec3_add_scaled(turn, -share * grip->root * twist, grip->axis, turn);
     vec3_add_scaled(sum->force, 1, force, sum->force);
     vec3_add_scaled(sum->moment, 1, turn, sum->moment);
     return share * grip->root * (vec3_dot(e, slide->velocity) + twist * slide->spin);
@@ -250,9 +315,9 @@ static void grip_hold(const struct springs *s, const struct slide *slide, struct
                       struct native_sum *sum)
 {
     struct native_sum apart = {.one_way = sum->one_way};
-    double e[CONTACT_BRISTLE], demand, power = 0;
+    double e[BRISTLE_BENT], demand, power = 0;
 
-    for (int k = 0; k < CONTACT_BRISTLE; k++) {
+    for (int k = 0; k < BRISTLE_BENT; k++) {
         e[k] = grip->bristle[k] + grip->delay_s * slide->rate[k];
     }
     demand =
@@ -319,9 +384,9 @@ void native_bristle_press(const struct native_grip *grip, const double center[3]
 
 /* ---- the state ---- */
 
-/* Between the world and the first surface's frame. */
+/* Between the world and the first surface's frame: those that bend. */
 static void bristle_enter(const struct native_engine *e, const struct native_pair *pair,
-                          const double *world, double y[CONTACT_BRISTLE])
+                          const double *world, double y[BRISTLE_BENT])
 {
     mat3_apply_transposed(e->pose[pair->surface[0]].R, world, y);
     for (int k = 0; k < 3; k++) {
@@ -331,7 +396,7 @@ static void bristle_enter(const struct native_engine *e, const struct native_pai
 }
 
 static void bristle_leave(const struct native_engine *e, const struct native_pair *pair,
-                          const double y[CONTACT_BRISTLE], double *world)
+                          const double y[BRISTLE_BENT], double *world)
 {
     mat3_apply(e->pose[pair->surface[0]].R, y, world);
     for (int k = 0; k < 3; k++) {
@@ -365,27 +430,26 @@ static void bristle_list(struct contact_bristles *bristles, size_t pair)
 }
 
 /* The rates of the sliding motion, y the bristles in the patch's plane: by it and carried along
- * with the spin. */
+ * with the spin of the surface that the normals belong to, from which an anchor's place is seen. */
 static void bend_bristles(const struct native_engine *e, const struct native_pair *pair,
                           const struct native_grip *grip, const struct slide *slide,
-                          const double y[CONTACT_BRISTLE], double rate[CONTACT_BRISTLE])
+                          const double y[BRISTLE_BENT], double rate[BRISTLE_BENT])
 {
-    const struct native_pose *a = &e->pose[pair->surface[0]], *b = &e->pose[pair->surface[1]];
-    double w[3], spin[3], turn[3];
+    const struct native_pose *a = &e->pose[pair->surface[0]];
+    const struct native_pose *owner = &e->pose[pair->surface[!pair->anchored]];
+    double spin[3], turn[3];
 
-    for (int k = 0; k < 3; k++) {
-        w[k] = (a->w[k] + b->w[k]) / 2;
-    }
-    mat3_apply_transposed(a->R, w, spin);
+    mat3_apply_transposed(a->R, owner->w, spin);
     vec3_cross(grip->normal, y, turn);
     memcpy(rate, slide->rate, sizeof slide->rate);
     vec3_add_scaled(rate, vec3_dot(grip->normal, spin), turn, rate);
 }
 
-/* Friction of the bristles y, in the patch's plane, as they are; fills their rate. */
-static void hold_now(const struct springs *s, const struct slide *slide,
-                     const double y[CONTACT_BRISTLE], struct native_grip *grip,
-                     struct native_sum *sum, double rate[CONTACT_BRISTLE])
+/* Friction of the bristles y, in the patch's plane, as they are; fills their rate. Returns how fast
+ * they yield, 1/s. */
+static double hold_now(const struct springs *s, const struct slide *slide,
+                       const double y[BRISTLE_BENT], struct native_grip *grip,
+                       struct native_sum *sum, double rate[BRISTLE_BENT])
 {
     double square = bristle_square(y), gain, yield = 0;
 
@@ -400,25 +464,27 @@ static void hold_now(const struct springs *s, const struct slide *slide,
         yield = (1 - grip_find_yield(s, grip)) / YIELD_S;
         yield = square > DBL_MIN ? fmax(yield, (gain - grip->power) / square) : yield;
     }
-    for (int k = 0; k < CONTACT_BRISTLE; k++) {
+    for (int k = 0; k < BRISTLE_BENT; k++) {
         rate[k] -= yield * y[k];
     }
     sum->potential += square / 2;
     sum->power += fmax(0, grip->power - gain + yield * square);
+    return yield;
 }
 
 /* Friction of the bristles that y becomes in h seconds; fills their mean rate. The power of
- * friction that bounds what they store is that of the bristles before they yield. */
-static void hold_ahead(const struct springs *s, const struct slide *slide, double h,
-                       const double y[CONTACT_BRISTLE], struct native_grip *grip,
-                       struct native_sum *sum, double rate[CONTACT_BRISTLE])
+ * friction that bounds what they store is that of the bristles before they yield. Returns how fast
+ * they yield, 1/s. */
+static double hold_ahead(const struct springs *s, const struct slide *slide, double h,
+                         const double y[BRISTLE_BENT], struct native_grip *grip,
+                         struct native_sum *sum, double rate[BRISTLE_BENT])
 {
     struct native_sum unyielding = *sum;
-    double before = bristle_square(y), after, most, scale;
+    double before = bristle_square(y), after, most, scale = 1;
 
     /* All the way */
     bend_bristles(s->e, s->pair, grip, slide, y, rate);
-    for (int k = 0; k < CONTACT_BRISTLE; k++) {
+    for (int k = 0; k < BRISTLE_BENT; k++) {
         grip->bristle[k] = y[k] + h * rate[k];
     }
     grip->delay_s = DELAY_S;
@@ -434,7 +500,7 @@ static void hold_ahead(const struct springs *s, const struct slide *slide, doubl
         /* Back to what they can bear and to what the work on them allows */
         scale = (1 + h / YIELD_S * grip_find_yield(s, grip)) / (1 + h / YIELD_S);
         scale = after > most ? fmin(scale, sqrt(most / after)) : scale;
-        for (int k = 0; k < CONTACT_BRISTLE; k++) {
+        for (int k = 0; k < BRISTLE_BENT; k++) {
             grip->bristle[k] *= scale;
             rate[k] = (grip->bristle[k] - y[k]) / h;
         }
@@ -445,6 +511,21 @@ static void hold_ahead(const struct springs *s, const struct slide *slide, doubl
     }
     sum->potential += after / 2;
     sum->power += fmax(0, grip->power - (after - before) / (2 * h));
+    return (1 - scale) / h;
+}
+
+/* The rates that lead an anchor's state from given to kept, and as far as the bristles yield to that
+ * of a new one. */
+static void anchor_follow(const double given[CONTACT_BRISTLE], const double kept[CONTACT_BRISTLE],
+                          const double anew[CONTACT_BRISTLE], double h, double yield,
+                          double rate[CONTACT_BRISTLE])
+{
+    const double soon = 1 / (YIELD_S + h);
+
+    yield = fmin(soon, fmax(0, yield));
+    for (int k = BRISTLE_BENT; k < CONTACT_BRISTLE; k++) {
+        rate[k] = soon * (kept[k] - given[k]) + yield * (anew[k] - kept[k]);
+    }
 }
 
 void native_bristle_hold(struct native_engine *e, size_t index,
@@ -456,7 +537,9 @@ void native_bristle_hold(struct native_engine *e, size_t index,
     const struct springs springs = {e, pair, relative, at, lost};
     const double *given = bristles ? bristles->y + CONTACT_BRISTLE * index : relaxed;
     struct native_grip *grip = &e->grip[e->npatch];
-    double y[CONTACT_BRISTLE], start[CONTACT_BRISTLE], rate[CONTACT_BRISTLE], h, along;
+    double y[BRISTLE_BENT], start[BRISTLE_BENT], rate[CONTACT_BRISTLE], h, along, yield;
+    double kept[CONTACT_BRISTLE], anew[CONTACT_BRISTLE];
+    struct native_anchor touch;
     struct slide slide;
 
     /* Springs that all pull bear nothing */
@@ -465,16 +548,15 @@ void native_bristle_hold(struct native_engine *e, size_t index,
         return;
     }
 
-    grip_find(&springs, sum, grip, &slide);
+    grip_find(&springs, sum, grip, &touch);
+    grip_stand(&springs, touch, given, grip, kept, anew);
+    slide_find(&springs, grip, &slide);
     bristle_enter(e, pair, given, start);
     memcpy(y, start, sizeof y);
     shear_align(grip->normal, y);
     h = bristles ? bristles->ahead_s : 0;
-    if (h > 0) {
-        hold_ahead(&springs, &slide, h, y, grip, sum, rate);
-    } else {
-        hold_now(&springs, &slide, y, grip, sum, rate);
-    }
+    yield = h > 0 ? hold_ahead(&springs, &slide, h, y, grip, sum, rate)
+                  : hold_now(&springs, &slide, y, grip, sum, rate);
 
     /* The state turns into the plane too: until the end of the time ahead, or in a while */
     along = vec3_dot(start, start);
@@ -483,7 +565,10 @@ void native_bristle_hold(struct native_engine *e, size_t index,
         rate[k] += (y[k] - along * start[k]) / (h > 0 ? h : ALIGN_S);
     }
     if (bristles && bristles->rate) {
+        double *out = bristles->rate + CONTACT_BRISTLE * index;
+
         bristle_list(bristles, index);
-        bristle_leave(e, pair, rate, bristles->rate + CONTACT_BRISTLE * index);
+        bristle_leave(e, pair, rate, out);
+        anchor_follow(given, kept, anew, h, yield, out);
     }
 }

@@ -181,6 +181,7 @@ static void pair_make(const struct contact_config *config, size_t index,
     pair->onto = native_pair_is_one_way(pair) ? -pair->law.share[0]
                  : pair->kind == PAIR_FIELDS  ? pair->law.share[1]
                                               : 0;
+    pair->anchored = pair->kind == PAIR_FIELDS || pair->kind == PAIR_MESH_SPHERE;
     pair->law.shear_root = sqrt(pair_shear_stiffness(
         config->shear_ratio > 0 ? config->shear_ratio : CONTACT_SHEAR_RATIO, a, b, pair, surface));
     pair->kernels = kernels ? kernels : native_kernels_used();

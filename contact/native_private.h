@@ -46,6 +46,8 @@ struct native_pair {
     double sign; /* of the force on the configured pair's b, from that on the first */
     double onto; /* of the depth, along the push: from where springs act to the surface that rocks
                   * on the one whose normals they have; 0 where both have some */
+    int anchored; /* in which of the two surfaces the bristles' anchor is fixed: not that whose
+                   * normals the springs have */
     struct native_law law;
 };
 

@@ -25,15 +25,16 @@ struct native_gather {
 /* The bristles of a patch: where they stand, and what they bear. */
 struct native_grip {
     double normal[3];               /* mean */
-    double center[3];               /* centroid of the area in touch, on the first surface */
-    double inverse_radius;          /* 1/r_A, of the area about it; 0 for a point */
+    double center[3];               /* where the bristles stand: the anchor's point c */
+    double axis[3];                 /* that their twist turns about */
+    double inverse_radius;          /* 1/r of the anchor; 0 for a point */
     double pressure[3];             /* center of pressure */
     double inverse_pressure_radius; /* 1/r of the pressure about it; 0 for a point */
     double inverse_normal;          /* 1/N */
     double inverse_area;            /* of the sum of the springs' rates */
     double root;                    /* sqrt(s) */
     double reach;                   /* N/sqrt(s) */
-    double bristle[CONTACT_BRISTLE];
+    double bristle[BRISTLE_BENT];
     double delay_s;  /* of the retardation that counts in the force */
     double follow_s; /* by which the force follows the velocity, and */
     double bend_s;   /* the bristles do: for tangents */

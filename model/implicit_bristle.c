@@ -34,6 +34,7 @@ void implicit_advance_bristles(struct plant *plant, double h)
             own[BRISTLE_SHEAR + k] +=
                 h * tangent->bristle_per_m_s * (velocity[k] - along * tangent->normal[k]);
         }
-        own[BRISTLE_TWIST] += h * tangent->bristle_per_rad_s * vec3_dot(tangent->normal, beyond->a);
+        own[BRISTLE_TWIST] +=
+            h * tangent->bristle_per_rad_s * vec3_dot(tangent->bristle_axis, beyond->a);
     }
 }

@@ -88,7 +88,7 @@ void plant_list_bristles(struct plant *plant)
             continue; /* which is the rule: few pairs of many touch */
         }
         for (size_t i = from; i < end; i += CONTACT_BRISTLE) {
-            if (y[i] != 0.0 || y[i + 1] != 0.0 || y[i + 2] != 0.0 || y[i + 3] != 0.0) {
+            if (memcmp(y + i, none, CONTACT_BRISTLE * sizeof *y) != 0) {
                 plant->live[plant->nlive++] = (int)(i / CONTACT_BRISTLE);
             }
         }
