@@ -56,43 +56,54 @@
  * Sticking friction: each pair has bristles, springs along the surfaces between a and b that are
  * bent by what b moves against a, and give way where they bear more than mu f_n. Their state in the
  * pair, which the integrator keeps, is y = (shear y_s, twist y_n), of the dimension of a root of
- * energy. How stiff they are and where they stand follows the area that touches, never the load:
- * with n the mean normal, c_A the centroid of that area on the surface that the normals do not
- * belong to, r_A the RMS distance of the area from the axis through c_A along n, v_A the sliding
- * velocity of b against a at c_A, w_n their relative spin about n,
+ * energy, and the anchor that they stand on: a point c and an axis u, fixed in the surface that the
+ * normals do not belong to, and a radius r. Stiffness and anchor follow the area that touches,
+ * never the load: with n the mean normal, c_A the centroid of that area on the same surface, r_A
+ * the RMS distance of the area from the axis through c_A along n, v the sliding velocity of b
+ * against a at c, w their relative angular velocity,
  *
+ *     anchor     (c_A, n, r_A) where surfaces come to touch, then dragged along no further than to
+ *                where r_A <= r <= 2 r_A, c is r off c_A across n and r/64 along it, and the sine
+ *                between u and n is 1/16
+ *     twist      w_n = w . (n + u)/(1 + n . u): the rate of an angle that depends on how a and b
+ *                stand alone, which w . n is not
  *     stiffness  s = a k A_0, a constant of the pair: a = shear_ratio is the ratio of a layer's
  *                stiffness in shear to that in pressure (Mindlin 1949), A_0 the largest side of the
  *                box about the smaller surface, or the cap of a sphere or capsule whose depth is a
  *                quarter of its radius; with Hertz s = a E R
- *     rate       y_s' = sqrt(s) v_A + W x y_s - q y_s, W the bodies' mean spin about n
- *                y_n' = sqrt(s) r_A w_n - q y_n
- *     whole      F = -sqrt(s) (y_s + t_d y_s') at c_A, M = -sqrt(s) r_A (y_n + t_d y_n') about n,
- *                y' without W and q
- *     demand     x = sqrt(|F|^2 + (M_c/r)^2)/(mu N): N the sum of the f_n, M_c the moment about the
- *                center of pressure, r as r_A but of the pressure about it; 1 on the ellipsoid that
- *                stands for all forces with which the patch slides (Howe, Cutkosky 1996)
+ *     rate       y_s' = sqrt(s) v + W x y_s - q y_s, W the spin about n of the surface that the
+ *                normals belong to
+ *                y_n' = sqrt(s) r w_n - q y_n
+ *     whole      F = -sqrt(s) (y_s + t_d y_s') at c, M = -sqrt(s) r (y_n + t_d y_n') about
+ *                (n + u)/(1 + n . u), y' without W and q
+ *     demand     x = sqrt(|F|^2 + (M_p/r_p)^2)/(mu N): N the sum of the f_n, M_p the moment about
+ *                the center of pressure, r_p as r_A but of the pressure about it; 1 on the
+ *                ellipsoid that stands for all forces with which the patch slides (Howe, Cutkosky
+ *                1996)
  *     elements   f_t = -sqrt(s) e min(alpha, l/|e|), e = g + sqrt(s) t_d v, alpha the element's
- *                share of the area, g = y_s + y_n n x (p - c_A)/r_A at p, less its part along the
+ *                share of the area, g = y_s + y_n n x (p - c)/r at p, less its part along the
  *                element's normal, l = mu(v) f_n/sqrt(s), mu as above but us S(u) = us below v_t:
- *                it holds at rest. Where none is at its limit they bear what the whole does
+ *                it holds at rest. Where none is at its limit and c = c_A, r = r_A they bear what
+ *                the whole does
  *     friction   that of the whole for x <= 0.80, of the elements for x >= 0.95, between them
  *                weighted by S
  *     yield      q = 0 for x <= 0.80, else max(q_1, q_2, 0) with
  *                q_1 = (1 - b)/t_y, b the scale at which b y would have sum min(alpha |g|, l)|g| =
  *                0.998 sum l |g|: all but two thousandths of what sliding that way would give
  *                q_2 = (y . y' without q - power of friction)/|y|^2
+ *                What yields is anchored anew: (c, u, r) goes to (c_A, n, r_A) at the rate q
  *     stored     |y|^2/2; dissipated: what else friction takes from the motion
  *
  * with t_d = 1 ms, t_y = 0.5 ms. A patch that shrinks keeps its y; a pair that does not touch loses
- * y at the rate 1/t_y. So while the load is inside what friction can hold nothing yields, and the
- * force depends on places alone: nothing creeps, however the load swings. All elements yield at
+ * y and the anchor at the rate 1/t_y. So while the load is inside what friction can hold nothing
+ * yields, and as long as the area rocks within the anchor's play the force depends on places alone:
+ * nothing creeps, however the load swings and edges lift. All elements yield at
  * once in a pure translation; sliding, y follows the sliding motion, and f_t is Coulomb's at every
  * element. The stored energy depends on y alone; the power of the whole is y . y' and what the
- * retardation t_d takes, q_2 lets it grow by no more than the work of the elements: nothing that
- * normal forces, patches and normals do in the meantime makes energy (docs/contact.md). The
- * elements are the elasto-plastic bristle of Dupont, Hayward, Armstrong, Altpeter (2002) with one
- * rigid motion for the bristles of a patch.
+ * retardation t_d takes, whatever the anchor does, and q_2 lets it grow by no more than the work of
+ * the elements: nothing that normal forces, patches and normals do in the meantime makes energy
+ * (docs/contact.md). The elements are the elasto-plastic bristle of Dupont, Hayward, Armstrong,
+ * Altpeter (2002) with one rigid motion for the bristles of a patch.
  */
 #ifndef CONTACT_CONTACT_H
 #define CONTACT_CONTACT_H

@@ -322,6 +322,9 @@ static void friction_makes_no_energy_while_loads_change(void **state)
         struct contact_world *world, *frictionless;
         struct scene scene;
         const int paths = kind == ON_GROUND ? 2 : 6; /* hundreds of springs */
+        /* The midpoint rule errs by the square of its steps, by 1e-3 of what a ball stores at
+         * 12000 of them */
+        const int steps = kind == ON_GROUND || kind == ON_TABLE ? 12000 : 24000;
         double least = 1, most_stored = 0;
 
         make_scene(kind, &rough, CONTACT_FRICTION_STICKING, &scene);
@@ -329,13 +332,13 @@ static void friction_makes_no_energy_while_loads_change(void **state)
         make_scene(kind, &slick, CONTACT_FRICTION_REGULARIZED, &scene);
         frictionless = make_world(&scene);
         for (int path = 0; path < paths; path++) {
-            const double period = path % 2 ? 0.3 : 3, h = period / 12000;
+            const double period = path % 2 ? 0.3 : 3, h = period / steps;
             double amplitude[6][3], phase[6][3], y[CONTACT_BRISTLE] = {0}, taken = 0, lost = 0;
             struct body_motion motion[BODIES];
 
             scene_place(&motion[1], 0, 0, 0);
             wander(&seed, amplitude, phase);
-            for (int n = 0; n < 24000; n++) {
+            for (int n = 0; n < 2 * steps; n++) {
                 double k1[CONTACT_BRISTLE], k2[CONTACT_BRISTLE], middle[CONTACT_BRISTLE], power;
 
                 /* Midpoint rule for the work and the bristles alike */
@@ -426,7 +429,7 @@ static void bristles_ahead_are_those_that_the_rates_lead_to(void **state)
         motion[0].w[2] = 1e-5;
         evaluate(world, motion, y, 0, rate, wrench);
         evaluate(world, motion, y, 1e-9, soon, wrench);
-        for (int i = 0; i < CONTACT_BRISTLE; i++) {
+        for (int i = 0; i < BRISTLE_BENT; i++) {
             assert_near(soon[i], rate[i], 1e-5 * sqrt(square(rate)));
         }
 

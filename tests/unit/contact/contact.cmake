@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-foreach(name broad_phase friction solid solid_store tangent tree mesh mesh_capsule mesh_obj
+foreach(name broad_phase friction native_anchor solid solid_store tangent tree mesh mesh_capsule mesh_obj
              mesh_memory)
     hil_test(contact_${name} SOURCES unit/contact/${name}.c LIBS contact LABELS unit)
 endforeach()
