@@ -82,7 +82,7 @@ static void coman_settles_on_a_slope_and_stays_for_a_minute(void **state)
 }
 
 /* Put on its feet with relaxed springs it sways, on legs that hardly damp it; once that has faded,
- * after 20 s, it stays. */
+ * after 80 s, it stays. Before, its feet bend the layers that they stand on to and fro. */
 static void coman_that_came_down_on_a_slope_stays_for_a_minute(void **state)
 {
     static struct rig_scene scene;
@@ -93,12 +93,12 @@ static void coman_that_came_down_on_a_slope_stays_for_a_minute(void **state)
     for (size_t j = 0; j < scene.robot->njoint; j++) {
         scene.reference[j] = scene.rig->joint[j];
     }
-    for (int k = 0; k < 20 * SECOND; k++) {
+    for (int k = 0; k < 80 * SECOND; k++) {
         rig_scene_hold(&scene);
     }
     crept = creep_in_a_minute(&scene);
     print_message("# the feet crept by %.2e m in 60 s\n", crept);
-    assert_true(crept < 1e-4);
+    assert_true(crept < 1e-6);
     figure_hold("slope_creep_m", crept);
     rig_scene_fini(&scene);
 }

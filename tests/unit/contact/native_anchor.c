@@ -14,6 +14,7 @@
 #include <cmocka.h>
 
 #include "base/vec3.h"
+#include "tests/physics/near.h"
 
 static const struct native_anchor touch = {{1, 2, 3}, {0, 0, 1}, 0.1};
 
@@ -35,12 +36,12 @@ static void an_anchor_beyond_its_play_is_dragged_to_the_border(void **state)
     assert_true(native_anchor_drag(&touch, &anchor));
 
     /* Radius 0.2: as far off on the same side across the normal, a 64th of it along */
-    assert_float_equal(anchor.radius, 0.2, 1e-15);
-    assert_float_equal(anchor.point[0], 1 + 0.2 * 0.6, 1e-15);
-    assert_float_equal(anchor.point[1], 2 + 0.2 * 0.8, 1e-15);
-    assert_float_equal(anchor.point[2], 3 - 0.2 / 64, 1e-15);
-    assert_float_equal(anchor.axis[0], 1.0 / 16, 1e-15);
-    assert_float_equal(vec3_norm(anchor.axis), 1, 1e-15);
+    assert_near(anchor.radius, 0.2, 1e-15);
+    assert_near(anchor.point[0], 1 + 0.2 * 0.6, 1e-15);
+    assert_near(anchor.point[1], 2 + 0.2 * 0.8, 1e-15);
+    assert_near(anchor.point[2], 3 - 0.2 / 64, 1e-15);
+    assert_near(anchor.axis[0], 1.0 / 16, 1e-15);
+    assert_near(vec3_norm(anchor.axis), 1, 1e-15);
 }
 
 static void an_anchor_is_no_smaller_than_the_area(void **state)
@@ -49,7 +50,7 @@ static void an_anchor_is_no_smaller_than_the_area(void **state)
 
     (void)state;
     assert_true(native_anchor_drag(&touch, &anchor));
-    assert_float_equal(anchor.radius, 0.1, 0);
+    assert_near(anchor.radius, 0.1, 1e-17);
 }
 
 static void an_axis_that_points_away_is_the_normal(void **state)
@@ -73,10 +74,10 @@ static void an_anchor_that_fades_keeps_its_place(void **state)
         y[k] *= 1.0 / 1024;
     }
     assert_true(native_anchor_read(y, &read));
-    assert_float_equal(read.radius, touch.radius / 1024, 1e-18);
+    assert_near(read.radius, touch.radius / 1024, 1e-18);
     for (int k = 0; k < 3; k++) {
-        assert_float_equal(read.point[k], touch.point[k], 1e-15);
-        assert_float_equal(read.axis[k], touch.axis[k], 1e-15);
+        assert_near(read.point[k], touch.point[k], 1e-15);
+        assert_near(read.axis[k], touch.axis[k], 1e-15);
     }
 }
 
