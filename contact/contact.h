@@ -239,8 +239,8 @@ struct contact_tangent {
 };
 
 /* Parts of a pair's bristles: the shear y_s in the world frame, J^0.5, of b's motion against a, the
- * twist y_n about the mean normal, J^0.5, and the anchor: r c (m2) and r u (m), both in the frame of
- * the surface that c and u are fixed in; all 0 before the surfaces touch. */
+ * twist y_n about the mean normal, J^0.5, and the anchor: r c (m2) and r u (m), both in the frame
+ * of the surface that c and u are fixed in; all 0 before the surfaces touch. */
 enum contact_bristle_part {
     BRISTLE_SHEAR = 0,
     BRISTLE_TWIST = 3,

@@ -91,7 +91,8 @@ static double moments_find_radius(const struct moments *m, const double c[3], co
     return square > 1e-12 * vec3_dot(c, c) + DBL_MIN ? sqrt(square) : 0;
 }
 
-/* Finds what presses on a patch and where, and the area that touches: what a new anchor would be. */
+/* Finds what presses on a patch and where, and the area that touches: what a new anchor would
+ * be. */
 static void grip_find(const struct springs *s, const struct native_sum *sum,
                       struct native_grip *grip, struct native_anchor *touch)
 {
@@ -514,8 +515,8 @@ static double hold_ahead(const struct springs *s, const struct slide *slide, dou
     return (1 - scale) / h;
 }
 
-/* The rates that lead an anchor's state from given to kept, and as far as the bristles yield to that
- * of a new one. */
+/* The rates that lead an anchor's state from given to kept, and as far as the bristles yield to
+ * that of a new one. */
 static void anchor_follow(const double given[CONTACT_BRISTLE], const double kept[CONTACT_BRISTLE],
                           const double anew[CONTACT_BRISTLE], double h, double yield,
                           double rate[CONTACT_BRISTLE])

@@ -55,8 +55,8 @@ static bool shape_is_mesh(enum contact_shape shape)
 
 #define NOMINAL_DEPTH 0.25 /* of the radius */
 
-/* The largest area in which a surface touches a flat one, m2: the two longer sides of its box, or of
- * what is curved where it is a quarter of its radius deep. Infinite for a half-space. */
+/* The largest area in which a surface touches a flat one, m2: the two longer sides of its box, or
+ * of what is curved where it is a quarter of its radius deep. Infinite for a half-space. */
 static double surface_nominal_area(const struct contact_surface *given,
                                    const struct native_surface *s)
 {

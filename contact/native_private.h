@@ -43,8 +43,8 @@ struct native_pair {
     enum native_pair_kind kind;
     int surface[2]; /* in the order in which contact/native_pairs.h takes them */
     const struct native_kernels *kernels;
-    double sign; /* of the force on the configured pair's b, from that on the first */
-    double onto; /* of the depth, along the push: from where springs act to the surface that rocks
+    double sign;  /* of the force on the configured pair's b, from that on the first */
+    double onto;  /* of the depth, along the push: from where springs act to the surface that rocks
                   * on the one whose normals they have; 0 where both have some */
     int anchored; /* in which of the two surfaces the bristles' anchor is fixed: not that whose
                    * normals the springs have */

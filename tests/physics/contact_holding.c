@@ -153,8 +153,8 @@ static double largest(double a[SIZE][SIZE])
     return most;
 }
 
-/* The mean growth of the fastest linear motion about rest over 5 minutes, 1/s, by the exponential of
- * the linearized rates: 2^25 steps of 1e-5 s. Places and bristles that stay keep the norm. */
+/* The mean growth of the fastest linear motion about rest over 5 minutes, 1/s, by the exponential
+ * of the linearized rates: 2^25 steps of 1e-5 s. Places and bristles that stay keep the norm. */
 static double growth(const struct bodies *b)
 {
     const double h = 1e-5, change[3] = {1e-9, 1e-7, 1e-7};

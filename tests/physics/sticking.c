@@ -126,8 +126,8 @@ static void refer_to_a_swaying_squat(struct rig_scene *scene,
     }
 }
 
-/* The loads of both feet swing, well inside of what friction can hold, and their edges lift: they do
- * not walk. Legs that hardly damp it let the start's own sway fade for half a minute. */
+/* The loads of both feet swing, well inside of what friction can hold, and their edges lift: they
+ * do not walk. Legs that hardly damp it let the start's own sway fade for half a minute. */
 static void coman_that_sways_and_squats_does_not_walk(void **state)
 {
     static const struct rig_scene_choice flat = {

@@ -471,8 +471,8 @@ static void contact_forces_are_the_rates_of_momentum_while_coman_squats(void **s
 }
 
 /* Where friction begins to yield, or the area that touches begins to drag its anchor along, the
- * force bends: there, and nowhere else, a difference over steps of h is off by a part of the slope's
- * jump times h, of the order of 10 mN. */
+ * force bends: there, and nowhere else, a difference over steps of h is off by a part of the
+ * slope's jump times h, of the order of 10 mN. */
 static void contact_forces_are_the_rates_of_momentum_while_a_box_is_lifted(void **state)
 {
     static struct run run;
