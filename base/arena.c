@@ -7,7 +7,8 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-/* Under the address sanitizer memory that was not handed out is poisoned, even within a page. */
+/* Under the address sanitizer memory that was not handed out is poisoned, even within a page;
+ * elsewhere these do nothing. */
 #if __has_include(<sanitizer/asan_interface.h>)
 #include <sanitizer/asan_interface.h>
 #else
@@ -17,6 +18,7 @@
 
 enum { ALIGNMENT = 64, POISONED = 4096 /* bytes behind what was handed out last */ };
 
+/* Returns where the poisoned part behind the used memory ends. */
 static size_t arena_poison_end(const struct arena *arena)
 {
     return arena->capacity - arena->used < POISONED ? arena->capacity : arena->used + POISONED;
@@ -85,9 +87,9 @@ void arena_join(void *memory, size_t size)
     ASAN_UNPOISON_MEMORY_REGION(memory, size);
 }
 
-/* Makes every page present: by the kernel, which looks at no content, or before Linux 5.14 by
- * writing each. There the first byte may lie between two pieces, or belong to a thread that already
- * runs (the recorder's): it is atomically exchanged for itself. */
+/* Makes every page present: by the kernel, which ignores its content, or before Linux 5.14 by
+ * writing to each. There the first byte may lie between two pieces, or belong to a thread that
+ * already runs (the recorder's), so it is atomically exchanged for itself. */
 __attribute__((no_sanitize("address"))) static void arena_touch_pages(const struct arena *arena)
 {
     size_t page = (size_t)sysconf(_SC_PAGESIZE);

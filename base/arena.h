@@ -25,18 +25,18 @@ enum error_code arena_init(struct arena *arena, size_t capacity, struct error *e
 /* Gives all memory back to the system. Allowed on a zeroed or finished arena. Not RT-safe. */
 void arena_fini(struct arena *arena);
 
-/* Count * size zeroed bytes, aligned to 64; owned by the arena. NULL when the product overflows,
- * the capacity is used up or the arena is sealed. Not RT-safe. */
+/* Returns count * size zeroed bytes, aligned to 64; owned by the arena. NULL when the product
+ * overflows, the capacity is used up or the arena is sealed. Not RT-safe. */
 void *arena_alloc(struct arena *arena, size_t count, size_t size);
 
-/* A copy of text in the arena, or NULL. Not RT-safe. */
+/* Returns a copy of text in the arena; NULL = no memory. Not RT-safe. */
 char *arena_strdup(struct arena *arena, const char *text);
 
 /* Declares that size bytes of an arena, which hold several pieces and the gaps between them, may be
  * copied as a whole; it matters to the address sanitizer only. RT-safe. */
 void arena_join(void *memory, size_t size);
 
-/* Refuses further allocation, and no more. RT-safe. */
+/* Refuses further allocation; does nothing else. RT-safe. */
 void arena_close(struct arena *arena);
 
 /* Refuses further allocation and touches every page in use; with lock also mlocks them. An error

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Completion of command lines in bash and zsh, from the same tables as --help. */
+/* Writes completion scripts for bash and zsh, from the same tables as --help. */
 #include "base/completion_private.h"
 
 #include <ctype.h>
@@ -35,7 +35,7 @@ const char *completion_kind(const struct option_spec *option)
 
 void completion_put_words(const struct option_spec *option, FILE *out)
 {
-    for (const struct option_word *w = option->words; w && w->word; w++) {
+    for (const struct word *w = option->words; w && w->word; w++) {
         fprintf(out, " %s", w->word);
     }
 }
@@ -50,6 +50,7 @@ void completion_put_function(const char *name, FILE *out)
 
 /* ---- bash ---- */
 
+/* Writes what an operand is completed to, as a quoted word. */
 static void bash_put_operand(const struct operand_spec *operand, FILE *out)
 {
     fputs(" '", out);
@@ -66,9 +67,11 @@ static void bash_put_operand(const struct operand_spec *operand, FILE *out)
     putc('\'', out);
 }
 
-/* The branch of a command: options, those with a value, and what values and operands are. */
+/* Writes the case branch of a command: its options, those with a value, and what values and
+ * operands are completed to. */
 static void bash_put_command(const struct command_spec *spec, FILE *out)
 {
+    /* All names of options */
     fprintf(out, "    %s)\n        options='--help", spec->name);
     for (size_t i = 0; i < spec->noption; i++) {
         fprintf(out, " %s", spec->option[i].name);
@@ -76,6 +79,7 @@ static void bash_put_command(const struct command_spec *spec, FILE *out)
             fprintf(out, " %s", spec->option[i].letter);
         }
     }
+    /* Options that take the next word */
     fputs("' valued=' ", out);
     for (size_t i = 0; i < spec->noption; i++) {
         if (spec->option[i].type != OPTION_FLAG) {
@@ -85,10 +89,12 @@ static void bash_put_command(const struct command_spec *spec, FILE *out)
             }
         }
     }
+    /* Operands */
     fputs("'\n        operands=(", out);
     for (size_t i = 0; i < spec->noperand; i++) {
         bash_put_operand(&spec->operand[i], out);
     }
+    /* What the value of the option before the cursor may be */
     fprintf(out, ") many=%d\n        case $previous in\n", spec->many);
     for (size_t i = 0; i < spec->noption; i++) {
         const struct option_spec *option = &spec->option[i];
@@ -196,6 +202,7 @@ static const char bash_end[] =
     "}\n"
     "complete -F ";
 
+/* Writes the completion function of a program, and registers it. */
 static void bash_put_program(const struct program *program, FILE *out)
 {
     completion_put_function(program->name, out);
@@ -213,7 +220,7 @@ static void bash_put_program(const struct program *program, FILE *out)
 
 /* ---- zsh ---- */
 
-/* Text within single quotes and an _arguments specification: what stands before the first ; of it,
+/* Writes text within single quotes and an _arguments specification: the part before its first ;,
  * which is enough for a line of a menu. */
 static void zsh_put_text(const char *text, FILE *out)
 {
@@ -229,7 +236,7 @@ static void zsh_put_text(const char *text, FILE *out)
     }
 }
 
-/* name: one of the option's two. */
+/* Writes an option by one of its two names. */
 static void zsh_put_option(const struct option_spec *option, const char *name, FILE *out)
 {
     const char *kind;
@@ -261,6 +268,7 @@ static void zsh_put_option(const struct option_spec *option, const char *name, F
     putc('\'', out);
 }
 
+/* Writes an operand and what it is completed to; the last one may repeat. */
 static void zsh_put_operand(const struct command_spec *spec, size_t i, FILE *out)
 {
     const struct operand_spec *operand = &spec->operand[i];
@@ -283,6 +291,7 @@ static void zsh_put_operand(const struct command_spec *spec, size_t i, FILE *out
     fputs(operand->words ? ")'" : "'", out);
 }
 
+/* Writes the case branch of a command. */
 static void zsh_put_command(const struct command_spec *spec, FILE *out)
 {
     fprintf(out, "    %s)\n        _arguments '--help[print the manual and exit]'", spec->name);
@@ -298,8 +307,10 @@ static void zsh_put_command(const struct command_spec *spec, FILE *out)
     fputs("\n        ;;\n", out);
 }
 
+/* Writes the completion functions of a program. */
 static void zsh_put_program(const struct program *program, FILE *out)
 {
+    /* The function that asks the program for names */
     fprintf(out, "_coman_hil_names() {\n"
                  "    local -a names rigs rig suffix\n"
                  "    local program=${service%%-bench} word expl\n"
@@ -321,6 +332,7 @@ static void zsh_put_program(const struct program *program, FILE *out)
                  "    _wanted names expl $1 compadd $suffix -a names\n"
                  "    [[ $1 == (joints|faults|settings) ]] || _files\n"
                  "}\n\n");
+    /* The function that completes the command, then its arguments */
     completion_put_function(program->name, out);
     fputs("() {\n"
           "    local -a commands\n"

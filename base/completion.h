@@ -21,7 +21,7 @@ extern const char *const completion_shell_names[COMPLETION_SHELLS];
 /* Prints the script of a program on standard output. */
 void completion_print(const struct program *program, enum completion_shell shell);
 
-/* The part of one command, which options_read prints for --help=bash, =zsh and =fish. */
+/* Writes the part of one command, which options_read prints for --help=bash, =zsh and =fish. */
 void options_completion(const struct command_spec *spec, enum completion_shell shell, FILE *out);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Completion of command lines in fish, from the same tables as --help. */
+/* Writes completion scripts for fish, from the same tables as --help. */
 #include "base/completion_private.h"
 
 #include <string.h>
@@ -48,6 +48,7 @@ static void fish_put_noun(const char *program, const char *noun, FILE *out)
     fprintf(out, " %s)'", noun);
 }
 
+/* Writes the line that offers an option of a command. */
 static void fish_put_option(const struct command_spec *spec, const struct option_spec *option,
                             FILE *out)
 {
@@ -79,6 +80,7 @@ static void fish_put_option(const struct command_spec *spec, const struct option
     putc('\n', out);
 }
 
+/* Writes the line that offers an operand of a command; the last one may repeat. */
 static void fish_put_operand(const struct command_spec *spec, size_t i, FILE *out)
 {
     const struct operand_spec *operand = &spec->operand[i];
@@ -128,8 +130,8 @@ void completion_put_fish_command(const struct command_spec *spec, FILE *out)
     }
 }
 
-/* Tells where on the line the cursor is: "1" for the command, else "COMMAND N" for its N-th
- * operand. */
+/* A fish function that prints where on the line the cursor is: "1" for the command, else
+ * "COMMAND N" for its N-th operand. */
 static const char fish_place[] = "    set -l words (commandline -opc)\n"
                                  "    if test (count $words) -lt 2\n"
                                  "        echo 1\n"
@@ -155,7 +157,8 @@ static const char fish_place[] = "    set -l words (commandline -opc)\n"
                                  "    echo $command $place\n"
                                  "end\n\n";
 
-/* Prints the names of a noun; what a rig has, of the rig that stands on the line. */
+/* A fish function that prints the names of a noun; what a rig has, of the rig that stands on the
+ * line. */
 static const char fish_names[] =
     "    set -l program (string replace -r -- '-bench$' '' (commandline -opc)[1])\n"
     "    set -l rig\n"
@@ -191,7 +194,7 @@ void completion_put_fish_program(const struct program *program, FILE *out)
     putc('\n', out);
     fputs(fish_names, out);
 
-    /* No files but where the tables say so */
+    /* Files are offered only where the tables say so */
     fprintf(out, "complete -c %s -f\n", program->name);
     fish_put_condition(program->name, "1", out);
     fputs(" -l version -d 'Print the version'\n", out);

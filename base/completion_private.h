@@ -17,7 +17,7 @@ void completion_put_words(const struct option_spec *option, FILE *out);
 /* Writes a name that may be a shell function's: "coman-hil" becomes "_coman_hil". */
 void completion_put_function(const char *name, FILE *out);
 
-/* Of fish. */
+/* Write the parts of a fish script: of a command, and of the program. */
 void completion_put_fish_command(const struct command_spec *spec, FILE *out);
 void completion_put_fish_program(const struct program *program, FILE *out);
 

@@ -19,14 +19,10 @@ enum { ENTRIES_MAX = 1024 };
 static const char suffix[] = ".yaml";
 static const char *const kinds[CONFIG_KINDS] = {"rig", "robot", "scenario", "drive", "protocol"};
 
-const char *config_kind_name(enum config_kind kind)
-{
-    return kinds[kind];
-}
-
 /* ---- the trees ---- */
 
-/* PREFIX/share/coman-hil of a program in PREFIX/bin, and config beside it; "" when unknown. */
+/* Finds PREFIX/share/coman-hil of a program in PREFIX/bin, and the folder config beside it; "" =
+ * unknown. */
 static void config_find_program_trees(char installed[PATH_MAX], char built[PATH_MAX])
 {
     static const char below[] = "/share/coman-hil", beside[] = "/config";
@@ -51,6 +47,7 @@ static void config_find_program_trees(char installed[PATH_MAX], char built[PATH_
     }
 }
 
+/* Fills in the trees in the order of precedence. */
 static void config_find_trees(struct config_trees *trees)
 {
     strcpy(trees->folder[0], "/etc/coman-hil");
@@ -59,6 +56,7 @@ static void config_find_trees(struct config_trees *trees)
 
 /* ---- one name ---- */
 
+/* Checks whether a path exists and is no directory. */
 static bool path_is_file(const char *path)
 {
     struct stat found;
@@ -66,6 +64,7 @@ static bool path_is_file(const char *path)
     return stat(path, &found) == 0 && !S_ISDIR(found.st_mode);
 }
 
+/* Makes the path of a name in a tree; false = there is no such file. */
 static bool config_try_path(enum config_kind kind, const char *tree, const char *name,
                             char path[PATH_MAX])
 {
@@ -74,6 +73,7 @@ static bool config_try_path(enum config_kind kind, const char *tree, const char 
     return tree[0] && length > 0 && length < PATH_MAX && path_is_file(path);
 }
 
+/* Checks whether two paths are the same file. */
 static bool path_same_file(const char *a, const char *b)
 {
     struct stat of_a, of_b;
@@ -82,7 +82,7 @@ static bool path_same_file(const char *a, const char *b)
            of_a.st_ino == of_b.st_ino;
 }
 
-/* The name nearest to one that there is not, in buffer; NULL when none is near. */
+/* Finds the name nearest to an unknown one, in buffer; NULL = none is near. */
 static const char *config_find_nearest(enum config_kind kind, const struct config_trees *trees,
                                        const char *name, char buffer[NAME_MAX + 1])
 {
@@ -108,6 +108,7 @@ static const char *config_find_nearest(enum config_kind kind, const struct confi
     return nearest ? buffer : NULL;
 }
 
+/* Refuses an unknown name with the nearest one, or with the places that were searched. */
 static enum error_code config_refuse_name(enum config_kind kind, const struct config_trees *trees,
                                           const char *name, struct error *error)
 {
@@ -133,7 +134,8 @@ static enum error_code config_refuse_name(enum config_kind kind, const struct co
                      name, name, places, kinds[kind]);
 }
 
-/* NAME.yaml that is no file here, but NAME can be given: most likely that was meant. */
+/* Checks whether a name is NAME.yaml that is no file here while NAME exists in a tree: most
+ * likely that was meant. */
 static bool config_is_suffixed_name(enum config_kind kind, const struct config_trees *trees,
                                     const char *name, char bare[NAME_MAX + 1])
 {
@@ -243,6 +245,7 @@ enum error_code rig_locate_from(const char *name, const char *from, struct arena
 
 /* ---- all names ---- */
 
+/* Checks whether a list of entries has a name. */
 static bool config_has_entry(const struct config_entry *entries, size_t count, const char *name)
 {
     for (size_t i = 0; i < count; i++) {
@@ -253,7 +256,7 @@ static bool config_has_entry(const struct config_entry *entries, size_t count, c
     return false;
 }
 
-/* Adds NAME.yaml of a folder, unless an earlier tree has it or it could not be given by name. */
+/* Adds NAME.yaml of a folder, unless an earlier tree has it or it cannot be given by name. */
 static enum error_code config_add_entry(const char *folder, const char *file, struct arena *arena,
                                         struct config_entry *entries, size_t *count)
 {
@@ -277,6 +280,7 @@ static enum error_code config_add_entry(const char *folder, const char *file, st
     return ERROR_NONE;
 }
 
+/* Adds all names of a folder; one that does not exist has none. */
 static enum error_code config_add_folder(const char *folder, struct arena *arena,
                                          struct config_entry *entries, size_t *count)
 {

@@ -36,12 +36,9 @@ struct config_entry {
     const char *name, *path;
 };
 
-/* "rig", "robot", "scenario", "drive", "protocol". */
-const char *config_kind_name(enum config_kind kind);
-
-/* Finds the path of one of a kind. What has a slash or a dot is a path already; a
- * bare name NAME is the file of that name if there is one, else NAME.yaml of the first tree that
- * has it. ERROR_INPUT gives the nearest name, or the places that were searched. */
+/* Finds the path of one of a kind. A name with a slash or a dot is a path already; a bare name
+ * NAME is the file of that name if there is one, else NAME.yaml of the first tree that has it.
+ * ERROR_INPUT gives the nearest name, or the places that were searched. */
 enum error_code config_locate(enum config_kind kind, const char *name, char path[PATH_MAX],
                               struct error *error);
 
@@ -56,19 +53,19 @@ enum error_code config_locate_in(enum config_kind kind, const char *name,
 enum error_code config_locate_from(enum config_kind kind, const char *name, const char *from,
                                    struct arena *arena, const char **path, struct error *error);
 
-/* The same of a rig, to extend or to run it. */
+/* Does the same for a rig, to extend or to run it. */
 enum error_code rig_locate_from(const char *name, const char *from, struct arena *arena,
                                 const char **path, struct error *error);
 
-/* Whether a file stands in one of the trees: whoever may put it there may also replace the program.
- * A link counts by where it stands, not by what it points to. */
+/* Checks whether a file stands in one of the trees: whoever may put it there may also replace
+ * the program. A link counts by where it stands, not by what it points to. */
 bool config_is_installed(const char *file);
 
 /* The same with the trees given, for tests. */
 bool config_is_installed_in(const struct config_trees *trees, const char *file);
 
-/* All of a kind that can be given by name, in the order of their names, each once. The entries live
- * in arena. ERROR_MEMORY; a tree or folder that is not there has none. */
+/* Lists all of a kind that can be given by name, in the order of their names, each once. The
+ * entries live in arena. ERROR_MEMORY; a tree or folder that does not exist has none. */
 enum error_code config_list(enum config_kind kind, struct arena *arena,
                             struct config_entry **entries, size_t *count, struct error *error);
 

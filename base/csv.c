@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Tables of numbers as text. */
+/* Reads tables of numbers from text. */
 #include "base/csv.h"
 
 #include "base/text.h"
@@ -15,7 +15,7 @@ struct csv_source {
     char line[CSV_LINE_BYTES], titles[CSV_LINE_BYTES];
 };
 
-/* The next line without its end; a last line may have none. */
+/* Reads the next line without its end; the last line may have none. */
 static enum error_code csv_read_line(struct csv *csv, bool *end, struct error *error)
 {
     struct csv_source *source = csv->source;
@@ -43,6 +43,7 @@ static enum error_code csv_read_line(struct csv *csv, bool *end, struct error *e
     return ERROR_NONE;
 }
 
+/* Reads the line of titles; they point into a copy of it. */
 static enum error_code csv_read_titles(struct csv *csv, struct error *error)
 {
     bool end;
@@ -62,6 +63,7 @@ static enum error_code csv_read_titles(struct csv *csv, struct error *error)
     return ERROR_NONE;
 }
 
+/* Creates a table on an open stream, which it owns from now on, and reads the titles. */
 static enum error_code csv_begin(const char *path, FILE *file, struct csv **out,
                                  struct error *error)
 {

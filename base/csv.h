@@ -32,7 +32,7 @@ enum error_code csv_open_memory(const char *path, const void *bytes, size_t size
 /* Reads the next row into cell; *end at the end of the file. Every cell must be a finite number. */
 enum error_code csv_next(struct csv *csv, bool *end, struct error *error);
 
-/* NULL is allowed. */
+/* Closes the table; NULL is allowed. */
 void csv_close(struct csv *csv);
 
 #endif

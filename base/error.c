@@ -8,7 +8,8 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Messages quote input that may hold anything: no terminal or log shall interpret it. */
+/* Replaces control characters: messages quote input, which a terminal or a log must not
+ * interpret. */
 static void error_replace_control_characters(struct error *error)
 {
     for (char *at = error->text; *at; at++) {

@@ -25,12 +25,14 @@ struct error {
 enum error_code error_set(struct error *error, enum error_code code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* As error_set with ERROR_SYSTEM, and the meaning of errno_value appended. Not RT-safe. */
+/* Writes text with ERROR_SYSTEM, as error_set, and appends the meaning of errno_value. Not
+ * RT-safe. */
 enum error_code error_set_errno(struct error *error, int errno_value, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* Of a file that a person named: "PATH: WHAT: the meaning of errno_value". ERROR_INPUT when the
- * name is the cause (nothing there, no permission, ...), else ERROR_SYSTEM. Not RT-safe. */
+/* Writes an error of a file that a person named: "PATH: WHAT: the meaning of errno_value".
+ * ERROR_INPUT when the name is the cause (nothing there, no permission, ...), else ERROR_SYSTEM.
+ * Not RT-safe. */
 enum error_code error_set_file(struct error *error, int errno_value, const char *path,
                                const char *what);
 

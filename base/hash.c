@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* FNV-1a, 64 bit. */
+/* Computes the FNV-1a hash of 64 bits. */
 #include "base/hash.h"
 
 uint64_t hash_bytes(uint64_t hash, const void *data, size_t size)

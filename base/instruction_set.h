@@ -19,16 +19,16 @@ enum instruction_set {
 /* "plain", "avx2", "avx512" */
 extern const char *const instruction_set_names[INSTRUCTION_SETS];
 
-/* Of the processors that this program is compiled for: "x86_64", "aarch64"; "other". */
+/* The architecture that this program is compiled for: "x86_64", "aarch64"; "other". */
 extern const char instruction_set_architecture[];
 
-/* The widest that this machine has. */
+/* Returns the widest set that this machine has. */
 enum instruction_set instruction_set_of_machine(void);
 
-/* The one to run: the machine's, or what the process is held to. RT-safe. */
+/* Returns the set to run: the machine's, or the one that the process is held to. RT-safe. */
 enum instruction_set instruction_set_used(void);
 
-/* Holds the process to the one of that name. Before threads are started and before the first
+/* Holds the process to the set of a name. Before threads are started and before the first
  * kernels are chosen. ERROR_INPUT: there is no such name, or the machine does not have it. */
 enum error_code instruction_set_hold(const char *name, struct error *error);
 

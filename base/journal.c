@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Priority prefixes of sd-daemon(3). */
+/* Writes the priority prefixes of sd-daemon(3). */
 #include "base/journal.h"
 
 #include <stdio.h>

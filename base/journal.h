@@ -11,20 +11,20 @@
 
 /* The numbers are those of syslog(3). */
 enum journal_priority {
-    JOURNAL_ERROR = 3,   /* the run ends, or does not do what it was told */
+    JOURNAL_ERROR = 3,   /* the run ends, or cannot do what was asked */
     JOURNAL_WARNING = 4, /* deadlines, frames or boards are lost */
     JOURNAL_NOTICE = 5,  /* normal, and worth a look */
     JOURNAL_INFO = 6,
 };
 
-/* The prefix of a line: "<3>" to "<6>" when standard error goes to the journal, else "". */
+/* Returns the prefix of a line: "<3>" to "<6>" when standard error goes to the journal, else "". */
 const char *journal_prefix(enum journal_priority priority);
 
-/* "error", "warning", "notice", "info". */
+/* Returns the name of a priority: "error", "warning", "notice", "info". */
 const char *journal_priority_name(enum journal_priority priority);
 
-/* Whether stream, the value of $JOURNAL_STREAM ("DEVICE:INODE", NULL = unset), names the open file
- * descriptor. */
+/* Checks whether stream, the value of $JOURNAL_STREAM ("DEVICE:INODE", NULL = unset), names the
+ * open file descriptor. */
 bool journal_stream_is(const char *stream, int descriptor);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Escaping of text for JSON. */
+/* Escapes text for JSON. */
 #include "base/json_text.h"
 
 #include "base/text.h"
@@ -8,7 +8,7 @@
 
 enum { UTF8_MAX = 4, ESCAPED_MAX = 8 };
 
-/* The next character escaped; *text moves behind it. */
+/* Escapes the next character; *text moves behind it. Returns the number of bytes written. */
 static size_t json_text_escape(const char **text, char to[ESCAPED_MAX])
 {
     const char *at = *text;

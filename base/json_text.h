@@ -12,10 +12,11 @@
 /* Room that a text of size bytes may need, with the quotes and a terminating zero. */
 #define JSON_TEXT_ROOM(size) (6 * (size) + 3)
 
-/* Writes it to to, with a zero; returns its length without that. RT-safe. */
+/* Writes a text as a JSON string into a buffer, with a zero; returns its length without that.
+ * RT-safe. */
 size_t json_text_quote(const char *text, char *to);
 
-/* Not RT-safe. */
+/* Writes a text as a JSON string into a stream. Not RT-safe. */
 void json_text_put(const char *text, FILE *out);
 
 #endif

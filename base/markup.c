@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Escaping of text for markup. */
+/* Escapes text for XML, HTML and SVG. */
 #include "base/markup.h"
 
 #include "base/text.h"
@@ -10,7 +10,7 @@
 
 enum { UTF8_MAX = 4 /* bytes of a character */ };
 
-/* Bytes of the character that text begins with; 0 when XML cannot hold what it begins with. */
+/* Returns the bytes of the character that text begins with; 0 = XML cannot hold it. */
 static size_t markup_character_bytes(const char *text)
 {
     const unsigned char first = (unsigned char)*text;
@@ -23,7 +23,7 @@ static size_t markup_character_bytes(const char *text)
     return text_utf8_length(text, strnlen(text, UTF8_MAX));
 }
 
-/* Writes the entity or the space that stands for a character; false when it stands for itself. */
+/* Writes the entity or the space that stands for a character; false = it stands for itself. */
 static bool markup_put_entity(FILE *out, char character, unsigned flags)
 {
     switch (character) {

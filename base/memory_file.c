@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A stdio stream into a buffer that grows. */
+/* Implements a stdio stream into a buffer that grows. */
 #include "base/memory_file.h"
 
 #include <errno.h>
@@ -8,7 +8,7 @@
 
 enum { FIRST_CAPACITY = 4096 };
 
-/* Makes room for count bytes and a terminating zero. */
+/* Makes room for count bytes and a terminating zero; false = no memory. */
 static bool memory_file_reserve(struct memory_file *memory, size_t count)
 {
     size_t capacity = memory->capacity;
@@ -28,6 +28,7 @@ static bool memory_file_reserve(struct memory_file *memory, size_t count)
     return text != NULL;
 }
 
+/* Appends bytes; the write function of the stream. */
 static ssize_t memory_file_append(void *cookie, const char *bytes, size_t count)
 {
     struct memory_file *memory = cookie;

@@ -20,7 +20,7 @@ struct memory_file {
     bool failed;
 };
 
-/* A stream that appends to *memory, which must outlive it; NULL when there is no memory. */
+/* Opens a stream that appends to *memory, which must outlive it; NULL = no memory. */
 FILE *memory_file_open(struct memory_file *memory);
 
 /* Closes the stream. ERROR_MEMORY ("no memory left for WHAT") when not all that was written is in

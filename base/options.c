@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Command lines parsed by a table, and the --help that is printed from it. */
+/* Parses command lines by a table, and prints --help from it. */
 #include "base/options.h"
 
 #include "base/completion.h"
@@ -13,12 +13,13 @@ enum { MAX_NAMES = 64, WIDTH = 80, HELP_COLUMN = 24 };
 
 /* ---- parsing ---- */
 
-/* Returns whether the option is called so: name has so many characters, and no 0 behind them. */
+/* Checks whether an option has a name of `length` characters. */
 static bool option_has_name(const char *option, const char *name, size_t length)
 {
     return option && strlen(option) == length && strncmp(option, name, length) == 0;
 }
 
+/* Finds an option by either of its names; NULL = unknown. */
 static const struct option_spec *options_find(const struct command_spec *spec, const char *name,
                                               size_t length)
 {
@@ -31,6 +32,7 @@ static const struct option_spec *options_find(const struct command_spec *spec, c
     return NULL;
 }
 
+/* Refuses an unknown option with the nearest one. */
 static enum error_code options_reject_unknown(const struct command_spec *spec, const char *name,
                                               size_t length, struct error *error)
 {
@@ -65,7 +67,7 @@ static void option_describe_value(const struct option_spec *option, char *out, s
         snprintf(out, size, "%s", option->argument);
         return;
     }
-    for (const struct option_word *w = option->words; w->word && used < size; w++) {
+    for (const struct word *w = option->words; w->word && used < size; w++) {
         const char *separator = w == option->words ? "" : w[1].word ? ", " : " or ";
 
         used += (size_t)snprintf(out + used, size - used, "%s%s", separator, w->word);
@@ -74,7 +76,7 @@ static void option_describe_value(const struct option_spec *option, char *out, s
 
 static bool option_parse_enum(const struct option_spec *option, const char *text)
 {
-    for (const struct option_word *w = option->words; w->word; w++) {
+    for (const struct word *w = option->words; w->word; w++) {
         if (!strcmp(w->word, text)) {
             *(int *)option->value = w->value;
             return true;
@@ -94,6 +96,7 @@ static bool option_parse_real(const struct option_spec *option, const char *text
     return true;
 }
 
+/* Appends a value to a list; false = it is empty or the list is full. */
 static bool option_parse_list(const struct option_spec *option, const char *text)
 {
     struct option_list *list = option->value;
@@ -105,6 +108,7 @@ static bool option_parse_list(const struct option_spec *option, const char *text
     return true;
 }
 
+/* Parses and stores the value of an option; false = it is not one. */
 static bool option_parse_value(const struct option_spec *option, const char *text)
 {
     switch (option->type) {
@@ -122,6 +126,7 @@ static bool option_parse_value(const struct option_spec *option, const char *tex
     }
 }
 
+/* Refuses the value of an option, with a message about what was expected. */
 static enum error_code option_reject_value(const struct option_spec *option, const char *text,
                                            struct error *error)
 {
@@ -136,7 +141,7 @@ static enum error_code option_reject_value(const struct option_spec *option, con
                      expected);
 }
 
-/* The option at argv[*at], with its argument; *at moves to the last word that it took. */
+/* Parses the option at argv[*at] with its argument; *at moves to the last word that it took. */
 static enum error_code options_parse_option(const struct command_spec *spec, int argc, char **argv,
                                             int *at, uint64_t *seen, struct error *error)
 {
@@ -178,6 +183,7 @@ static enum error_code options_parse_option(const struct command_spec *spec, int
     return option_parse_value(option, text) ? ERROR_NONE : option_reject_value(option, text, error);
 }
 
+/* Stores the next operand; *count is how many came before. */
 static enum error_code options_parse_operand(const struct command_spec *spec, const char *word,
                                              size_t *count, struct error *error)
 {
@@ -270,7 +276,7 @@ void options_wrap(const char *text, int used, int indent, FILE *out)
     putc('\n', out);
 }
 
-/* letter: a second name, NULL = none. */
+/* Prints an option or operand of --help; letter is a second name, NULL = none. */
 static void options_put_help_line(const char *letter, const char *name, const char *argument,
                                   const char *help, FILE *out)
 {
@@ -320,7 +326,8 @@ void options_help(const struct command_spec *spec, FILE *out)
 
 /* ---- exit ---- */
 
-/* What is printed for other programs: the source of a manual page, parts of completion scripts. */
+/* Prints what other programs ask for (the source of a manual page, parts of completion scripts);
+ * false = the word asks for none of it. */
 static bool options_print_as(const struct command_spec *spec, const char *word)
 {
     static const char option[] = "--help=";

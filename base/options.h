@@ -23,12 +23,13 @@
 #define BASE_OPTIONS_H
 
 #include "base/error.h"
+#include "base/word.h"
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdio.h>
 
-/* What the program ends with. */
+/* The exit statuses of the program. */
 enum exit_status {
     STATUS_OK = 0,
     STATUS_FAILED = 1,      /* the run itself failed: a task failed, stopped on an overrun */
@@ -46,11 +47,6 @@ enum option_type {
     OPTION_LIST,   /* value: struct option_list; the option may stand more than once */
 };
 
-struct option_word {
-    const char *word;
-    int value;
-};
-
 enum { OPTION_LIST_MAX = 32 };
 
 struct option_list {
@@ -65,11 +61,11 @@ struct option_spec {
     const char *argument; /* what --help calls the argument: "S"; NULL for a flag */
     const char *help;     /* what it does and its default; wrapped when printed */
     void *value;
-    double min, max;                 /* of OPTION_REAL and OPTION_INT, inclusive; both needed */
-    const char *unit;                /* for messages: "seconds"; NULL = none */
-    const struct option_word *words; /* of OPTION_ENUM, ends with word NULL */
-    const char *noun;                /* as of an operand */
-    const char *letter;              /* a second name, "-o"; NULL = none */
+    double min, max;          /* of OPTION_REAL and OPTION_INT, inclusive; both needed */
+    const char *unit;         /* for messages: "seconds"; NULL = none */
+    const struct word *words; /* of OPTION_ENUM, ends with word NULL */
+    const char *noun;         /* as of an operand */
+    const char *letter;       /* a second name, "-o"; NULL = none */
 };
 
 /* An argument without dashes. Those that must be given come first. */
@@ -113,7 +109,7 @@ void options_page(const struct command_spec *spec, FILE *out);
  * or =fish alone) or the error was reported on stderr. */
 bool options_read(const struct command_spec *spec, int argc, char **argv, int *status);
 
-/* The exit status of a command that ended with an error. */
+/* Returns the exit status of a command that ended with an error. */
 enum exit_status exit_status_of(enum error_code code);
 
 /* Prints "coman-hil COMMAND: text" on stderr and returns the exit status of the error. */
@@ -122,7 +118,7 @@ int command_fail(const char *command, const struct error *error);
 /* The same with the names of program and command from the table. */
 int options_fail(const struct command_spec *spec, const struct error *error);
 
-/* The end of a command that came to code: STATUS_OK, or that of options_fail. */
+/* Ends a command: returns STATUS_OK, or what options_fail returns. */
 int options_end(const struct command_spec *spec, enum error_code code, const struct error *error);
 
 /* Flushes standard output at a program's end and returns its exit status: a full disk or a closed

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The manual page of a command, in scdoc(5), from the same table as its --help. */
+/* Writes the manual page of a command in scdoc(5), from the same table as its --help. */
 #include "base/options.h"
 
 #include <ctype.h>
@@ -37,7 +37,7 @@ static void manpage_put_manual(const char *text, FILE *out)
     }
 }
 
-/* letter: a second name, NULL = none. */
+/* Writes an option or operand with its help; letter is a second name, NULL = none. */
 static void manpage_put_term(const char *letter, const char *name, const char *argument,
                              const char *help, FILE *out)
 {
@@ -58,6 +58,7 @@ static void manpage_put_term(const char *letter, const char *name, const char *a
     fputs("\n", out);
 }
 
+/* Writes the line of usage. */
 static void manpage_put_synopsis(const struct command_spec *spec, FILE *out)
 {
     fprintf(out, "\n# SYNOPSIS\n\n*%s %s*%s", spec->program ? spec->program : "coman-hil",
@@ -71,7 +72,7 @@ static void manpage_put_synopsis(const struct command_spec *spec, FILE *out)
     putc('\n', out);
 }
 
-/* "coman-hil-bench-paper" */
+/* Writes the name of the page: "coman-hil-bench-paper". */
 static void manpage_put_name(const struct command_spec *spec, FILE *out)
 {
     fprintf(out, "%s-%s", spec->program ? spec->program : "coman-hil", spec->name);

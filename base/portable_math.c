@@ -8,9 +8,10 @@
 
 __extension__ typedef unsigned __int128 uint128;
 
-/* The reductions by parts of pi/2 and of log 2: Cody and Waite, Software Manual for the Elementary
- * Functions, 1980. By as many digits of 2/pi as it takes: Payne and Hanek, SIGNUM Newsletter 18,
- * 1983. All polynomials are Taylor's, long enough for the interval. */
+/* Arguments are reduced by parts of pi/2 and of log 2 (Cody and Waite, Software Manual for the
+ * Elementary Functions, 1980), large angles by as many digits of 2/pi as it takes (Payne and
+ * Hanek, SIGNUM Newsletter 18, 1983). All polynomials are Taylor's, long enough for the
+ * interval. */
 #define PI 0x1.921fb54442d18p+1
 #define PI_REST 0x1.1a62633145c07p-53  /* pi = PI + PI_REST */
 #define REACH 1e5                      /* rad, of the reduction by three parts */
@@ -27,7 +28,7 @@ static uint64_t double_bits(double x)
     return bits;
 }
 
-/* 2^n for -1022 <= n <= 1023 */
+/* Returns 2^n for -1022 <= n <= 1023. */
 static double power_of_two(int n)
 {
     const uint64_t bits = (uint64_t)(n + EXPONENT_BIAS) << MANTISSA;
@@ -37,15 +38,15 @@ static double power_of_two(int n)
     return x;
 }
 
-/* x = quadrant pi/2 + r + e, |r| <= pi/4 */
+/* An angle x = quadrant pi/2 + r + e with |r| <= pi/4; e is what r lost by rounding. */
 struct reduced_angle {
     unsigned int quadrant;
     double r, e;
 };
 
 /*
- * |x| <= REACH: pi/2 in 33 + 33 + 53 bits. The first two products are exact (n < 2^16), the
- * rounding of the second difference and the third product are carried along as e.
+ * Reduces an angle with |x| <= REACH by pi/2 in 33 + 33 + 53 bits. The first two products are exact
+ * (n < 2^16); the rounding of the second difference and the third product are carried along as e.
  */
 static struct reduced_angle reduce_near(double x)
 {
@@ -56,7 +57,8 @@ static struct reduced_angle reduce_near(double x)
     return (struct reduced_angle){(unsigned int)(double_bits(shifted) & 3), r, e};
 }
 
-/* 64 bits of 2/pi from its bit first on, counted from 1 behind the point; before that are zeros. */
+/* Returns 64 bits of 2/pi from its bit `first` on, counted from 1 behind the point; bits before
+ * it are zeros. */
 static uint64_t two_over_pi_bits(int first)
 {
     static const uint64_t two_over_pi[] = {
@@ -72,10 +74,11 @@ static uint64_t two_over_pi_bits(int first)
 }
 
 /*
- * |x| > REACH. With x = m 2^e the bits of 2/pi before the one of weight 2^(1-e) give whole turns:
- * the 192 bits from there on, times m, modulo 2^192, are x 2/pi modulo 4 as a fixed-point number
- * with 190 bits behind the point, wrong by less than m 2^-190. No double comes closer to a multiple
- * of pi/2 than 2^-62 (Muller, Elementary Functions, 2016, ch. 11): 75 bits are left at least.
+ * Reduces an angle with |x| > REACH. With x = m 2^e the bits of 2/pi before the one of weight
+ * 2^(1-e) give whole turns: the 192 bits from there on, times m, modulo 2^192, are x 2/pi modulo 4
+ * as a fixed-point number with 190 bits behind the point, wrong by less than m 2^-190. No double
+ * comes closer to a multiple of pi/2 than 2^-62 (Muller, Elementary Functions, 2016, ch. 11): 75
+ * bits are left at least.
  */
 static struct reduced_angle reduce_far(double x)
 {
@@ -183,8 +186,8 @@ double portable_tan(double x)
     return sine / cosine;
 }
 
-/* The angle of a slope 0 <= t <= 1 as high + low: the nearest eighth's from the table, the rest
- * |d| < 3/32 by a series (the first term left out is 2e-18 of d). */
+/* Computes the angle of a slope 0 <= t <= 1 as high + low: that of the nearest eighth from the
+ * table, the rest |d| < 3/32 by a series (the first term left out is 2e-18 of d). */
 static void slope_angle(double t, double *high, double *low)
 {
     static const double eighth[9][2] = {{0, 0},
@@ -239,8 +242,8 @@ double portable_acos(double x)
     return 2.0 * portable_atan2(sqrt(1.0 - x), sqrt(1.0 + x));
 }
 
-/* exp(r) - 1 = r + what is returned, x = k log 2 + r with |r| <= log(2)/2, the series' first term
- * left out being 4e-18 of r. */
+/* Reduces x = k log 2 + r with |r| <= log(2)/2 and returns exp(r) - 1 - r; the series' first
+ * term left out is 4e-18 of r. */
 static double exp_rest(double x, int *k, double *r)
 {
     const double n = floor(x * 0x1.71547652b82fep+0 + 0.5);
@@ -279,7 +282,7 @@ double portable_exp(double x)
     rest = exp_rest(x, &k, &r);
     r = 1.0 + (r + rest);
 
-    /* In two steps where one has no exponent for it; the second alone rounds */
+    /* In two steps where 2^k has no exponent of its own; only the second rounds */
     if (k > EXPONENT_BIAS) {
         return r * 2.0 * power_of_two(k - 1);
     }
@@ -309,7 +312,7 @@ double portable_expm1(double x)
 }
 
 /*
- * log(1 + f) + k log 2 + c for sqrt(1/2) - 1 <= f <= sqrt(2) - 1: with s = f/(2 + f) it is
+ * Returns log(1 + f) + k log 2 + c for sqrt(1/2) - 1 <= f <= sqrt(2) - 1: with s = f/(2 + f) it is
  * 2 artanh s = f - f^2/2 + s (f^2/2 + R), R = 2 s^2 (1/3 + s^2/5 + ...), whose first term left out
  * is 1e-18 of f.
  */
@@ -331,7 +334,7 @@ static double log_sum(double f, int k, double c)
     return k * LOG2_HIGH - ((half - (s * (half + sum) + (k * LOG2_LOW + c))) - f);
 }
 
-/* x = 2^k m with sqrt(1/2) <= m < sqrt(2), of a normal x */
+/* Splits a normal x = 2^k m with sqrt(1/2) <= m < sqrt(2); returns m. */
 static double split_power(double x, int *k)
 {
     const uint64_t bits = double_bits(x);
@@ -381,7 +384,7 @@ double portable_log1p(double x)
         return log_sum(x, 0, 0.0);
     }
 
-    /* What 1 + x lost, relative to it */
+    /* 1 + x rounds: the part that it lost, relative to it, is added to the logarithm */
     u = 1.0 + x;
     m = split_power(u, &k);
     return log_sum(m - 1.0, k, (u > 2.0 ? 1.0 - (u - x) : x - (u - 1.0)) / u);

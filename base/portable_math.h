@@ -13,13 +13,14 @@
 #ifndef BASE_PORTABLE_MATH_H
 #define BASE_PORTABLE_MATH_H
 
-/* Of any angle: large ones are reduced by as many digits of pi as they ask for. 0.86 ulp. */
+/* Sine and cosine of any angle: large ones are reduced by as many digits of pi as they need.
+ * 0.86 ulp. */
 void portable_sincos(double x, double *sine, double *cosine);
 double portable_sin(double x);
 double portable_cos(double x);
 double portable_tan(double x); /* 2.3 ulp */
 
-/* In (-pi, pi], of the point (x, y). 1.5 ulp. */
+/* Angle of the point (x, y) in (-pi, pi]. 1.5 ulp. */
 double portable_atan2(double y, double x);
 double portable_asin(double x); /* 2.2 ulp */
 double portable_acos(double x); /* 2.7 ulp */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Programs of several commands. */
+/* Runs programs of several commands. */
 #include "base/program.h"
 
 #include "base/options.h"
@@ -54,7 +54,7 @@ void program_print_completions(const struct program *program, enum completion_sh
     }
 }
 
-/* --completion=SHELL; false: it is something else. */
+/* Prints the script that --completion=SHELL asks for; false = the word is something else. */
 static bool program_complete(const struct program *program, const char *word)
 {
     static const char option[] = "--completion=";

@@ -26,19 +26,19 @@ struct program {
     void (*print_more)(FILE *out); /* the end of the usage; NULL = nothing */
 };
 
-/* The whole of main: runs the command that argv[1] names, and flushes what it printed. --help is
- * the command help where there is one, else the usage; --version prints the version,
+/* Runs a whole main: the command that argv[1] names, and flushes what it printed. --help is the
+ * command help where there is one, else the usage; --version prints the version,
  * --completion=bash or =zsh the script by which that shell completes command lines. Returns the
  * exit status. */
 int program_main(const struct program *program, int argc, char **argv);
 
-/* What each command prints for completion scripts. */
+/* Prints what each command contributes to a completion script. */
 void program_print_completions(const struct program *program, enum completion_shell shell);
 
 void program_print_usage(const struct program *program, FILE *out);
 void program_print_version(const struct program *program);
 
-/* NULL when there is none of that name. */
+/* Finds a command by its name; NULL = there is none. */
 const struct program_command *program_find(const struct program *program, const char *name);
 
 /* Says on stderr that name is no command, with the nearest of the commands and of more (nmore

@@ -2,8 +2,8 @@
 /*
  * Seeded random numbers for noise and faults: splitmix64 (Steele, Lea, Flood 2014), one stream for
  * each thing that needs one, so that no stream depends on how often another was drawn from. The
- * same seed and name give the same numbers on every machine (Gaussian ones up to its libm).
- * RT-safe.
+ * same seed and name give the same numbers on every machine (Gaussian ones by
+ * base/portable_math.h). RT-safe.
  */
 #ifndef BASE_RANDOM_H
 #define BASE_RANDOM_H
@@ -29,7 +29,7 @@ static inline uint64_t random_bits(struct random_stream *stream)
     return z ^ z >> 31;
 }
 
-/* The stream of a name, independent of those of other names. */
+/* Returns the stream of a name, independent of those of other names. */
 static inline struct random_stream random_named(uint64_t seed, const char *name)
 {
     struct random_stream stream = {hash_bytes(HASH_START, name, strlen(name))};
@@ -39,14 +39,14 @@ static inline struct random_stream random_named(uint64_t seed, const char *name)
     return stream;
 }
 
-/* Uniform in [0, 1). */
+/* Draws a number uniform in [0, 1). */
 static inline double random_uniform(struct random_stream *stream)
 {
     return (double)(random_bits(stream) >> 11) * 0x1p-53;
 }
 
-/* Mean 0, variance 1 (Box and Muller; the second number is not kept, so that every draw takes
- * two). */
+/* Draws a Gaussian number of mean 0 and variance 1 (Box and Muller; the second number is not
+ * kept, so that every draw takes two). */
 static inline double random_gaussian(struct random_stream *stream)
 {
     double radius = sqrt(-2.0 * portable_log(1.0 - random_uniform(stream)));
@@ -54,8 +54,9 @@ static inline double random_gaussian(struct random_stream *stream)
     return radius * portable_cos(6.283185307179586 * random_uniform(stream));
 }
 
-/* Whether a contact that comes and goes is open in the coming step: gaps of the mean length dwell
- * that fill the share of the time, from whether it was open before. */
+/* Draws whether an intermittent contact is open in the coming step, from whether it was open
+ * before: gaps have the mean length `dwell` and fill the share of the time; dwell and step in
+ * the same unit. */
 static inline bool random_gap(struct random_stream *stream, bool gap, double share, double dwell,
                               double step)
 {

@@ -20,7 +20,7 @@ struct ring {
     _Alignas(64) _Atomic uint32_t tail; /* next slot to read, owned by the reader */
 };
 
-/* Memory at slots is count * slot_size bytes; count is a power of two. */
+/* Begins an empty ring on memory of count * slot_size bytes; count is a power of two. */
 static inline void ring_init(struct ring *ring, void *slots, size_t slot_size, uint32_t count)
 {
     ring->slots = slots;
@@ -58,8 +58,8 @@ static inline bool ring_pop(struct ring *ring, void *item)
     return true;
 }
 
-/* The slot that the next item goes to, to be filled and then handed over with ring_commit; NULL
- * when the ring is full. Writer only. */
+/* Returns the slot of the next item, to be filled and then handed over with ring_commit; NULL =
+ * the ring is full. Writer only. */
 static inline void *ring_back(const struct ring *ring)
 {
     uint32_t head = atomic_load_explicit(&ring->head, memory_order_relaxed);
@@ -75,7 +75,7 @@ static inline void ring_commit(struct ring *ring)
                           memory_order_release);
 }
 
-/* The oldest item, to be looked at in place until ring_drop; NULL when the ring is empty. Reader
+/* Returns the oldest item, to be read in place until ring_drop; NULL = the ring is empty. Reader
  * only. */
 static inline const void *ring_front(const struct ring *ring)
 {
@@ -91,7 +91,7 @@ static inline void ring_drop(struct ring *ring)
                           memory_order_release);
 }
 
-/* Items waiting; exact for either side at the moment it asks. */
+/* Returns the number of waiting items; exact for either side at the moment it asks. */
 static inline uint32_t ring_count(const struct ring *ring)
 {
     uint32_t head = atomic_load_explicit(&ring->head, memory_order_acquire);

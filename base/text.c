@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Strict number reading, UTF-8 and the nearest word. */
+/* Reads numbers strictly, checks UTF-8, and finds the nearest word. */
 #include "base/text.h"
 
 #include "base/count.h"
@@ -15,7 +15,7 @@ bool text_to_double(const char *text, double *value)
     char *end;
     double parsed;
 
-    /* Strtod would also take spaces, inf, nan and hexadecimal */
+    /* strtod would also take spaces, inf, nan and hexadecimal */
     if (*text == '\0' || strspn(text, "+-.0123456789eE") != strlen(text)) {
         return false;
     }
@@ -61,8 +61,8 @@ bool text_is_name(const char *text)
 
 size_t text_utf8_length(const char *text, size_t size)
 {
-    /* Of 1 to 4 bytes: the bits of the first one that tell, and the lowest code that needs so
-     * many */
+    /* For 1 to 4 bytes: the bits of the first byte that tell the length, and the lowest code
+     * that needs so many */
     static const struct {
         unsigned char mask, lead;
         uint32_t min;
@@ -89,16 +89,19 @@ size_t text_utf8_length(const char *text, size_t size)
     return 0;
 }
 
-/* Returns how many letters must be put in, taken out, replaced or swapped with their neighbor to
- * make one word of the other (optimal string alignment); both have at most LONGEST_WORD letters. */
+/* Computes the edit distance of two words: how many letters must be inserted, deleted, replaced
+ * or swapped with their neighbor (optimal string alignment). Both have at most LONGEST_WORD
+ * letters. */
 static size_t text_edit_distance(const char *a, const char *b)
 {
     size_t rows[3][LONGEST_WORD + 1], na = strlen(a), nb = strlen(b);
     size_t *before = rows[0], *above = rows[1], *row = rows[2];
 
+    /* From nothing to the first j letters of b */
     for (size_t j = 0; j <= nb; j++) {
         row[j] = j;
     }
+    /* Dynamic programming row by row; a swap looks two rows back */
     for (size_t i = 1; i <= na; i++) {
         size_t *spare = before;
 
@@ -120,7 +123,7 @@ static size_t text_edit_distance(const char *a, const char *b)
     return row[nb];
 }
 
-/* Whether the character of that many bytes is a control character other than tab. */
+/* Checks whether a character of `length` bytes is a control character other than tab. */
 static bool text_is_control(const char *text, size_t length)
 {
     unsigned char first = (unsigned char)text[0];

@@ -8,18 +8,19 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* The whole of text as a finite double in the C locale's notation; no spaces around it, no inf or
- * nan, no hexadecimal. Returns false and leaves *value alone otherwise. */
+/* Reads the whole of text as a finite double in the C locale's notation; no spaces around it, no
+ * inf or nan, no hexadecimal. False leaves *value alone. */
 bool text_to_double(const char *text, double *value);
 
-/* The whole of text as a decimal or 0x-prefixed integer within [min, max]. */
+/* Reads the whole of text as a decimal or 0x-prefixed integer within [min, max]; false leaves
+ * *value alone. */
 bool text_to_int(const char *text, int64_t min, int64_t max, int64_t *value);
 
-/* Whether text can be a name: 1 to 63 letters, digits and _ - . only, so that it may stand in
- * messages, on command lines and in file names; not "." or "..". */
+/* Checks whether text can be a name: 1 to 63 letters, digits and _ - . only, so that it may
+ * stand in messages, on command lines and in file names; not "." or "..". */
 bool text_is_name(const char *text);
 
-/* Bytes of the UTF-8 character that text begins with, at most size; 0 when it begins with none:
+/* Returns the bytes of the UTF-8 character that text begins with, at most size; 0 = none:
  * overlong forms, surrogates and codes beyond Unicode are no characters. */
 size_t text_utf8_length(const char *text, size_t size);
 
@@ -27,9 +28,9 @@ size_t text_utf8_length(const char *text, size_t size);
  * in UTF-8 too, and bytes that are no UTF-8. The length stays. */
 void text_make_printable(char *text);
 
-/* The word of the list nearest to word by edit distance, in which two letters that are swapped are
- * one edit; NULL when none is near enough to be worth naming (distance over a third of the length,
- * at least 2). words has count entries. */
+/* Finds the word of the list that is nearest to `word` by edit distance, in which two swapped
+ * letters are one edit; NULL = none is near enough to be worth naming (distance over a third of
+ * the length, at least 2). words has count entries. */
 const char *text_nearest(const char *word, const char *const *words, size_t count);
 
 #endif

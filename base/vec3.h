@@ -106,7 +106,7 @@ static inline void mat3_identity(double A[9])
     }
 }
 
-/* Whether A is the identity to the last bit. */
+/* Checks whether A is the identity to the last bit. */
 static inline bool mat3_is_identity(const double A[9])
 {
     for (int i = 0; i < 9; i++) {
@@ -150,7 +150,7 @@ static inline void sym3_rotate(const double R[9], double S[6])
 
 /* ---- rotations ---- */
 
-/* Rotation by angle about a unit axis (Rodrigues). */
+/* Computes the rotation by an angle about a unit axis (Rodrigues). */
 static inline void mat3_about_axis(const double axis[3], double angle, double R[9])
 {
     double s = portable_sin(angle), c = portable_cos(angle), t = 1.0 - c;
@@ -162,7 +162,7 @@ static inline void mat3_about_axis(const double axis[3], double angle, double R[
     memcpy(R, value, sizeof value);
 }
 
-/* Fixed-axis roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll). */
+/* Computes the rotation of fixed-axis roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll). */
 static inline void mat3_from_rpy(const double rpy[3], double R[9])
 {
     double cr = portable_cos(rpy[0]), sr = portable_sin(rpy[0]), cp = portable_cos(rpy[1]),
@@ -181,7 +181,7 @@ static inline void mat3_from_rpy(const double rpy[3], double R[9])
     memcpy(R, value, sizeof value);
 }
 
-/* Body-to-world rotation of a quaternion wxyz of any non-zero length. */
+/* Computes the body-to-world rotation of a quaternion (wxyz) of any non-zero length. */
 static inline void mat3_from_quaternion(const double quaternion[4], double R[9])
 {
     double w = quaternion[0], x = quaternion[1], y = quaternion[2], z = quaternion[3];
@@ -195,8 +195,8 @@ static inline void mat3_from_quaternion(const double quaternion[4], double R[9])
     memcpy(R, value, sizeof value);
 }
 
-/* Quaternion wxyz of unit length of a rotation, w not negative. Each component is taken from the
- * largest, so that no digits are lost (Shepperd, J. Guidance and Control 1(3), 1978). */
+/* Computes the unit quaternion (wxyz) of a rotation, w not negative. Each component is taken
+ * from the largest, so that no digits are lost (Shepperd, J. Guidance and Control 1(3), 1978). */
 static inline void quaternion_from_mat3(const double R[9], double quaternion[4])
 {
     const double square[4] = {1.0 + R[0] + R[4] + R[8], 1.0 + R[0] - R[4] - R[8],

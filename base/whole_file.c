@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Files under a temporary name until they are complete, files that grow, and folders. */
+/* Writes files under a temporary name until they are complete, opens files that grow, and makes
+ * folders. */
 #include "base/whole_file.h"
 
 #include <errno.h>
@@ -19,7 +20,7 @@ static const char *whole_file_name(const char *path)
     return slash ? slash + 1 : path;
 }
 
-/* Opens the folder of the path, so that nobody can put another in its place. */
+/* Opens the folder of the path, so that nobody can replace it meanwhile. */
 static enum error_code whole_file_open_folder(struct whole_file *file, struct error *error)
 {
     size_t length = (size_t)(whole_file_name(file->path) - file->path);
@@ -37,7 +38,8 @@ static enum error_code whole_file_open_folder(struct whole_file *file, struct er
                              : error_set_errno(error, errno, "cannot write %s", file->path);
 }
 
-/* Creates a file of a name that nobody can have guessed. */
+/* Creates a file with a random name, which nobody can have guessed; returns its descriptor, -1
+ * with errno. */
 static int whole_file_create(struct whole_file *file)
 {
     for (;;) {
@@ -56,7 +58,7 @@ static int whole_file_create(struct whole_file *file)
     }
 }
 
-/* Opens a pipe or a device of characters; -1 where it has become something else. */
+/* Opens a pipe or a character device; -1 with errno, also if it has become something else. */
 static int whole_file_open_device(const struct whole_file *file, int flags)
 {
     int descriptor =
@@ -72,7 +74,7 @@ static int whole_file_open_device(const struct whole_file *file, int flags)
     return descriptor;
 }
 
-/* Whether another user than this one and root has made the symbolic link. */
+/* Checks whether a symbolic link was made by another user than this one and root. */
 static bool whole_file_is_foreign(const struct stat *link)
 {
     return S_ISLNK(link->st_mode) && link->st_uid != 0 && link->st_uid != geteuid();
@@ -158,7 +160,7 @@ enum error_code whole_file_close(struct whole_file *file, enum error_code code, 
 
 /* ---- files that grow ---- */
 
-/* Creates the file in the place of one that is there; -1 with errno, ELOOP for a link. */
+/* Creates a file in place of an existing one; -1 with errno, ELOOP for a link. */
 static int growing_file_create(const struct whole_file *file)
 {
     const char *name = whole_file_name(file->path);

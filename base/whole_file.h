@@ -26,7 +26,7 @@ struct whole_file {
     bool in_place;
 };
 
-/* Path must outlive the file. */
+/* Opens a file that becomes visible when it is complete. path must outlive the file. */
 enum error_code whole_file_open(struct whole_file *file, const char *path, struct error *error);
 
 /* Closes the file and gives it its name, once its content is on the disk. With code, the error of

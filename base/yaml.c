@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The YAML reader: applies the caller's schema to the nodes of a document and fills structs.
+ * Reads YAML: applies the caller's schema to the nodes of a document and fills structs.
  */
 #include "base/yaml.h"
 
@@ -53,6 +53,7 @@ static void yaml_join_words(const char *const *words, size_t count, char *out, s
 
 /* ---- schema ---- */
 
+/* Returns the address of a field in a struct. */
 static void *yaml_member(void *out, size_t offset)
 {
     return (unsigned char *)out + offset;
@@ -79,6 +80,7 @@ static void yaml_describe_range(const char *what, const struct yaml_field *field
     }
 }
 
+/* Checks whether a number is in a field's range; min and max both 0 mean any. */
 static bool yaml_in_range(const struct yaml_field *field, double value)
 {
     return (field->min == 0 && field->max == 0) || (value >= field->min && value <= field->max);
@@ -95,6 +97,7 @@ static enum error_code yaml_read_bool(struct yaml_reader *r, const struct yaml_f
     return ERROR_NONE;
 }
 
+/* Reads an integer; leading zeros are refused, since YAML 1.1 and 1.2 differ about them. */
 static enum error_code yaml_read_int(struct yaml_reader *r, const struct yaml_field *field,
                                      const struct yaml_node *node, void *out)
 {
@@ -119,6 +122,7 @@ static enum error_code yaml_read_int(struct yaml_reader *r, const struct yaml_fi
     return ERROR_NONE;
 }
 
+/* Reads a finite number. */
 static enum error_code yaml_read_real(struct yaml_reader *r, const struct yaml_field *field,
                                       const struct yaml_node *node, void *out)
 {
@@ -134,6 +138,7 @@ static enum error_code yaml_read_real(struct yaml_reader *r, const struct yaml_f
     return ERROR_NONE;
 }
 
+/* Reads a text into the arena; plain numbers and true or false need quotes. */
 static enum error_code yaml_read_string(struct yaml_reader *r, const struct yaml_field *field,
                                         const struct yaml_node *node, void *out)
 {
@@ -154,6 +159,7 @@ static enum error_code yaml_read_string(struct yaml_reader *r, const struct yaml
     return *string ? ERROR_NONE : yaml_no_memory(r);
 }
 
+/* Reads one of the field's words. */
 static enum error_code yaml_read_enum(struct yaml_reader *r, const struct yaml_field *field,
                                       const struct yaml_node *node, void *out)
 {
@@ -161,7 +167,7 @@ static enum error_code yaml_read_enum(struct yaml_reader *r, const struct yaml_f
     char what[YAML_FOUND], list[256];
     size_t count = 0;
 
-    for (const struct yaml_enum *e = field->names; e->word && count < MAX_WORDS; e++) {
+    for (const struct word *e = field->names; e->word && count < MAX_WORDS; e++) {
         if (node->kind == YAML_KIND_SCALAR && !strcmp(node->text, e->word)) {
             *(int *)out = e->value;
             return ERROR_NONE;
@@ -175,6 +181,7 @@ static enum error_code yaml_read_enum(struct yaml_reader *r, const struct yaml_f
                       nearest ? "\"?)" : "");
 }
 
+/* Reads a list of exactly the field's count of numbers. */
 static enum error_code yaml_read_reals(struct yaml_reader *r, const struct yaml_field *field,
                                        const struct yaml_node *node, void *out)
 {
@@ -221,6 +228,7 @@ static enum error_code yaml_read_name_entry(struct yaml_reader *r, const struct 
     return yaml_read_string(r, field, node, &entry->name);
 }
 
+/* Reads an entry of a mapping as a struct, with the key as its name. */
 static enum error_code yaml_read_dict_entry(struct yaml_reader *r, const struct yaml_field *field,
                                             const struct yaml_node *key, void *out)
 {
@@ -237,10 +245,36 @@ static enum error_code yaml_read_list_entry(struct yaml_reader *r, const struct 
     return yaml_read_struct(r, field->schema, node, out);
 }
 
+/* Reads an entry of a list that is written as a mapping: its key counts as one of the entry's
+ * own keys. */
+static enum error_code yaml_read_keyed_entry(struct yaml_reader *r, const struct yaml_field *field,
+                                             const struct yaml_node *key, void *out)
+{
+    struct yaml_node entry = *key->next, value = *key;
+    struct yaml_node name = {.mark = key->mark, .text = field->entry_key, .next = &value};
+
+    if (entry.kind != YAML_KIND_MAP) {
+        return yaml_unexpected(r, &entry, "a mapping");
+    }
+    for (const struct yaml_node *own = entry.first; own; own = own->next->next) {
+        if (strcmp(own->text, field->entry_key) == 0) {
+            return yaml_error(r->error, &own->mark,
+                              "found %s in an entry of a mapping, expected it as the entry's key "
+                              "alone",
+                              field->entry_key);
+        }
+    }
+    value.next = entry.first;
+    entry.first = &name;
+    entry.count++;
+    return yaml_read_struct(r, field->schema, &entry, out);
+}
+
 typedef enum error_code read_function(struct yaml_reader *r, const struct yaml_field *field,
                                       const struct yaml_node *node, void *out);
 
-/* Reads the entries of a list, or the keys of a mapping with their values, into an array. */
+/* Reads the entries of a list, or the keys of a mapping with their values, into an array in the
+ * arena. */
 static enum error_code yaml_read_many(struct yaml_reader *r, const struct yaml_field *field,
                                       const struct yaml_node *node, size_t size,
                                       read_function *read, void *out, size_t *count)
@@ -268,7 +302,7 @@ static enum error_code yaml_read_many(struct yaml_reader *r, const struct yaml_f
 static enum error_code yaml_read_array(struct yaml_reader *r, const struct yaml_field *field,
                                        const struct yaml_node *node, void *out, size_t *count)
 {
-    /* Of each type: the node that it needs, how long an entry is and how it is read */
+    /* For each type: the node that it needs, how long an entry is and how it is read */
     static const struct {
         const char *expected;
         enum yaml_kind kind;
@@ -286,12 +320,16 @@ static enum error_code yaml_read_array(struct yaml_reader *r, const struct yaml_
     enum yaml_type type = field->type;
     size_t size = form[type].size ? form[type].size : field->schema->size;
 
+    if (field->entry_key && node->kind == YAML_KIND_MAP) {
+        return yaml_read_many(r, field, node, size, yaml_read_keyed_entry, out, count);
+    }
     if (node->kind != form[type].kind) {
         return yaml_unexpected(r, node, form[type].expected);
     }
     return yaml_read_many(r, field, node, size, form[type].read, out, count);
 }
 
+/* Reads the value of a field, and notes its place and that it was given. */
 static enum error_code yaml_read_value(struct yaml_reader *r, const struct yaml_field *field,
                                        const struct yaml_node *node, void *out)
 {
@@ -323,6 +361,7 @@ static enum error_code yaml_read_value(struct yaml_reader *r, const struct yaml_
     }
 }
 
+/* Refuses an unknown key with the nearest one, or with all that there are. */
 static enum error_code yaml_reject_unknown_key(struct yaml_reader *r,
                                                const struct yaml_schema *schema,
                                                const struct yaml_node *key)
@@ -341,8 +380,8 @@ static enum error_code yaml_reject_unknown_key(struct yaml_reader *r,
                       nearest ? nearest : list, nearest ? "\"" : "");
 }
 
-/* The defaults of a struct and of the structs in it. What is left out stands where its parent
- * stands, so that messages about it have a place. */
+/* Sets the defaults of a struct and of the structs in it. A key that is left out gets its
+ * parent's place, so that messages about it have one. */
 static void yaml_set_defaults(const struct yaml_schema *schema, const struct yaml_mark *mark,
                               void *out)
 {
@@ -362,17 +401,17 @@ static void yaml_set_defaults(const struct yaml_schema *schema, const struct yam
     }
 }
 
-/* The field of that key, or the end of the fields. */
-static const struct yaml_field *yaml_find_field(const struct yaml_schema *schema, const char *key)
+const struct yaml_field *yaml_find_field(const struct yaml_schema *schema, const char *key)
 {
-    const struct yaml_field *field = schema->fields, *end = field + schema->field_count;
-
-    while (field < end && strcmp(field->key, key) != 0) {
-        field++;
+    for (size_t i = 0; schema && i < schema->field_count; i++) {
+        if (strcmp(schema->fields[i].key, key) == 0) {
+            return &schema->fields[i];
+        }
     }
-    return field;
+    return NULL;
 }
 
+/* Reads a mapping into a struct that starts with the schema's defaults. */
 static enum error_code yaml_read_struct(struct yaml_reader *r, const struct yaml_schema *schema,
                                         const struct yaml_node *node, void *out)
 {
@@ -391,9 +430,8 @@ static enum error_code yaml_read_struct(struct yaml_reader *r, const struct yaml
     yaml_set_defaults(schema, &node->mark, out);
     for (const struct yaml_node *key = node->first; key; key = key->next->next) {
         const struct yaml_field *field = yaml_find_field(schema, key->text);
-        enum error_code code = field < schema->fields + schema->field_count
-                                   ? yaml_read_value(r, field, key->next, out)
-                                   : yaml_reject_unknown_key(r, schema, key);
+        enum error_code code = field ? yaml_read_value(r, field, key->next, out)
+                                     : yaml_reject_unknown_key(r, schema, key);
 
         if (code) {
             return code;
@@ -454,6 +492,8 @@ enum error_code yaml_read_file(const char *path, const struct yaml_schema *schem
     return code;
 }
 
+/* Finds the text of a key at the top of a document, whatever else is in it; *text stays NULL if
+ * there is none. */
 static enum error_code yaml_find_text(struct yaml_reader *r, const struct yaml_node *root,
                                       const char *key, const char **text)
 {

@@ -10,6 +10,7 @@
 
 #include "base/arena.h"
 #include "base/error.h"
+#include "base/word.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -33,11 +34,6 @@ enum yaml_type {
     YAML_LIST,      /* list of mappings: struct * in the arena, size_t at count_offset */
     YAML_DICT, /* mapping name -> mapping: as YAML_LIST; the name goes to schema->name_offset */
     YAML_REAL_DICT, /* mapping name -> real: struct yaml_real_entry * and size_t at count_offset */
-};
-
-struct yaml_enum {
-    const char *word;
-    int value;
 };
 
 struct yaml_name {
@@ -66,7 +62,9 @@ struct yaml_field {
     size_t mark_offset;  /* 0 = none, else of a struct yaml_mark set to where the value stands */
     size_t given_offset; /* 0 = none, else of a bool set to true when the key is present */
     const struct yaml_schema *schema; /* for YAML_MAP, YAML_LIST, YAML_DICT */
-    const struct yaml_enum *names;    /* for YAML_ENUM, ends with word NULL */
+    const struct word *names;         /* for YAML_ENUM, ends with word NULL */
+    const char *entry_key; /* of YAML_LIST: the key by which entries may stand in a mapping, one
+                            * that tells them apart; NULL = none */
 };
 
 /* A struct begins with `struct yaml_mark mark` (offset 0), set to where its mapping starts; that is
@@ -100,18 +98,19 @@ struct yaml_schema {
  *
  * With schema->extendable a file may begin from another: "extends: FILE", or a name that
  * schema->locate knows. What it gives itself replaces what stands there, but mappings are merged
- * key by key (lists are not: they are replaced whole). Each value keeps the place, and the
- * directory for references, of the file it stands in. */
+ * key by key. Lists are replaced whole; but a mapping in the place of a list with an
+ * entry_key changes the entries that it names and adds others behind them. Each value
+ * keeps the place, and the directory for references, of the file it stands in. */
 enum error_code yaml_read_file(const char *path, const struct yaml_schema *schema,
                                struct arena *arena, void *out, struct error *error);
 
-/* The same from memory; name stands for the file in messages. */
+/* Does the same from memory; name stands for the file in messages. */
 enum error_code yaml_read_text(const char *name, const char *text, size_t size,
                                const struct yaml_schema *schema, struct arena *arena, void *out,
                                struct error *error);
 
-/* The text of one key at the top of a file, whatever else is in it; NULL when it is not there or no
- * text. What the file extends is not looked at. In the arena. */
+/* Reads the text of one key at the top of a file, whatever else is in it; NULL = it is missing
+ * or no text. What the file extends is not looked at. The text is in the arena. */
 enum error_code yaml_read_key(const char *path, const char *key, struct arena *arena,
                               const char **text, struct error *error);
 
@@ -119,8 +118,9 @@ enum error_code yaml_read_key(const char *path, const char *key, struct arena *a
 enum error_code yaml_error(struct error *error, const struct yaml_mark *mark, const char *format,
                            ...) __attribute__((format(printf, 3, 4)));
 
-/* The path that a file reference means: relative to the directory of mark->file, no absolute path,
- * and not outside the configuration tree, which is the parent of that directory. In the arena. */
+/* Resolves a file reference: relative to the directory of mark->file, no absolute path, and not
+ * outside the configuration tree, which is the parent of that directory. The path is in the
+ * arena. */
 enum error_code yaml_resolve_path(const struct yaml_mark *mark, const char *reference,
                                   struct arena *arena, const char **path, struct error *error);
 

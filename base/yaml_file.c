@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* YAML files: their bytes, what they refer to, and those that extend others. */
+/* Reads YAML files: their bytes, paths that they refer to, and files that extend others. */
 #include "base/hash.h"
 #include "base/text.h"
 #include "base/yaml_tree.h"
@@ -16,6 +16,7 @@ enum { MAX_CHAIN = 256 /* files that extend one another, for the stack's sake */
 
 /* ---- files ---- */
 
+/* Reads a file until its end or until the buffer is full. */
 static enum error_code yaml_read_bytes(int fd, const char *path, char *buffer, size_t capacity,
                                        size_t *size, struct error *error)
 {
@@ -67,7 +68,7 @@ done:
 
 /* ---- files that extend others ---- */
 
-/* A file that is read because another extends it, which is `by` (NULL: it is the first). */
+/* A file that is being read because another, `by`, extends it (NULL = it is the first). */
 struct yaml_chain {
     const struct yaml_chain *by;
     int depth;
@@ -79,7 +80,7 @@ static enum error_code yaml_read_extended(struct yaml_reader *r, const char *nam
                                           size_t size, const struct yaml_schema *schema,
                                           const struct yaml_chain *by, struct yaml_node **root);
 
-/* The link that points to a key, or the end of the list. */
+/* Returns the link that points to a key of a mapping, or to the end of its list. */
 static struct yaml_node **yaml_find_key(struct yaml_node *map, const char *name)
 {
     struct yaml_node **at = &map->first;
@@ -90,26 +91,117 @@ static struct yaml_node **yaml_find_key(struct yaml_node *map, const char *name)
     return at;
 }
 
-/* Adds to a mapping the keys that only the base has; a mapping that both have is merged in turn. */
-static void yaml_merge_maps(struct yaml_node *map, struct yaml_node *base)
+/* Turns a list of mappings into one mapping, in which each entry stands under the value that it
+ * has of `key`. A list in which an entry has none stays as it is. */
+static void yaml_list_to_map(struct yaml_node *list, const char *key)
+{
+    struct yaml_node **link = &list->first, **at, *next;
+
+    for (struct yaml_node *entry = list->first; entry; entry = entry->next) {
+        if (entry->kind != YAML_KIND_MAP || !*(at = yaml_find_key(entry, key)) ||
+            (*at)->next->kind != YAML_KIND_SCALAR) {
+            return;
+        }
+    }
+    for (struct yaml_node *entry = list->first; entry; entry = next) {
+        struct yaml_node *name;
+
+        next = entry->next;
+        at = yaml_find_key(entry, key);
+        name = (*at)->next;
+        *at = name->next;
+        entry->count--;
+        name->next = entry;
+        *link = name;
+        link = &entry->next;
+    }
+    list->kind = YAML_KIND_MAP;
+}
+
+/* Checks whether two keys of entries are the same text or the same number. */
+static bool yaml_same_key(const struct yaml_node *a, const struct yaml_node *b)
+{
+    int64_t x, y;
+
+    return strcmp(a->text, b->text) == 0 ||
+           (text_to_int(a->text, INT64_MIN, INT64_MAX, &x) &&
+            text_to_int(b->text, INT64_MIN, INT64_MAX, &y) && x == y);
+}
+
+static void yaml_merge_maps(const struct yaml_schema *schema, struct yaml_node *map,
+                            struct yaml_node *base);
+
+/* Merges the entries of a mapping into those of the base: entries of both in the base's order,
+ * then new ones. */
+static void yaml_merge_entries(const struct yaml_schema *schema, struct yaml_node *map,
+                               struct yaml_node *base)
+{
+    struct yaml_node *after;
+
+    for (struct yaml_node *key = map->first; key; key = after) {
+        struct yaml_node *value = key->next, *there = base->first;
+
+        after = value->next;
+        while (there && !yaml_same_key(there, key)) {
+            there = there->next->next;
+        }
+        /* An entry that the base lacks goes to its end */
+        if (!there) {
+            struct yaml_node **end = &base->first;
+
+            while (*end) {
+                end = &(*end)->next;
+            }
+            *end = key;
+            value->next = NULL;
+            base->count++;
+            continue;
+        }
+        /* An entry that both have replaces the base's, merged key by key */
+        if (value->kind == YAML_KIND_MAP && there->next->kind == YAML_KIND_MAP) {
+            yaml_merge_maps(schema, value, there->next);
+        }
+        value->next = there->next->next;
+        there->next = value;
+    }
+    map->first = base->first;
+    map->count = base->count;
+}
+
+/* Adds to a mapping the keys that only the base has. A mapping that both have is merged in turn,
+ * and so is a mapping of entries into a list of them. */
+static void yaml_merge_maps(const struct yaml_schema *schema, struct yaml_node *map,
+                            struct yaml_node *base)
 {
     struct yaml_node *after;
 
     for (struct yaml_node *key = base->first; key; key = after) {
         struct yaml_node *value = key->next, **own = yaml_find_key(map, key->text);
+        const struct yaml_field *field = yaml_find_field(schema, key->text);
 
         after = value->next;
         if (!*own) {
             value->next = NULL;
             *own = key;
             map->count++;
-        } else if ((*own)->next->kind == YAML_KIND_MAP && value->kind == YAML_KIND_MAP) {
-            yaml_merge_maps((*own)->next, value);
+            continue;
+        }
+        if ((*own)->next->kind != YAML_KIND_MAP) {
+            continue;
+        }
+        if (field && field->entry_key && value->kind == YAML_KIND_LIST) {
+            yaml_list_to_map(value, field->entry_key);
+        }
+        if (value->kind == YAML_KIND_MAP && field && field->entry_key) {
+            yaml_merge_entries(field->schema, (*own)->next, value);
+        } else if (value->kind == YAML_KIND_MAP) {
+            yaml_merge_maps(field ? field->schema : NULL, (*own)->next, value);
         }
     }
 }
 
-/* Takes the key format_version out of a document, if it has it and this program reads such. */
+/* Removes the key format_version from a document, and refuses a version newer than this program
+ * reads. */
 static enum error_code yaml_check_format(struct yaml_reader *r, const struct yaml_schema *schema,
                                          struct yaml_node *root)
 {
@@ -135,7 +227,7 @@ static enum error_code yaml_check_format(struct yaml_reader *r, const struct yam
     return ERROR_NONE;
 }
 
-/* The path of the file that a document extends. */
+/* Finds the path of the file that a document extends. */
 static enum error_code yaml_find_extended(struct yaml_reader *r, const struct yaml_schema *schema,
                                           const struct yaml_node *reference, const char **path)
 {
@@ -150,7 +242,7 @@ static enum error_code yaml_find_extended(struct yaml_reader *r, const struct ya
                 : ERROR_NONE;
 }
 
-/* Refuses a file that extends itself, at last, by the line that names it. */
+/* Refuses a file that in the end extends itself, at the line that names it. */
 static enum error_code yaml_check_chain(struct yaml_reader *r, const struct yaml_chain *chain,
                                         const struct yaml_node *reference, const char *path)
 {
@@ -172,7 +264,7 @@ static enum error_code yaml_check_chain(struct yaml_reader *r, const struct yaml
                             MAX_CHAIN);
 }
 
-/* Follows the key extends, if the document has it. */
+/* Follows the key extends, if the document has it, and merges the base into the document. */
 static enum error_code yaml_follow_extends(struct yaml_reader *r, const struct yaml_schema *schema,
                                            const struct yaml_chain *chain, struct yaml_node *root)
 {
@@ -208,14 +300,14 @@ static enum error_code yaml_follow_extends(struct yaml_reader *r, const struct y
     /* The base with all that it extends itself gives what this document leaves out */
     code = yaml_read_extended(r, path, text, size, schema, chain, &base);
     if (!code && base->kind == YAML_KIND_MAP) {
-        yaml_merge_maps(root, base);
+        yaml_merge_maps(schema, root, base);
     }
 done:
     free(text);
     return code;
 }
 
-/* The document with all that it extends. */
+/* Reads a document with all that it extends. */
 static enum error_code yaml_read_extended(struct yaml_reader *r, const char *name, const char *text,
                                           size_t size, const struct yaml_schema *schema,
                                           const struct yaml_chain *by, struct yaml_node **root)
@@ -256,8 +348,8 @@ enum error_code yaml_document_read(struct yaml_reader *r, const char *name, cons
 
 /* ---- references ---- */
 
-/* The lowest level that a relative path visits: 0 = its starting directory, -1 = that one's
- * parent. */
+/* Returns the lowest level that a relative path visits: 0 = its starting directory, -1 = that
+ * one's parent. */
 static int path_lowest_level(const char *reference)
 {
     int level = 0, lowest = 0;
@@ -276,7 +368,7 @@ static int path_lowest_level(const char *reference)
     return lowest;
 }
 
-/* Takes "." and "name/.." out of a path, without asking the file system, so that messages read
+/* Removes "." and "name/.." from a path, without asking the file system, so that messages read
  * well. */
 static void path_normalize(char *path)
 {
@@ -284,7 +376,8 @@ static void path_normalize(char *path)
 
     for (const char *part = path; *part;) {
         size_t n = strcspn(part, "/"), slash = part[n] == '/';
-        char *last = out > path ? out - 1 : out; /* of the component before, without its slash */
+        /* begin of the component before, without its slash */
+        char *last = out > path ? out - 1 : out;
         bool up = n == 2 && part[0] == '.' && part[1] == '.';
 
         while (last > path && last[-1] != '/') {

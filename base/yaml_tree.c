@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * From bytes to nodes: the text is checked, then libyaml's events become a small tree. Each stage
- * ends at the first fault.
+ * Turns bytes into nodes: checks the text, then builds a small tree from libyaml's events. Each
+ * stage ends at the first fault.
  */
 #include "base/yaml_tree.h"
 
@@ -94,7 +94,8 @@ enum error_code yaml_unexpected(struct yaml_reader *r, const struct yaml_node *n
 
 /* ---- bytes ---- */
 
-/* Plain text: UTF-8 without control characters. libyaml would say less about where it is not. */
+/* Checks that the text is UTF-8 without control characters; libyaml would say less about the
+ * place. */
 static enum error_code yaml_check_bytes(struct yaml_reader *r, const char *text, size_t size)
 {
     const unsigned char *p = (const unsigned char *)text;
@@ -122,11 +123,13 @@ static enum error_code yaml_check_bytes(struct yaml_reader *r, const char *text,
 
 /* ---- document ---- */
 
+/* Converts libyaml's mark, which counts from 0. */
 static struct yaml_mark yaml_mark_at(const struct yaml_reader *r, yaml_mark_t at)
 {
     return (struct yaml_mark){r->file, (int)at.line + 1, (int)at.column + 1};
 }
 
+/* Takes libyaml's next event, or explains why the text is malformed. */
 static enum error_code yaml_next_event(struct yaml_reader *r, yaml_event_t *event)
 {
     yaml_parser_t *p = r->parser;
@@ -144,8 +147,7 @@ static enum error_code yaml_next_event(struct yaml_reader *r, yaml_event_t *even
                       p->problem ? p->problem : "unreadable", "a well-formed document");
 }
 
-/* Refuses anchors and tags, which may stand at any value and of which a configuration has no
- * use. */
+/* Refuses anchors and tags, which YAML allows at any value and a configuration does not need. */
 static enum error_code yaml_check_plain(struct yaml_reader *r, const struct yaml_mark *mark,
                                         const yaml_char_t *anchor, const yaml_char_t *tag)
 {
@@ -162,6 +164,8 @@ static enum error_code yaml_check_plain(struct yaml_reader *r, const struct yaml
     return ERROR_NONE;
 }
 
+/* Checks what an event may begin: bounded numbers and depth of values, no anchors, tags and
+ * aliases. */
 static enum error_code yaml_check_event(struct yaml_reader *r, const yaml_event_t *event,
                                         const struct yaml_mark *mark, int depth)
 {
@@ -191,6 +195,7 @@ static enum error_code yaml_check_event(struct yaml_reader *r, const yaml_event_
     }
 }
 
+/* Checks that a mapping's keys are names, each once. */
 static enum error_code yaml_check_keys(struct yaml_reader *r, const struct yaml_node *map)
 {
     char text[YAML_SHOWN + 4];
@@ -217,7 +222,7 @@ static enum error_code yaml_check_keys(struct yaml_reader *r, const struct yaml_
 static enum error_code yaml_build_node(struct yaml_reader *r, const yaml_event_t *event, int depth,
                                        struct yaml_node **out);
 
-/* The entries of a list or mapping until its end event; recursion is bounded by MAX_DEPTH. */
+/* Builds the entries of a list or mapping until its end event; MAX_DEPTH bounds the recursion. */
 static enum error_code yaml_build_children(struct yaml_reader *r, struct yaml_node *parent,
                                            int depth)
 {
@@ -255,7 +260,7 @@ static enum error_code yaml_build_children(struct yaml_reader *r, struct yaml_no
     }
 }
 
-/* The node that event begins. */
+/* Builds the node that an event begins, with all below it. */
 static enum error_code yaml_build_node(struct yaml_reader *r, const yaml_event_t *event, int depth,
                                        struct yaml_node **out)
 {
@@ -288,7 +293,7 @@ static enum error_code yaml_build_node(struct yaml_reader *r, const yaml_event_t
     return yaml_build_children(r, node, depth);
 }
 
-/* Reads an event around the root value, which must be of a type. */
+/* Reads an event around the root value, and refuses one of another type. */
 static enum error_code yaml_expect_event(struct yaml_reader *r, yaml_event_type_t type,
                                          const char *message)
 {
@@ -307,6 +312,7 @@ static enum error_code yaml_expect_event(struct yaml_reader *r, yaml_event_type_
     return code;
 }
 
+/* Builds the tree of the one document in a file. */
 static enum error_code yaml_build_document(struct yaml_reader *r, struct yaml_node **root)
 {
     yaml_event_t event;

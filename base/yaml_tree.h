@@ -50,19 +50,22 @@ enum error_code yaml_document_read(struct yaml_reader *reader, const char *name,
                                    size_t size, const struct yaml_schema *schema,
                                    struct yaml_node **root);
 
-/* All bytes of a regular file in *text, NULL or the caller's to free; at most one more than
- * YAML_MAX_FILE. */
+/* Finds the field of a key; NULL = there is none, or no schema. */
+const struct yaml_field *yaml_find_field(const struct yaml_schema *schema, const char *key);
+
+/* Reads all bytes of a regular file into *text, NULL or the caller's to free; at most one more
+ * than YAML_MAX_FILE. */
 enum error_code yaml_load_file(const char *path, char **text, size_t *size, struct error *error);
 
-/* What a plain scalar is. Quoted ones are text, whatever they look like. */
+/* Check what a plain scalar is. Quoted ones are text, whatever they look like. */
 bool yaml_is_null(const struct yaml_node *node);
 bool yaml_is_bool(const struct yaml_node *node);
 bool yaml_is_number(const struct yaml_node *node);
 
-/* Text on one line and of bounded length; returns out. */
+/* Writes text on one line and of bounded length; returns out. */
 const char *yaml_shown(const char *text, char out[YAML_SHOWN + 4]);
 
-/* What a node is, as the subject of "found ..."; returns out. */
+/* Writes what a node is, as the subject of "found ..."; returns out. */
 const char *yaml_found(const struct yaml_node *node, char out[YAML_FOUND]);
 
 /* Sets "found <node>, expected <expected>" with the node's place. */

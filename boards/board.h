@@ -66,6 +66,16 @@ enum { BOARD_AXES_MAX = 4, BOARD_CHANNELS = 6, BOARD_REPLIES_MAX = 64 };
 #define BOARD_UNDER_PRESSURE_RATIO 0.5
 #define BOARD_OVER_PRESSURE_RATIO 1.25
 
+/* Switches that stand on a joint's link, and the index pulse of its motor; a board whose protocol
+ * knows them (struct protocol) tells them, and homes by them. */
+struct board_switches {
+    bool negative, positive, home;     /* which there are */
+    double negative_rad, positive_rad; /* limit switches are on from there outwards */
+    double home_rad[2];                /* the home switch is on from .. to */
+    double index_rad;                  /* a pulse at each multiple of this link-side angle of the
+                                        * motor; 0: none */
+};
+
 /* One axis of a motor board. */
 struct board_axis_config {
     int joint;                   /* index in the plant's arrays; -1 = spare axis, on compact,
@@ -87,6 +97,7 @@ struct board_axis_config {
      * per link-side rad/s; winding_ohm 0 = not tuned, the gains are 0 until the host sets them */
     double winding_ohm, winding_h, bemf_v_s_rad;
     double torque_nm_a; /* described: link-side torque of an ampere */
+    struct board_switches switches;
 };
 
 struct board_config {
@@ -129,7 +140,7 @@ struct boards_config {
     size_t nbus;
     const struct boards_bus_config *bus; /* nbus entries; NULL: the first protocol's */
     size_t njoint, nft;
-    const struct faults *faults; /* those of boards act; NULL = none (boards/faults.h) */
+    const struct faults *faults; /* those of boards act; NULL = none (faults/faults.h) */
     int64_t tick_ns;             /* boards_control is called once a tick; up to 100 ms */
     /* Called from boards_control for each axis of a board whose application restarts: what its
      * hardware counted is lost. Must be RT-safe. NULL = not needed. */
@@ -206,7 +217,7 @@ void boards_sample(struct boards *boards, int64_t now_ns, const struct plant_sen
 size_t boards_transmit(struct boards *boards, int64_t now_ns, size_t bus, struct bus_frame *frames,
                        size_t max);
 
-/* What the CAN controller of a board (index in the configuration) counts, where the bus is a wire
+/* State of the CAN controller of a board (index in the configuration), where the bus is a wire
  * that has such: iCub boards report it in STATUS. RT-safe; once a tick before boards_transmit. */
 struct board_can_state {
     unsigned tec, rec; /* error counters */
@@ -214,7 +225,7 @@ struct board_can_state {
 };
 void boards_set_can_state(struct boards *boards, size_t board, const struct board_can_state *state);
 
-/* How a board is, for whoever shows it. */
+/* State of a board, for whoever shows it. */
 struct board_state {
     uint8_t address, naxis;
     bool in_bootloader, faulty; /* faulty: an axis is in hardware fault */
@@ -231,19 +242,19 @@ struct board_state {
 void boards_external_heard(struct boards *boards, int64_t now_ns, size_t board);
 void boards_external_step(struct boards *boards, int64_t now_ns);
 
-/* Whether an external board is heard: within its time-out. RT-safe. */
+/* Returns whether an external board is heard: within its time-out. RT-safe. */
 bool boards_external_present(const struct boards *boards, size_t board);
 
 /* In the thread of the boards; RT-safe. */
 void boards_state(const struct boards *boards, size_t board, struct board_state *state);
 
-/* Most frames that the boards of a bus can send in a tick. RT-safe. */
+/* Returns the most frames that the boards of a bus can send in a tick. RT-safe. */
 size_t boards_transmit_max(const struct boards *boards, size_t bus);
 
 /* Switches all bridges off at once (stop, emergency). RT-safe. */
 void boards_shut_down(struct boards *boards, int64_t now_ns, struct plant_command *command);
 
-/* Whether some axis is in hardware fault. RT-safe. */
+/* Returns whether some axis is in hardware fault. RT-safe. */
 bool boards_fault(const struct boards *boards);
 
 /* Settings of a motor board's axis: gains and limits that a host sets over the bus. Whoever runs
@@ -262,9 +273,9 @@ void boards_setting(const struct boards *boards, size_t board, size_t axis, size
 double boards_get(const struct boards *boards, size_t board, size_t axis, size_t index);
 bool boards_set(struct boards *boards, size_t board, size_t axis, size_t index, double value);
 
-/* What a host has downloaded last into the bootloader of a board; false: nothing. crc is the CRC-32
- * of zlib over address (low byte, high byte), memory (0 program, 1 data) and data of each line.
- * Read in the thread of the boards; RT-safe. */
+/* Reads what a host has downloaded last into the bootloader of a board; false: nothing. crc is
+ * the CRC-32 of zlib over address (low byte, high byte), memory (0 program, 1 data) and data of
+ * each line. Read in the thread of the boards; RT-safe. */
 struct board_firmware {
     uint32_t lines, bytes, crc;
     const uint16_t *image; /* program memory, then data memory, 0xffff where nothing came; NULL
@@ -273,10 +284,12 @@ struct board_firmware {
 };
 bool boards_firmware(const struct boards *boards, size_t board, struct board_firmware *firmware);
 
-/* A count that increases whenever some setting may have changed, whoever did it. RT-safe. */
+/* Returns a count that increases whenever some setting may have changed, whoever did it.
+ * RT-safe. */
 uint64_t boards_settings_changes(const struct boards *boards);
 
-/* The ring of events, which the thread that reads them writes too: a checkpoint leaves it alone. */
+/* Returns the ring of events, which the thread that reads them writes too: a checkpoint leaves
+ * it alone. */
 const struct ring *boards_event_ring(const struct boards *boards);
 
 /* From one other thread: takes an event, false when none waits; formats it as a log line (not

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Faults of boards (boards/faults.h), where they act: on the power of a board, on its firmware, on
+ * Faults of boards (faults/faults.h), where they act: on the power of a board, on its firmware, on
  * its contact to the bus, and on the frames that it sends, replies included.
  *
  *   off           neither receives nor sends, its bridges are open; afterwards it boots as from
@@ -97,7 +97,7 @@ bool board_faults_create(struct boards *boards, const struct faults *faults, str
 
 /* ---- power and contact ---- */
 
-/* Answers that wait are lost with the board's memory. */
+/* Discards waiting answers, which are lost with the board's memory. */
 static void board_discard_replies(const struct board *board)
 {
     struct board_bus *bus = board->bus;
@@ -111,6 +111,7 @@ static void board_discard_replies(const struct board *board)
     }
 }
 
+/* Cuts the power of a board. */
 static void board_cut_power(struct board *board)
 {
     board_discard_replies(board);
@@ -118,6 +119,7 @@ static void board_cut_power(struct board *board)
     board->faults->hung = false;
 }
 
+/* Restores the power of a board, which boots as from cold. */
 static void board_restore_power(struct board *board)
 {
     board->faults->without_power = false;
@@ -126,7 +128,7 @@ static void board_restore_power(struct board *board)
 
 /* ---- a firmware that hangs ---- */
 
-/* The timers keep the share of the supply that each bridge gives now. */
+/* Begins a hang: the timers keep the duty that each bridge has now. */
 static void board_begin_hang(struct board *board, int64_t watchdog_ns, double supply_v,
                              const struct plant_command *command)
 {
@@ -145,7 +147,7 @@ static void board_begin_hang(struct board *board, int64_t watchdog_ns, double su
     faults->watchdog_ns = board->boards->now_ns + watchdog_ns;
 }
 
-/* The fault, if any, that makes the application hang in this tick. */
+/* Returns the fault that makes the application hang in this tick; NULL when there is none. */
 static struct board_fault *board_find_hang(const struct board *board)
 {
     for (size_t i = 0; i < board->faults->count; i++) {
@@ -161,6 +163,7 @@ static struct board_fault *board_find_hang(const struct board *board)
     return NULL;
 }
 
+/* Drives the bridges of a hung board with the duty that they had. */
 static void board_hold_bridges(const struct board *board, double supply_v,
                                struct plant_command *command)
 {
@@ -175,7 +178,7 @@ static void board_hold_bridges(const struct board *board, double supply_v,
     }
 }
 
-/* One tick of a board with power; true while it hangs. */
+/* Runs one tick of a board with power; returns true while it hangs. */
 static bool board_step_hang(struct board *board, double supply_v, struct plant_command *command)
 {
     struct board_faults *faults = board->faults;
@@ -228,7 +231,7 @@ enum board_health board_faults_control(struct board *board, struct plant_command
 
 /* ---- frames ---- */
 
-/* The entry of an identifier, a new one when there is none; NULL when the table is full. */
+/* Returns the entry of an identifier, a new one when there is none; NULL when the table is full. */
 static struct sent_id *board_fault_find_id(struct board_fault *f, uint32_t id)
 {
     for (size_t i = 0; i < f->nid; i++) {
@@ -243,6 +246,7 @@ static struct sent_id *board_fault_find_id(struct board_fault *f, uint32_t id)
     return &f->id[f->nid++];
 }
 
+/* Replaces the data of a frame by those of the last one before the fault. */
 static void board_fault_freeze_frame(struct board_fault *f, struct bus_frame *frame)
 {
     struct sent_id *last = board_fault_find_id(f, frame->id);
@@ -256,7 +260,7 @@ static void board_fault_freeze_frame(struct board_fault *f, struct bus_frame *fr
     }
 }
 
-/* What a fault makes of a frame that is sent. False: it does not go out, now or at all. */
+/* Applies a fault to a frame that is sent. Returns false when it does not go out, now or at all. */
 static bool board_fault_disturb_frame(struct board_fault *f, struct bus_frame *frame)
 {
     struct sent_id *last;
@@ -291,7 +295,7 @@ static bool board_fault_disturb_frame(struct board_fault *f, struct bus_frame *f
     }
 }
 
-/* Delayed frames that are due, in their order. */
+/* Sends delayed frames that are due, in their order. */
 static void board_fault_release_delayed(struct board_fault *f, struct frame_sink *sink)
 {
     while (f->count > 0 && sink->count < sink->max &&

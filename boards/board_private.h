@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What every board has, whatever it speaks: an address, a place on its bus, answers that wait, a
- * bootloader, faults. A protocol embeds struct board in the structure of each kind of its boards
- * and struct board_bus in that of its buses, and stands behind their tables of functions; this
- * header knows no protocol.
+ * Data and functions that every board has, whatever it speaks: an address, a place on its bus,
+ * answers that wait, a bootloader, faults. A protocol embeds struct board in the structure of each
+ * kind of its boards and struct board_bus in that of its buses, and stands behind their tables of
+ * functions; this header knows no protocol.
  *
  * Units: nanoseconds of virtual time since power-up unless a name says otherwise. All memory is the
  * arena's of boards_create. Everything here is RT-safe but what is said to create something.
@@ -14,7 +14,7 @@
 #include "base/container_of.h"
 #include "base/ring.h"
 #include "boards/board.h"
-#include "boards/faults.h"
+#include "faults/faults.h"
 #include "boards/protocol.h"
 
 #include <math.h>
@@ -31,14 +31,14 @@ struct ms_span {
     int64_t from, to;
 };
 
-/* Where boards_transmit writes. */
+/* Destination of the frames that boards_transmit collects. */
 struct frame_sink {
     struct bus_frame *frames;
     size_t count, max;
     int64_t time_ns;
 };
 
-/* What discovery says of a board. */
+/* Identity of a board, as discovery tells it. */
 struct board_identity {
     uint8_t type, major, minor, build;
 };
@@ -72,7 +72,7 @@ struct board_settings {
     bool (*set)(struct board *board, unsigned axis, size_t index, double value);
 };
 
-/* A protocol, as its buses see it. */
+/* Functions of a protocol for its buses. */
 struct board_bus_ops {
     /* A board has got its address; before its power-up. */
     void (*add_board)(struct board_bus *bus, struct board *board);
@@ -143,7 +143,7 @@ struct boards {
     void *context;
 };
 
-/* The joint of an axis, -1 = none: a spare axis, or one that such a board does not have. */
+/* Returns the joint of an axis, -1 = none: a spare axis, or one that such a board does not have. */
 static inline int board_joint(const struct board *board, size_t axis)
 {
     return board->config.kind == BOARD_MOTOR && axis < board->bus->config.protocol->axes_max
@@ -151,7 +151,7 @@ static inline int board_joint(const struct board *board, size_t axis)
                : -1;
 }
 
-/* Axes of a board whose axes end with the first spare one. */
+/* Returns the number of axes of a board whose axes end with the first spare one. */
 static inline unsigned board_config_axes(const struct board_config *config)
 {
     unsigned count = 0;
@@ -163,13 +163,13 @@ static inline unsigned board_config_axes(const struct board_config *config)
     return count;
 }
 
-/* Whether regeneration, or whatever else, has lifted the supply beyond what the board takes. */
+/* Returns whether the supply is above what the board takes, by regeneration or otherwise. */
 static inline bool board_is_over_voltage(const struct board *board, double supply_v)
 {
     return board->config.over_voltage_v > 0.0 && supply_v > board->config.over_voltage_v;
 }
 
-/* Whether an axis is a valve whose supply is lost, or above what it takes. */
+/* Return whether an axis is a valve whose supply is lost, or above what it takes. */
 static inline bool board_is_under_pressure(const struct board *board, size_t axis, double oil_pa)
 {
     return board->config.axis[axis].valve && oil_pa < board->config.under_pressure_pa;
@@ -181,7 +181,7 @@ static inline bool board_is_over_pressure(const struct board *board, size_t axis
            oil_pa > board->config.over_pressure_pa;
 }
 
-/* What a board reads of the supplies: numbers, 0 or more. */
+/* Return what a board reads of the supplies: numbers, 0 or more. */
 static inline double board_oil_pa(const struct plant_sensors *sensors)
 {
     return isfinite(sensors->oil_pa) && sensors->oil_pa > 0.0 ? sensors->oil_pa : 0.0;
@@ -195,16 +195,17 @@ static inline double board_supply_v(const struct plant_sensors *sensors)
 /* Limits of the error counters, ISO 11898-1 */
 enum { BOARD_CAN_WARNING = 96, BOARD_CAN_PASSIVE = 128 };
 
-/* Neither obeys nor answers commands of its application. */
+/* Returns whether a board neither obeys nor answers commands of its application. */
 static inline bool board_is_deaf(const struct board *board)
 {
     return board->in_bootloader || board->away;
 }
 
-/* Whether the boards can be made (check.c). Not RT-safe. */
+/* Checks whether the boards can be made (check.c). Not RT-safe. */
 enum error_code boards_check(const struct boards_config *config, struct error *error);
 
-/* How a bus is, and what the boards of it speak, where config says nothing too. */
+/* Return the configuration of a bus, and the protocol of its boards, with the defaults where
+ * config says nothing. */
 const struct boards_bus_config *boards_bus(const struct boards_config *config, int bus);
 const struct protocol *boards_protocol(const struct boards_config *config, int bus);
 
@@ -214,13 +215,13 @@ enum board_verdict { BOARD_OBEYED, BOARD_UNKNOWN, BOARD_MALFORMED };
 void boards_count_frame(struct boards *boards, struct board *listener, enum board_verdict verdict,
                         const struct bus_frame *frame);
 
-/* A frame is meant for the board. */
+/* Notes that a frame is meant for the board. */
 static inline void board_hear(struct board *board)
 {
     board->heard_ns = board->boards->now_ns;
 }
 
-/* Into the bootloader for so long from now on, and out of it. */
+/* Enters the bootloader for so long from now on, and leaves it. */
 void board_enter_bootloader(struct board *board, int64_t duration_ns);
 void board_leave_bootloader(struct board *board);
 

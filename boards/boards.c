@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * All boards of a rig: how they are created, what every board has whatever it speaks (replies,
- * events, its address, its bootloader), and the phases of a tick.
+ * All boards of a rig: creation, what every board has whatever it speaks (replies, events, its
+ * address, its bootloader), and the phases of a tick.
  */
 #include "boards/board_private.h"
 #include "boards/protocols.h"
@@ -27,6 +27,7 @@ const struct protocol *boards_protocol(const struct boards_config *config, int b
     return protocol ? protocol : protocol_at(0);
 }
 
+/* Creates a board by its protocol and places it on its bus. Returns false without memory. */
 static bool boards_make_board(struct boards *boards, size_t index,
                               const struct board_config *config, struct arena *arena)
 {
@@ -72,6 +73,7 @@ bool boards_firmware(const struct boards *boards, size_t board, struct board_fir
     return protocol->firmware && protocol->firmware(of, firmware);
 }
 
+/* Creates the buses by their protocols. Returns false without memory. */
 static bool boards_make_buses(struct boards *boards, const struct boards_config *config,
                               struct arena *arena)
 {
@@ -90,6 +92,7 @@ static bool boards_make_buses(struct boards *boards, const struct boards_config 
     return boards->bus;
 }
 
+/* Creates buses, boards, their queues and their faults. Returns false without memory. */
 static bool boards_make(struct boards *boards, const struct boards_config *config,
                         struct arena *arena)
 {
@@ -171,7 +174,7 @@ void board_lose(struct board *board)
     board->boards->counters.overflows++;
 }
 
-/* The flags of a frame in the format of its bus. */
+/* Returns the flags of a frame in the format of its bus. */
 static uint8_t bus_flags(const struct board_bus *bus)
 {
     return bus->config.fd ? FRAME_FD | FRAME_BRS : 0;
@@ -286,6 +289,7 @@ void boards_receive(struct boards *boards, int64_t now_ns, size_t bus,
 
 /* ---- control ---- */
 
+/* Opens the bridges of a board of ours. */
 static void board_shut_down(struct board *board, struct plant_command *command)
 {
     if (board->ops->shut_down && !board->config.external) {
@@ -293,6 +297,7 @@ static void board_shut_down(struct board *board, struct plant_command *command)
     }
 }
 
+/* Runs one tick of a board with power: its bootloader or its application. */
 static void board_control(struct board *board, struct ms_span span, struct plant_command *command)
 {
     if (board->in_bootloader) {
@@ -385,6 +390,7 @@ void boards_set_can_state(struct boards *boards, size_t board, const struct boar
     }
 }
 
+/* Appends a frame to a sink with room. */
 static void board_put_frame(const struct board *board, struct frame_sink *sink, uint32_t id,
                             uint8_t flags, uint8_t len, const uint8_t *data)
 {
@@ -417,6 +423,7 @@ void board_send_as(struct board *board, struct frame_sink *sink, uint32_t id, ui
     board_put_frame(board, sink, id, flags, len, data);
 }
 
+/* Sends waiting answers, oldest first, as far as the sink has room. */
 static void bus_send_replies(struct board_bus *bus, struct frame_sink *sink)
 {
     while (bus->waiting && sink->count < sink->max) {
@@ -436,7 +443,7 @@ static void bus_send_replies(struct board_bus *bus, struct frame_sink *sink)
     }
 }
 
-/* The periodic frames of a board: what its faults leave of them others on the bus hear. */
+/* Sends the periodic frames of a board; others on the bus hear what its faults leave of them. */
 static void board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
     size_t from = sink->count;

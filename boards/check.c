@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Whether a configuration of boards can be built: addresses, axes, channels, ranges. */
+/* Checks whether a configuration of boards can be built: addresses, axes, channels, ranges. */
 #include "boards/board_private.h"
 #include "boards/protocols.h"
 
@@ -7,6 +7,7 @@
 
 enum { TICK_MAX_MS = 100 };
 
+/* Sets an error that names the board. */
 static enum error_code check_refuse(struct error *error, const struct board_config *board,
                                     const char *text)
 {
@@ -14,11 +15,13 @@ static enum error_code check_refuse(struct error *error, const struct board_conf
                      text);
 }
 
+/* Checks whether a number is finite and above 0. */
 static bool check_is_positive(double value)
 {
     return isfinite(value) && value > 0.0;
 }
 
+/* Checks an axis of a motor board: its joint, encoders and limits. */
 static enum error_code check_axis_config(const struct boards_config *config,
                                          const struct board_config *board,
                                          const struct board_axis_config *axis, struct error *error)
@@ -29,6 +32,7 @@ static enum error_code check_axis_config(const struct boards_config *config,
     if (axis->joint < 0 || (size_t)axis->joint >= config->njoint) {
         return check_refuse(error, board, "there is no joint with the index of its axis");
     }
+    /* Encoders and range of the joint */
     if (!check_is_positive(axis->joint_ticks_per_rad) ||
         !check_is_positive(axis->motor_ticks_per_rad)) {
         return check_refuse(error, board, "encoders need more than 0 ticks per rad");
@@ -37,6 +41,7 @@ static enum error_code check_axis_config(const struct boards_config *config,
         axis->lower_rad >= axis->upper_rad) {
         return check_refuse(error, board, "the lower limit of an axis must be below the upper one");
     }
+    /* Limits of current, temperature and torque */
     if (!check_is_positive(axis->current_limit_a) || axis->current_limit_a > 1e6) {
         return check_refuse(error, board, "the current limit of an axis must be above 0 A");
     }
@@ -49,6 +54,7 @@ static enum error_code check_axis_config(const struct boards_config *config,
     return ERROR_NONE;
 }
 
+/* Checks the channels of a force-torque or torque board: their source and full scales. */
 static enum error_code check_channel_configs(const struct boards_config *config,
                                              const struct board_config *board, struct error *error)
 {
@@ -61,6 +67,7 @@ static enum error_code check_channel_configs(const struct boards_config *config,
     for (int i = 0; i < BOARD_CHANNELS; i++) {
         double scale = board->full_scale[i];
 
+        /* Unused channels need no full scale */
         if (board->kind == BOARD_TORQUE) {
             if (board->torque_joint[i] == -1) {
                 continue;
@@ -80,6 +87,7 @@ static enum error_code check_channel_configs(const struct boards_config *config,
     return ERROR_NONE;
 }
 
+/* Checks the axes of a motor board; each joint has one axis. */
 static enum error_code check_motor_board(const struct boards_config *config,
                                          const struct board_config *board, struct error *error)
 {
@@ -99,7 +107,7 @@ static enum error_code check_motor_board(const struct boards_config *config,
     return ERROR_NONE;
 }
 
-/* The address and the kind of a board, as the protocol of its bus has them. */
+/* Checks the address and the kind of a board by the limits of its protocol. */
 static enum error_code check_place(const struct protocol *protocol,
                                    const struct board_config *board, struct error *error)
 {
@@ -118,6 +126,7 @@ static enum error_code check_place(const struct protocol *protocol,
     return ERROR_NONE;
 }
 
+/* Checks a board by itself: place, protocol, times and supplies, and what its kind has. */
 static enum error_code check_board_config(const struct boards_config *config,
                                           const struct board_config *board, struct error *error)
 {
@@ -138,6 +147,7 @@ static enum error_code check_board_config(const struct boards_config *config,
         return code;
     }
 
+    /* Times and supplies */
     if (board->command_timeout_ns < 0) {
         return check_refuse(error, board, "the command time-out must not be negative");
     }
@@ -167,7 +177,7 @@ static enum error_code check_board_config(const struct boards_config *config,
     return check_refuse(error, board, "no such kind of board");
 }
 
-/* Two boards with one address or two axes with one joint. */
+/* Checks that two boards share neither an address of a bus nor a joint. */
 static enum error_code check_board_pair(const struct boards_config *config,
                                         const struct board_config *a, const struct board_config *b,
                                         struct error *error)
@@ -180,6 +190,7 @@ static enum error_code check_board_pair(const struct boards_config *config,
                          b->name ? b->name : "(no name)", b->address,
                          a->name ? a->name : "(no name)");
     }
+    /* Only motor boards have axes */
     if (a->kind != BOARD_MOTOR || b->kind != BOARD_MOTOR) {
         return ERROR_NONE;
     }
@@ -194,7 +205,7 @@ static enum error_code check_board_pair(const struct boards_config *config,
     return ERROR_NONE;
 }
 
-/* A bus whose axes are numbered through has so many slots. */
+/* Checks that buses whose axes are numbered through have slots enough. */
 static enum error_code check_slots(const struct boards_config *config, struct error *error)
 {
     for (size_t bus = 0; bus < config->nbus; bus++) {
@@ -217,7 +228,7 @@ static enum error_code check_slots(const struct boards_config *config, struct er
     return ERROR_NONE;
 }
 
-/* A bus, as far as its protocol goes. */
+/* Checks a bus, as far as its protocol goes. */
 static enum error_code check_bus_config(const struct boards_config *config, int index,
                                         struct error *error)
 {

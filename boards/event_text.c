@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Events of boards as lines of a log. Not called in the loop. */
+/* Writes events of boards as lines of a log. Not called in the loop. */
 #include "boards/board_private.h"
 
 #include <inttypes.h>
 #include <stdio.h>
 
+/* Writes the names of fault bits, separated by commas. */
 static void event_list_faults(const struct protocol *protocol, uint32_t bits, char *text,
                               size_t size)
 {
@@ -19,6 +20,7 @@ static void event_list_faults(const struct protocol *protocol, uint32_t bits, ch
     }
 }
 
+/* Writes what an event says, without time and board. */
 static void event_describe(const struct protocol *protocol, const struct board_event *event,
                            char *text, size_t size)
 {

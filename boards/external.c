@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Real boards on the same bus: when they were heard, and what the log says of it. */
+/* Watches real boards on the same bus: when they were heard, and what the log says of it. */
 #include "boards/board_private.h"
 
 void boards_external_heard(struct boards *boards, int64_t now_ns, size_t index)

@@ -2,6 +2,7 @@
 /* The codec of fields; see the header for the layout. */
 #include "boards/field.h"
 
+/* Returns the number of bits of a field. */
 static unsigned field_bits(const struct field *field)
 {
     return field->type & FIELD_BITS_MASK;
@@ -52,6 +53,7 @@ struct run {
     unsigned bits;
 };
 
+/* Returns the run of bits within one byte from bit number done of a field on. */
 static struct run field_next_run(const struct field *field, size_t start, unsigned done)
 {
     unsigned bits = field_bits(field), from = (start + done) % 8;
@@ -65,6 +67,7 @@ static struct run field_next_run(const struct field *field, size_t start, unsign
     return run;
 }
 
+/* Reads the value of a field that starts at a bit of the data. */
 static int64_t field_get_value(const struct field *field, size_t start, const uint8_t *data)
 {
     unsigned bits = field_bits(field);
@@ -83,6 +86,7 @@ static int64_t field_get_value(const struct field *field, size_t start, const ui
     return (int64_t)value;
 }
 
+/* Writes the value of a field that starts at a bit of the data. */
 static void field_put_value(const struct field *field, int64_t value, size_t start, uint8_t *data)
 {
     unsigned bits = field_bits(field);

@@ -38,7 +38,7 @@ enum field_type {
 
 enum { FIELD_BITS_MASK = 0xff };
 
-/* What a value of a field is called. */
+/* The name of a value of a field. */
 struct field_value {
     int64_t value;
     const char *name; /* NULL closes a list */

@@ -90,7 +90,7 @@ struct message_field {
     int code;   /* value of byte 0, MESSAGE_NO_CODE: none */
 };
 
-/* What it is about, and what a count of it is worth: count * scale + offset in unit. */
+/* The subject of a field, and what a count of it is worth: count * scale + offset in unit. */
 struct field_subject {
     const struct board_axis_config *axis; /* NULL: of no axis */
     int channel;                          /* of a force-torque or torque board; -1: of none */
@@ -101,7 +101,7 @@ struct field_subject {
 void boards_describe_field(const struct boards_config *config, int bus,
                            const struct message_field *field, struct field_subject *subject);
 
-/* Slot of a board's first axis. */
+/* Returns the slot of a board's first axis. */
 unsigned boards_first_slot(const struct boards_config *config, int board);
 
 /* ---- load ---- */
@@ -134,10 +134,10 @@ struct load_walk {
 /* Visits a frame in the format of the bus, and one of a length that it does not have (CAN FD). */
 void load_visit(const struct load_walk *walk, unsigned length, double period_s);
 
-/* The period that a host asks of a board's telemetry: the rig's, or else the tick. */
+/* Returns the period that a host asks of a board's telemetry: the rig's, or else the tick. */
 double load_period_s(const struct load_walk *walk, int64_t period_ns);
 
-/* Axes of a board that have a joint; of the whole bus. */
+/* Return the number of axes of a board that have a joint; of the whole bus. */
 unsigned load_axes(const struct board_config *board);
 unsigned load_bus_axes(const struct load_walk *walk);
 

@@ -70,12 +70,13 @@ void estimator_push(struct speed_estimator *estimator, int32_t position)
     estimator->position[estimator->head] = position;
 }
 
+/* Returns the position so many milliseconds ago, ticks. */
 static int64_t estimator_position_ago(const struct speed_estimator *estimator, unsigned ms)
 {
     return estimator->position[(estimator->head + ESTIMATOR_HISTORY - ms) % ESTIMATOR_HISTORY];
 }
 
-/* value * 2^shift / divisor; the shift ends where any result would leave 16 bits anyway */
+/* Returns value * 2^shift / divisor; the shift ends where any result would leave 16 bits anyway. */
 static int64_t estimator_scale(int64_t value, int64_t shift, int64_t divisor)
 {
     return value * (INT64_C(1) << control_clamp(shift, 0, 26)) / divisor;
@@ -104,7 +105,7 @@ void trajectory_stop(struct trajectory *trajectory, int32_t position)
     trajectory->position = trajectory->target = trajectory->start = position;
 }
 
-/* Distance and derivative along the motion, ticks and ticks/ms, at s = t/T */
+/* Returns distance and, by *speed, derivative along the motion, ticks and ticks/ms, at s = t/T. */
 static double trajectory_evaluate(const struct trajectory *trajectory, double s, double *speed)
 {
     double d = (double)trajectory->target - (double)trajectory->start;

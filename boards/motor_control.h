@@ -10,7 +10,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* To the nearest count, held within int32; false (*count untouched) when value is not finite. */
+/* Rounds to the nearest count, held within int32; returns false (*count untouched) when value is
+ * not finite. */
 bool control_quantize(double value, int32_t *count);
 
 static inline int64_t control_clamp(int64_t value, int64_t min, int64_t max)
@@ -31,10 +32,10 @@ void current_loop_tune(double ohm, double henry, double *kp_v_a, double *ki_v_as
 double current_loop_step(double *integral_v, double kp_v_a, double ki_v_as, double error_a,
                          double supply_v);
 
-/* One tick of the overload, in ms at the limit; true when it has tripped. */
+/* Updates the overload by one tick, in ms at the limit; returns true when it has tripped. */
 bool overload_step(double *overload_ms, double current_a, double limit_a, double tick_ms);
 
-/* value / 2^shift toward zero; a shift outside 0-30 counts as its nearer end. */
+/* Returns value / 2^shift toward zero; a shift outside 0-30 counts as its nearer end. */
 int64_t control_shift_right(int64_t value, int64_t shift);
 
 /*
@@ -49,7 +50,7 @@ struct speed_estimator {
     uint32_t head; /* newest */
 };
 
-/* As if the position had always been this. */
+/* Resets the estimator as if the position had always been this. */
 void estimator_reset(struct speed_estimator *estimator, int32_t position);
 void estimator_push(struct speed_estimator *estimator, int32_t position);
 
@@ -74,7 +75,7 @@ struct trajectory {
 void trajectory_stop(struct trajectory *trajectory, int32_t position);
 void trajectory_start(struct trajectory *trajectory, int32_t target, int64_t speed);
 
-/* Moves one millisecond on; returns the change of position. */
+/* Advances the trajectory by one millisecond; returns the change of position. */
 int32_t trajectory_step(struct trajectory *trajectory);
 
 /*
@@ -94,10 +95,11 @@ struct pid {
     unsigned next;
 };
 
-/* No integral, no derivative from what was before. */
+/* Resets integral and derivative. */
 void pid_reset(struct pid *pid);
 
-/* One millisecond; error is taken before saturation. Returns the output before any limit. */
+/* Steps the PID by one millisecond; error is taken before saturation. Returns the output before
+ * any limit. */
 int64_t pid_step(struct pid *pid, const struct pid_gains *gains, int64_t error);
 
 #endif

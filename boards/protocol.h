@@ -40,6 +40,7 @@ struct protocol {
     uint8_t slots_max;
     bool spare_axes;      /* an axis of a motor board may be without a joint */
     bool torque_boards;   /* it has boards that tell the torques of joints (BOARD_TORQUE) */
+    bool switches;        /* motor boards know limit and home switches (struct board_switches) */
     bool canfd;           /* its frames may be CAN FD ones */
     bool padded;          /* its commands may be padded to 8 bytes */
     bool external;        /* a host reads its frames without having configured the boards, so that

@@ -16,7 +16,7 @@ struct protocol_index {
 };
 
 #define PROTOCOL_WORD(NAME) {#NAME, (int)offsetof(struct protocol_index, NAME)},
-const struct yaml_enum protocol_words[] = {PROTOCOLS(PROTOCOL_WORD){NULL, 0}};
+const struct word protocol_words[] = {PROTOCOLS(PROTOCOL_WORD){NULL, 0}};
 
 const struct protocol *protocol_at(size_t index)
 {

@@ -20,14 +20,14 @@
 PROTOCOLS(PROTOCOL_DECLARE)
 #undef PROTOCOL_DECLARE
 
-/* The index-th of the list, from 0; NULL from its end on. */
+/* Returns the index-th protocol of the list, from 0; NULL from its end on. */
 const struct protocol *protocol_at(size_t index);
 
-/* By name; NULL: none. */
+/* Returns the protocol of that name; NULL when there is none. */
 const struct protocol *protocol_find(const char *name);
 
 /* The words of the list with their index, as a schema takes them. */
-extern const struct yaml_enum protocol_words[];
+extern const struct word protocol_words[];
 
 /* Writes which protocols have a capability: "icub, foc or compact". capability is the offset of a
  * bool in struct protocol. Returns text. */

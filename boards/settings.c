@@ -4,6 +4,7 @@
 
 #include <math.h>
 
+/* Returns a board by its index in the configuration. */
 static const struct board *boards_board_at(const struct boards *boards, size_t board)
 {
     return boards->board[board];

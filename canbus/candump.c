@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The log format of `candump -L`: written without printf, so that the loop may do it, read
- * strictly. */
+/* Reads and writes the log format of `candump -L`. Lines are written without printf, so that the
+ * loop may write them, and are parsed strictly. */
 #include "canbus/candump.h"
 
 #include <errno.h>
@@ -16,6 +16,7 @@ enum {
     FD_FLAG_FDF = 4, /* "this is FD", set by kernels from 6.1 on; says nothing new */
 };
 
+/* Writes a number as `digits` hexadecimal digits; returns the place behind them. */
 static char *candump_put_hex(char *at, uint32_t value, int digits)
 {
     while (digits-- > 0) {
@@ -24,7 +25,7 @@ static char *candump_put_hex(char *at, uint32_t value, int digits)
     return at;
 }
 
-/* At least `digits` digits, zeroes in front. */
+/* Writes a decimal number with at least `digits` digits, padded with leading zeros. */
 static char *candump_put_decimal(char *at, uint64_t value, int digits)
 {
     char reversed[20];
@@ -40,20 +41,25 @@ static char *candump_put_decimal(char *at, uint64_t value, int digits)
     return at;
 }
 
+/* Writes identifier and data of a frame: "123#0102", "12345678#R8", "123##1...", and 2xxxxxxx
+ * for errors. */
 static char *candump_put_frame(char *at, const struct bus_frame *frame)
 {
     size_t len = frame->len;
 
+    /* The number of digits tells standard (3) from extended identifiers (8) */
     if (frame->flags & FRAME_ERROR) {
         at = candump_put_hex(at, frame->id | ID_ERROR_FLAG, 8);
     } else {
         at = candump_put_hex(at, frame->id, (frame->flags & FRAME_EXTENDED) ? 8 : 3);
     }
     *at++ = '#';
+    /* A remote frame has no data, only the length it asks for */
     if (frame->flags & FRAME_REMOTE) {
         *at++ = 'R';
         return len ? candump_put_hex(at, frame->len, 1) : at;
     }
+    /* CAN FD is marked by a second # and a digit of flags */
     if (frame->flags & FRAME_FD) {
         *at++ = '#';
         at = candump_put_hex(at,
@@ -72,6 +78,7 @@ size_t candump_format(const struct bus_frame *frame, const char *bus, char line[
     const uint64_t us = frame->time_ns > 0 ? (uint64_t)frame->time_ns / 1000 : 0;
     char *at = line;
 
+    /* Time in seconds and microseconds, interface name, frame */
     *at++ = '(';
     at = candump_put_decimal(at, us / 1000000, SECONDS_DIGITS);
     *at++ = '.';
@@ -96,6 +103,8 @@ struct candump_cursor {
     char fault[160];
 };
 
+/* Records what was found at a place and what was expected there; returns false for the caller to
+ * return. */
 static bool candump_reject(struct candump_cursor *cursor, size_t at, const char *expected)
 {
     char found[24] = "the end of the line";
@@ -115,6 +124,7 @@ static bool candump_next_is(const struct candump_cursor *cursor, char wanted)
     return cursor->at < cursor->size && cursor->text[cursor->at] == wanted;
 }
 
+/* Consumes one given character, or rejects what stands there instead. */
 static bool candump_expect(struct candump_cursor *cursor, char wanted, const char *expected)
 {
     if (!candump_next_is(cursor, wanted)) {
@@ -129,7 +139,7 @@ static bool candump_is_digit(char c)
     return c >= '0' && c <= '9';
 }
 
-/* Value of a hexadecimal digit, or -1. */
+/* Returns the value of a hexadecimal digit, or -1 if it is none. */
 static int candump_hex_value(char c)
 {
     if (candump_is_digit(c)) {
@@ -141,12 +151,13 @@ static int candump_hex_value(char c)
     return c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
 }
 
+/* Returns the value of the next hexadecimal digit without consuming it, or -1. */
 static int candump_next_hex(const struct candump_cursor *cursor)
 {
     return cursor->at < cursor->size ? candump_hex_value(cursor->text[cursor->at]) : -1;
 }
 
-/* "(seconds.microseconds) " */
+/* Parses the time, "(seconds.microseconds) ", into nanoseconds. */
 static bool candump_parse_time(struct candump_cursor *cursor, int64_t *time_ns)
 {
     const int64_t max_seconds = INT64_MAX / 1000000000 - 1;
@@ -183,7 +194,8 @@ static bool candump_parse_time(struct candump_cursor *cursor, int64_t *time_ns)
            candump_expect(cursor, ' ', "a space after the time");
 }
 
-/* "name "; candump right-aligns the names of several interfaces, so more spaces may come before. */
+/* Parses the interface name, "name ". candump right-aligns the names of several interfaces, so
+ * more spaces may come before. */
 static bool candump_parse_name(struct candump_cursor *cursor, char bus[16])
 {
     size_t length = 0;
@@ -205,7 +217,7 @@ static bool candump_parse_name(struct candump_cursor *cursor, char bus[16])
     return candump_expect(cursor, ' ', "a space after the name of the interface");
 }
 
-/* "123#", "12345678#" and, for error frames, "2000xxxx#" */
+/* Parses the identifier: "123#", "12345678#" and, for error frames, "2000xxxx#". */
 static bool candump_parse_id(struct candump_cursor *cursor, struct bus_frame *frame)
 {
     const size_t start = cursor->at;
@@ -213,7 +225,7 @@ static bool candump_parse_id(struct candump_cursor *cursor, struct bus_frame *fr
     size_t digits;
     int value;
 
-    /* Their number tells standard from extended identifiers */
+    /* The number of digits tells standard from extended identifiers */
     while ((value = candump_next_hex(cursor)) >= 0 && cursor->at - start < 8) {
         id = id << 4 | (uint32_t)value;
         cursor->at++;
@@ -223,7 +235,7 @@ static bool candump_parse_id(struct candump_cursor *cursor, struct bus_frame *fr
         return candump_reject(cursor, cursor->at, "an identifier of 3 or 8 hexadecimal digits");
     }
 
-    /* Identifiers in range; a flag among the 8 digits marks an error frame */
+    /* Checks the range; a flag bit in an identifier of 8 digits marks an error frame */
     if (digits == 3) {
         if (id > 0x7FF) {
             return candump_reject(cursor, start, "a standard identifier of at most 7FF");
@@ -242,7 +254,7 @@ static bool candump_parse_id(struct candump_cursor *cursor, struct bus_frame *fr
     return candump_expect(cursor, '#', "'#' after the identifier");
 }
 
-/* What stands behind "R": nothing, or the length that is asked for. */
+/* Parses what follows "R" of a remote frame: nothing, or the length that it asks for. */
 static bool candump_parse_remote(struct candump_cursor *cursor, struct bus_frame *frame)
 {
     int len;
@@ -264,7 +276,7 @@ static bool candump_parse_remote(struct candump_cursor *cursor, struct bus_frame
     return true;
 }
 
-/* The digit behind "##". */
+/* Parses the flags of a CAN FD frame: the digit behind "##". */
 static bool candump_parse_fd_flags(struct candump_cursor *cursor, struct bus_frame *frame)
 {
     int flags;
@@ -284,6 +296,8 @@ static bool candump_parse_fd_flags(struct candump_cursor *cursor, struct bus_fra
     return true;
 }
 
+/* Parses the data bytes, two hexadecimal digits each, up to the first character that is no
+ * digit. */
 static bool candump_parse_data(struct candump_cursor *cursor, struct bus_frame *frame)
 {
     const size_t max = (frame->flags & FRAME_FD) ? 64 : 8;
@@ -306,6 +320,8 @@ static bool candump_parse_data(struct candump_cursor *cursor, struct bus_frame *
     return true;
 }
 
+/* Parses a frame from its identifier to the end of the line, and checks that its length is
+ * legal. */
 static bool candump_parse_frame(struct candump_cursor *cursor, struct bus_frame *frame)
 {
     if (!candump_parse_id(cursor, frame)) {
@@ -333,6 +349,7 @@ static bool candump_parse_frame(struct candump_cursor *cursor, struct bus_frame 
     return true;
 }
 
+/* Parses a whole line, with or without its newline; false = the cursor holds the fault. */
 static bool candump_parse_line(struct candump_cursor *cursor, struct bus_frame *frame, char bus[16])
 {
     if (cursor->size && cursor->text[cursor->size - 1] == '\n') {
@@ -364,8 +381,8 @@ enum error_code candump_open(struct candump_reader *reader, const char *path, st
     return ERROR_NONE;
 }
 
-/* Size of the next line with its newline; 0 at the end of the file, CANDUMP_LINE_MAX + 1 when the
- * line is longer than that. */
+/* Reads the next line; returns its size with the newline, 0 at the end of the file, and
+ * CANDUMP_LINE_MAX + 1 if the line is longer than the buffer. */
 static size_t candump_read_line(FILE *file, char line[CANDUMP_LINE_MAX])
 {
     size_t size = 0;

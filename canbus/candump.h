@@ -19,8 +19,8 @@ enum { CANDUMP_LINE_MAX = 256 };
  * zero. Time is frame->time_ns, printed in microseconds. RT-safe. */
 size_t candump_format(const struct bus_frame *frame, const char *bus, char line[CANDUMP_LINE_MAX]);
 
-/* Parses one line (with or without newline) of size bytes; bus receives the interface name (at most
- * 15 characters). ERROR_INPUT with the column of the fault otherwise. */
+/* Parses one line of size bytes, with or without newline; bus receives the interface name (at
+ * most 15 characters). ERROR_INPUT with the column of the fault otherwise. */
 enum error_code candump_parse(const char *line, size_t size, struct bus_frame *frame, char bus[16],
                               struct error *error);
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Building a DBC database; see the header. */
+/* Builds a DBC database in memory and checks every entry against the limits of the format. */
 #include "canbus/dbc.h"
 
 #include "base/count.h"
@@ -39,6 +39,7 @@ static bool dbc_is_letter(char c)
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
 }
 
+/* Checks whether a name is a keyword of the DBC format. */
 static bool dbc_is_reserved(const char *name)
 {
     static const char *const words[] = {"VERSION", "NS_", "BS_", "BU_",
@@ -69,6 +70,7 @@ bool dbc_is_name(const char *name)
     return size > 0 && size <= DBC_NAME_MAX && !dbc_is_reserved(name);
 }
 
+/* Checks whether a text can stand between quotes: printable ASCII, no \" and \\, not too long. */
 static bool dbc_is_text(const char *text)
 {
     size_t size = 0;
@@ -177,6 +179,7 @@ struct dbc_message *dbc_find_message(const struct dbc *dbc, uint32_t id)
     return message;
 }
 
+/* Checks that a message has a length that a frame of its kind (classic or FD) can have. */
 static enum error_code dbc_check_length(const struct dbc_message *message, struct error *error)
 {
     const unsigned most = message->fd ? FD_LENGTH : CLASSIC_LENGTH, length = message->length;
@@ -189,6 +192,8 @@ static enum error_code dbc_check_length(const struct dbc_message *message, struc
     return ERROR_NONE;
 }
 
+/* Checks name, length, identifier, mask, cycle and sender of a message, and that its name and
+ * identifier are new. */
 static enum error_code dbc_check_message(const struct dbc *dbc, const struct dbc_message *message,
                                          struct error *error)
 {
@@ -197,6 +202,7 @@ static enum error_code dbc_check_message(const struct dbc *dbc, const struct dbc
     if (dbc_check_name("message", message->name, error) || dbc_check_length(message, error)) {
         return ERROR_INPUT;
     }
+    /* The identifier and its mask must fit 11 or 29 bits */
     if ((message->id & ~DBC_EXTENDED) > most) {
         return error_set(error, ERROR_INPUT,
                          "found identifier %" PRIu32 ", expected at most %" PRIu32,
@@ -208,6 +214,7 @@ static enum error_code dbc_check_message(const struct dbc *dbc, const struct dbc
                          "identifier 0x%" PRIx32,
                          message->id_mask, message->id & ~DBC_EXTENDED);
     }
+    /* Cycle and sender */
     if (message->cycle_ms > DBC_CYCLE_MAX_MS) {
         return error_set(error, ERROR_INPUT, "found a cycle of %" PRIu32 " ms, expected at most %d",
                          message->cycle_ms, DBC_CYCLE_MAX_MS);
@@ -215,6 +222,7 @@ static enum error_code dbc_check_message(const struct dbc *dbc, const struct dbc
     if (message->sender < DBC_NO_NODE || message->sender >= (int)dbc->nnode) {
         return error_set(error, ERROR_INPUT, "found a sender that is no node");
     }
+    /* Names and identifiers are unique in a database */
     for (const struct dbc_message *other = dbc->message; other; other = other->next) {
         if (other->id == message->id || !strcmp(other->name, message->name)) {
             return error_set(error, ERROR_INPUT,
@@ -241,6 +249,7 @@ enum error_code dbc_add_message(struct dbc *dbc, const struct dbc_message *messa
     if (!made) {
         return dbc_no_memory(error);
     }
+    /* Only the fields of the caller are copied; signals and comments are added later */
     made->id = message->id;
     made->id_mask = message->id_mask;
     made->fd = message->fd;
@@ -251,6 +260,7 @@ enum error_code dbc_add_message(struct dbc *dbc, const struct dbc_message *messa
     if (!made->name) {
         return dbc_no_memory(error);
     }
+    /* Messages keep the order in which they were added */
     *(dbc->last_message ? &dbc->last_message->next : &dbc->message) = made;
     dbc->last_message = made;
     dbc->nmessage++;
@@ -270,8 +280,9 @@ struct dbc_signal *dbc_find_signal(const struct dbc_message *message, const char
     return signal;
 }
 
-/* big-endian: from the least significant bit of a byte on to the most significant of the byte
- * before; counted in bits from the most significant of byte 0 on that is a straight line */
+/* Position of bit k (0 = least significant) of a signal in the frame. A big-endian signal goes
+ * on from the least significant bit of a byte to the most significant of the byte before;
+ * counted from the most significant bit of byte 0 on, that is a straight line. */
 unsigned dbc_bit(const struct dbc_signal *signal, unsigned k)
 {
     unsigned line = (signal->start ^ 7u) + signal->bits - 1u - k;
@@ -279,30 +290,34 @@ unsigned dbc_bit(const struct dbc_signal *signal, unsigned k)
     return signal->big_endian ? line ^ 7u : signal->start + k;
 }
 
+/* Checks whether a signal lies within a message of `length` bytes. */
 static bool dbc_signal_fits(const struct dbc_signal *signal, unsigned length)
 {
-    /* The bit furthest from the front: of a big-endian signal the least, else the most
-     * significant */
+    /* The last bit: the least significant of a big-endian signal, else the most significant */
     return signal->bits >= 1 && signal->bits <= 64 && signal->start < FRAME_BITS &&
            dbc_bit(signal, signal->big_endian ? 0 : signal->bits - 1u) < 8 * length;
 }
 
-/* Smallest and largest raw value of a signal that is no DBC_FLOAT. */
+/* Returns the smallest raw value of a signal of whole numbers (not DBC_FLOAT). */
 static double dbc_lowest_raw(const struct dbc_signal *signal)
 {
     return signal->type == DBC_SIGNED ? -ldexp(1.0, signal->bits - 1) : 0.0;
 }
 
+/* Returns the largest raw value of a signal of whole numbers (not DBC_FLOAT). */
 static double dbc_highest_raw(const struct dbc_signal *signal)
 {
     return ldexp(1.0, signal->bits - (signal->type == DBC_SIGNED)) - 1.0;
 }
 
+/* Checks whether two signals can stand in one frame: multiplexed ones do only with the same
+ * selector. */
 static bool dbc_signals_can_meet(const struct dbc_signal *a, const struct dbc_signal *b)
 {
     return a->role != DBC_MULTIPLEXED || b->role != DBC_MULTIPLEXED || a->selector == b->selector;
 }
 
+/* Marks the bits of the frame that a signal occupies. */
 static void dbc_mark_bits(const struct dbc_signal *signal, bool *used)
 {
     for (unsigned k = 0; k < signal->bits; k++) {
@@ -310,7 +325,7 @@ static void dbc_mark_bits(const struct dbc_signal *signal, bool *used)
     }
 }
 
-/* The first signal that has a bit of this one, or its name; NULL = none. */
+/* Returns the first signal that shares a bit or the name with this one; NULL = none. */
 static const struct dbc_signal *dbc_find_overlap(const struct dbc_message *message,
                                                  const struct dbc_signal *signal)
 {
@@ -330,6 +345,7 @@ static const struct dbc_signal *dbc_find_overlap(const struct dbc_message *messa
     return NULL;
 }
 
+/* Checks scale, offset and range of a signal, and that a float has 32 bits. */
 static enum error_code dbc_check_numbers(const struct dbc_signal *signal, struct error *error)
 {
     if (!isfinite(signal->scale) || signal->scale == 0.0 || !isfinite(signal->offset)) {
@@ -347,6 +363,8 @@ static enum error_code dbc_check_numbers(const struct dbc_signal *signal, struct
     return ERROR_NONE;
 }
 
+/* Checks that a message has at most one multiplexor, and that multiplexed signals name a value
+ * that it can take. */
 static enum error_code dbc_check_role(const struct dbc_message *message,
                                       const struct dbc_signal *signal, struct error *error)
 {
@@ -366,6 +384,7 @@ static enum error_code dbc_check_role(const struct dbc_message *message,
     return ERROR_NONE;
 }
 
+/* Checks a signal before it is added to a message. */
 static enum error_code dbc_check_signal(const struct dbc *dbc, const struct dbc_message *message,
                                         const struct dbc_signal *signal, struct error *error)
 {
@@ -419,6 +438,7 @@ enum error_code dbc_add_signal(struct dbc *dbc, struct dbc_message *message,
     if (!made) {
         return dbc_no_memory(error);
     }
+    /* The copy has its own strings and starts without comment and value names */
     *made = *signal;
     made->next = NULL;
     made->comment = NULL;
@@ -439,6 +459,7 @@ enum error_code dbc_add_signal(struct dbc *dbc, struct dbc_message *message,
     return ERROR_NONE;
 }
 
+/* Checks the name of a value: a number that the signal can take and that has no name yet. */
 static enum error_code dbc_check_value(const struct dbc_signal *signal, int64_t number,
                                        const char *text, struct error *error)
 {

@@ -42,7 +42,7 @@ enum { DBC_NO_NODE = -1 };
 enum dbc_role { DBC_PLAIN, DBC_MULTIPLEXOR, DBC_MULTIPLEXED };
 enum dbc_type { DBC_UNSIGNED, DBC_SIGNED, DBC_FLOAT };
 
-/* What a raw value is called. */
+/* The name of one raw value of a signal. */
 struct dbc_value {
     struct dbc_value *next;
     int64_t number;
@@ -104,14 +104,15 @@ struct dbc {
     size_t nmessage;
 };
 
-/* An empty database in arena, its name copied; NULL when there is no memory. */
+/* Creates an empty database in arena; copies its name. NULL = no memory. */
 struct dbc *dbc_create(struct arena *arena, const char *name);
 
 /*
- * Each adds a copy of what is given, strings included (lists, comments and counts are left empty),
- * and returns ERROR_INPUT with a sentence that says what was found and what was expected. A message
- * with more than 8 bytes is fd; a signal is within its message and shares no bit with another one
- * that can be in the same frame; the multiplexor comes before the signals that it selects.
+ * Each of these adds a copy of what is given, strings included (lists, comments and counts are left
+ * empty). ERROR_INPUT comes with a sentence that says what was found and what was expected. A
+ * message with more than 8 bytes is fd; a signal lies within its message and shares no bit with
+ * another one that can be in the same frame; the multiplexor is added before the signals that it
+ * selects.
  */
 enum error_code dbc_add_node(struct dbc *dbc, const char *name, struct error *error);
 enum error_code dbc_add_message(struct dbc *dbc, const struct dbc_message *message,
@@ -122,22 +123,23 @@ enum error_code dbc_add_signal(struct dbc *dbc, struct dbc_message *message,
 enum error_code dbc_add_value(struct dbc *dbc, struct dbc_signal *signal, int64_t number,
                               const char *text, struct error *error);
 
-/* Puts a copy of text where a comment belongs, once. */
+/* Copies text into a comment, which can be set once. */
 enum error_code dbc_set_comment(struct dbc *dbc, const char **comment, const char *text,
                                 struct error *error);
 
-/* Whether a name can stand in a database: an identifier of C, at most DBC_NAME_MAX long, that means
- * nothing else in the format. */
+/* Checks whether a name can stand in a database: an identifier of C, at most DBC_NAME_MAX long,
+ * that is no word of the format. */
 bool dbc_is_name(const char *name);
 
 int dbc_find_node(const struct dbc *dbc, const char *name); /* DBC_NO_NODE = none */
 struct dbc_message *dbc_find_message(const struct dbc *dbc, uint32_t id);
 struct dbc_signal *dbc_find_signal(const struct dbc_message *message, const char *name);
 
-/* The position (as of start) of bit k of a signal, 0 = the least significant; k < bits. */
+/* Returns the position (counted as start is) of bit k of a signal, 0 = the least significant; k
+ * < bits. */
 unsigned dbc_bit(const struct dbc_signal *signal, unsigned k);
 
-/* The same database gives the same bytes. */
+/* Writes a database as text; the same database gives the same bytes. */
 enum error_code dbc_write(const struct dbc *dbc, FILE *file, struct error *error);
 
 #endif

@@ -4,7 +4,7 @@
 #ifndef CANBUS_DBC_PRIVATE_H
 #define CANBUS_DBC_PRIVATE_H
 
-#define DBC_NOBODY "Vector__XXX" /* Stands for no node. */
+#define DBC_NOBODY "Vector__XXX" /* the format's word for no node */
 
 /* Symbols of the format, listed in its head (NS_). */
 enum { DBC_SYMBOLS = 27 };

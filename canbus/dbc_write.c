@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A DBC database as text, sections in their usual order. */
+/* Writes a DBC database as text, its sections in their usual order. */
 #include "canbus/dbc.h"
 
 #include "canbus/dbc_private.h"
@@ -46,7 +46,7 @@ static const char dbc_definitions[] =
     "BA_DEF_DEF_ \"" DBC_LENGTH "\" 0;\n";
 /* clang-format on */
 
-/* The shortest notation that reads back as the same number. */
+/* Writes a number in the shortest notation (15 to 17 digits) that reads back as the same double. */
 static void dbc_put_number(FILE *file, double value)
 {
     char text[32];
@@ -58,11 +58,13 @@ static void dbc_put_number(FILE *file, double value)
     fputs(text, file);
 }
 
+/* Returns the name of a node, or the format's word for none. */
 static const char *dbc_sender_name(const struct dbc *dbc, int node)
 {
     return node == DBC_NO_NODE ? DBC_NOBODY : dbc->node[node].name;
 }
 
+/* Writes the version, the symbols of the format, and the nodes (BU_). */
 static void dbc_put_head(const struct dbc *dbc, FILE *file)
 {
     fputs("VERSION \"\"\n\nNS_ :\n", file);
@@ -76,6 +78,7 @@ static void dbc_put_head(const struct dbc *dbc, FILE *file)
     fputc('\n', file);
 }
 
+/* Writes the nodes that receive a signal, comma-separated, and ends the line. */
 static void dbc_put_receivers(const struct dbc *dbc, const struct dbc_signal *signal, FILE *file)
 {
     const char *separator = "";
@@ -89,6 +92,7 @@ static void dbc_put_receivers(const struct dbc *dbc, const struct dbc_signal *si
     fputs(signal->receivers ? "\n" : DBC_NOBODY "\n", file);
 }
 
+/* Writes a signal (SG_): multiplexing, place, byte order, sign, scale, range, unit, receivers. */
 static void dbc_put_signal(const struct dbc *dbc, const struct dbc_signal *signal, FILE *file)
 {
     fprintf(file, " SG_ %s ", signal->name);
@@ -110,6 +114,7 @@ static void dbc_put_signal(const struct dbc *dbc, const struct dbc_signal *signa
     dbc_put_receivers(dbc, signal, file);
 }
 
+/* Writes the messages (BO_) with their signals. */
 static void dbc_put_messages(const struct dbc *dbc, FILE *file)
 {
     for (const struct dbc_message *m = dbc->message; m; m = m->next) {
@@ -122,6 +127,7 @@ static void dbc_put_messages(const struct dbc *dbc, FILE *file)
     fputc('\n', file);
 }
 
+/* Writes the comments (CM_) of the network, nodes, messages and signals. */
 static void dbc_put_comments(const struct dbc *dbc, FILE *file)
 {
     if (dbc->comment) {
@@ -144,13 +150,16 @@ static void dbc_put_comments(const struct dbc *dbc, FILE *file)
     }
 }
 
+/* Writes the attributes (BA_): of the network, then of each message and its signals. */
 static void dbc_put_attributes(const struct dbc *dbc, FILE *file)
 {
+    /* Definitions and defaults come before the values */
     fputs(dbc_definitions, file);
     fprintf(file, "BA_ \"" DBC_NAME "\" \"%s\";\n", dbc->name);
     fprintf(file, "BA_ \"" DBC_BUS_TYPE "\" \"%s\";\n", dbc->fd ? DBC_BUS_FD : DBC_BUS_CLASSIC);
     fprintf(file, "BA_ \"" DBC_BITRATE "\" %" PRId64 ";\n", dbc->bitrate);
     fprintf(file, "BA_ \"" DBC_DATA_BITRATE "\" %" PRId64 ";\n", dbc->data_bitrate);
+    /* An attribute is written only where it differs from its default */
     for (const struct dbc_message *m = dbc->message; m; m = m->next) {
         if (m->cycle_ms) {
             fprintf(file, "BA_ \"" DBC_CYCLE "\" BO_ %" PRIu32 " %" PRIu32 ";\n", m->id,
@@ -172,6 +181,7 @@ static void dbc_put_attributes(const struct dbc *dbc, FILE *file)
     }
 }
 
+/* Writes the names of values (VAL_). */
 static void dbc_put_values(const struct dbc *dbc, FILE *file)
 {
     for (const struct dbc_message *m = dbc->message; m; m = m->next) {
@@ -187,6 +197,7 @@ static void dbc_put_values(const struct dbc *dbc, FILE *file)
     }
 }
 
+/* Writes the value type of signals that are IEEE floats (SIG_VALTYPE_ 1). */
 static void dbc_put_floats(const struct dbc *dbc, FILE *file)
 {
     for (const struct dbc_message *m = dbc->message; m; m = m->next) {

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Fault rules applied to the frames of a port, and the frames that they delay. */
+/* Applies fault rules (loss, corruption, delay, duplication, bus-off) to the frames of a port,
+ * and keeps the frames that they delay. */
 #include "canbus/fault_port.h"
 
 #include "base/container_of.h"
@@ -20,8 +21,8 @@ struct fault_port_held_frame {
     struct bus_frame frame;
 };
 
-/* Frames of one direction that are to come later, in the order in which they were sent. Delays may
- * differ, so a frame that is due is taken out wherever it stands. */
+/* Delayed frames of one direction, in the order in which they were sent. Delays may differ, so a
+ * frame that is due is taken out wherever it stands. */
 struct fault_port_held {
     struct fault_port_held_frame *frame;
     size_t count;
@@ -49,6 +50,7 @@ static struct fault_port *fault_port_of(const struct can_port *port)
 
 /* ---- rules ---- */
 
+/* Checks whether a bus-off rule is active. */
 static bool fault_port_is_off(const struct fault_port *f)
 {
     for (size_t i = 0; i < f->config.nrule; i++) {
@@ -59,12 +61,13 @@ static bool fault_port_is_off(const struct fault_port *f)
     return false;
 }
 
-/* Whether a frame is no traffic of the bus, so that it passes even a bus that is off. */
+/* Checks whether a frame (STEP or DONE) is exempt from faults: it passes even a bus that is off. */
 static bool fault_port_exempts(const struct fault_port *f, const struct bus_frame *frame)
 {
     return frame_has_standard_id(frame, f->config.exempt, f->config.nexempt);
 }
 
+/* Checks whether an active rule applies to a frame: its identifier, or any that is not exempt. */
 static bool fault_port_rule_matches(const struct fault_port *f, const struct fault_port_rule *rule,
                                     const struct bus_frame *frame)
 {
@@ -77,6 +80,7 @@ static bool fault_port_rule_matches(const struct fault_port *f, const struct fau
     return !fault_port_exempts(f, frame);
 }
 
+/* Flips one random bit of the data. */
 static void fault_port_flip_bit(struct random_stream *random, struct bus_frame *frame)
 {
     if (frame->len > 0) {
@@ -86,6 +90,7 @@ static void fault_port_flip_bit(struct random_stream *random, struct bus_frame *
     }
 }
 
+/* Keeps a frame until due_ns; counts it as dropped when there is no room. */
 static void fault_port_hold_frame(struct fault_port_direction *d, const struct bus_frame *frame,
                                   int64_t due_ns)
 {
@@ -105,7 +110,7 @@ static size_t fault_port_apply_rules(struct fault_port *f, struct fault_port_dir
     int64_t delay_ns = 0;
     size_t copies = 1;
 
-    /* Rules add up in their order; each draws from its own random numbers */
+    /* The rules act one after the other; each draws from its own random stream */
     for (size_t i = 0; i < f->config.nrule; i++) {
         struct fault_port_armed *rule = &d->rule[i];
         const struct fault_port_rule *r = &rule->rule;
@@ -128,7 +133,7 @@ static size_t fault_port_apply_rules(struct fault_port *f, struct fault_port_dir
         }
     }
 
-    /* What is left of the frame goes now or later */
+    /* The frame and its duplicate go out now, or are held until their delay is over */
     for (size_t i = 0; i < copies; i++) {
         if (delay_ns > 0) {
             fault_port_hold_frame(d, &frame, f->now_ns + delay_ns);
@@ -139,7 +144,8 @@ static size_t fault_port_apply_rules(struct fault_port *f, struct fault_port_dir
     return delay_ns > 0 ? 0 : copies;
 }
 
-/* Takes held frames that are due, in their order, at most max; the others move up. */
+/* Takes held frames that are due, in their order, at most max; the others move up. Returns how
+ * many. */
 static size_t fault_port_release_due(struct fault_port *f, struct fault_port_direction *d,
                                      struct bus_frame *out, size_t max)
 {
@@ -158,7 +164,7 @@ static size_t fault_port_release_due(struct fault_port *f, struct fault_port_dir
 
 /* ---- the port ---- */
 
-/* Takes over state and counters of the other port, and adds what the rules did. */
+/* Copies state and counters of the inner port, and adds what the rules dropped and refused. */
 static void fault_port_copy_state(struct fault_port *f)
 {
     f->port.counters = f->inner->counters;
@@ -167,19 +173,21 @@ static void fault_port_copy_state(struct fault_port *f)
     f->port.state = fault_port_is_off(f) ? CAN_PORT_BUS_OFF : f->inner->state;
 }
 
+/* Receives up to max frames: first the held ones that are due, then those of the inner port
+ * under the rules. */
 static size_t fault_port_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
     struct fault_port *f = fault_port_of(port);
     size_t count, got;
     bool off = fault_port_is_off(f);
 
-    /* A bus that is off loses what was on its way; else frames that are due come first */
+    /* A bus that is off loses the frames that were held; otherwise those that are due come first */
     if (off) {
         f->rx.held.count = f->tx.held.count = 0;
     }
     count = fault_port_release_due(f, &f->rx, frames, max);
 
-    /* Then everything that the other port has received: what does not fit any more is held */
+    /* Then all that the inner port has received; what does not fit any more is held */
     do {
         struct bus_frame batch[BATCH], out[2];
         size_t room = max - count;
@@ -203,13 +211,14 @@ static size_t fault_port_receive(struct can_port *port, struct bus_frame *frames
     return count;
 }
 
-/* Sends a batch; frames that the other port refuses are its business. */
+/* Sends a batch; returns how many frames the inner port took, which counts the others itself. */
 static size_t fault_port_send_batch(struct fault_port *f, const struct bus_frame *batch,
                                     size_t count)
 {
     return count ? can_send(f->inner, batch, count) : 0;
 }
 
+/* Sends frames under the rules, after held ones that are due. Returns how many were accepted. */
 static size_t fault_port_send(struct can_port *port, const struct bus_frame *frames, size_t count)
 {
     struct fault_port *f = fault_port_of(port);
@@ -217,10 +226,12 @@ static size_t fault_port_send(struct can_port *port, const struct bus_frame *fra
     size_t waiting, refused = 0, lost = 0;
     bool off = fault_port_is_off(f);
 
+    /* Held frames that are due go first */
     do {
         waiting = off ? 0 : fault_port_release_due(f, &f->tx, batch, BATCH);
         fault_port_send_batch(f, batch, waiting);
     } while (waiting == BATCH);
+    /* Then the new ones in batches; each may become two by duplication */
     waiting = 0;
     for (size_t i = 0; i < count; i++) {
         if (off && !fault_port_exempts(f, &frames[i])) {
@@ -233,6 +244,7 @@ static size_t fault_port_send(struct can_port *port, const struct bus_frame *fra
             waiting = 0;
         }
     }
+    /* A bus-off refuses frames, a loss rule does not: the sender never learns of it */
     f->refused += lost;
     refused += lost;
     fault_port_copy_state(f);
@@ -268,6 +280,8 @@ void fault_port_time(struct can_port *port, int64_t time_ns)
         fault_port_of(port)); /* time may have gone back, and what was counted with it */
 }
 
+/* Arms the rules of one direction, each with a random stream of its own, and makes room for held
+ * frames. */
 static bool fault_port_create_direction(struct fault_port *f, struct fault_port_direction *d,
                                         const char *name, struct arena *arena)
 {

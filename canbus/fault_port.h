@@ -28,7 +28,7 @@ struct fault_port_rule {
     enum fault_port_kind kind;
     double probability;
     int64_t delay_ns;
-    int64_t id;         /* of the frames meant; -1 = all */
+    int64_t id;         /* identifier of the frames that it hits; -1 = all */
     const bool *active; /* read for every frame */
     const char *stream; /* name of its random numbers */
 };
@@ -44,8 +44,8 @@ struct fault_port_config {
     uint64_t seed;
 };
 
-/* Memory from arena. A frame that finds FAULT_PORT_HELD others waiting is lost and counted as
- * dropped. Not RT-safe. */
+/* Creates the port in memory from arena. A frame that finds FAULT_PORT_HELD others waiting is
+ * lost and counted as dropped. Not RT-safe. */
 enum error_code fault_port_create(const struct fault_port_config *config, struct arena *arena,
                                   struct can_port **port, struct error *error);
 

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What makes a frame legal, and how long it is on the wire. */
+/* Checks whether a frame is legal and counts its bits on the wire, without stuff bits. */
 #include "canbus/frame.h"
 
 #include <assert.h>
 #include <string.h>
 
+/* Checks whether a CAN FD frame can have this many bytes. */
 static bool frame_fd_length_is_legal(uint8_t len)
 {
     switch (len) {
@@ -35,16 +36,18 @@ bool frame_valid(const struct bus_frame *frame)
         FRAME_EXTENDED | FRAME_REMOTE | FRAME_ERROR | FRAME_FD | FRAME_BRS | FRAME_ESI;
     const uint8_t flags = frame->flags;
 
+    /* Flags: known ones, in combinations that exist */
     if (flags & ~known) {
         return false;
     }
-    /* An error frame has no format of its own; FD knows no remote frames, classic no bit rates */
+    /* An error frame has no format; FD has no remote frames, classic CAN no second bit rate */
     if ((flags & FRAME_ERROR) && flags != FRAME_ERROR) {
         return false;
     }
     if ((flags & FRAME_FD) ? (flags & FRAME_REMOTE) : (flags & (FRAME_BRS | FRAME_ESI))) {
         return false;
     }
+    /* Identifier and length must fit the format */
     if (frame->id > ((flags & (FRAME_EXTENDED | FRAME_ERROR)) ? 0x1FFFFFFFu : 0x7FFu)) {
         return false;
     }
@@ -58,9 +61,12 @@ uint32_t frame_bits(const struct bus_frame *frame)
     if (frame->flags & FRAME_ERROR) {
         return 0;
     }
+    /* Overhead from SOF to the intermission; FD frames of more than 16 bytes have CRC-21 (4 bits
+     * more and a fixed stuff bit) */
     if (frame->flags & FRAME_FD) {
         return (frame->len <= 16 ? 62u : 67u) + (extended ? 19u : 0u) + 8u * frame->len;
     }
+    /* Overhead from SOF to the intermission of a classic frame */
     return (extended ? 67u : 47u) + ((frame->flags & FRAME_REMOTE) ? 0u : 8u * frame->len);
 }
 

@@ -27,28 +27,30 @@ struct bus_frame {
     int64_t time_ns; /* when it was received or sent, on the clock of the port */
 };
 
-/* The shortest length that an FD frame with so many bytes (at most 64) can have. */
+/* Returns the shortest length of an FD frame that holds so many bytes (at most 64). */
 uint8_t frame_fd_length(unsigned bytes);
 
-/* Identifier within range, length legal for the format, no contradictory flags. */
+/* Checks whether a frame is legal: identifier within range, length possible in its format, no
+ * contradictory flags. */
 bool frame_valid(const struct bus_frame *frame);
 
-/* Length of the frame on the wire in bits, with the 3 bits between frames and without stuff bits:
- * classic 47 + 8 n, with a 29-bit identifier 67 + 8 n (n = 0 for remote frames; ISO 11898-1). FD
- * frames are counted as if every bit went at the nominal rate: 62 + 8 n up to 16 bytes, 67 + 8 n
- * above (CRC of 21 instead of 17 bits), 19 more for a 29-bit identifier, the stuff count and the
- * fixed stuff bits of the CRC field included; with a bit rate switch that is an upper bound of the
- * time. 0 for error frames, which are messages of the controller and no traffic. */
+/* Returns the length of a frame on the wire in bits, with the 3 bits of intermission and without
+ * stuff bits: classic 47 + 8 n, with a 29-bit identifier 67 + 8 n (n = 0 for remote frames; ISO
+ * 11898-1). FD frames are counted as if every bit went at the nominal rate: 62 + 8 n up to 16
+ * bytes, 67 + 8 n above (CRC of 21 instead of 17 bits), 19 more for a 29-bit identifier, the
+ * stuff count and the fixed stuff bits of the CRC field included; with a bit rate switch that is
+ * an upper bound of the time. 0 for error frames, which are messages of the controller and no
+ * traffic. */
 uint32_t frame_bits(const struct bus_frame *frame);
 
-/* Those of them that go at the data rate: with a bit rate switch the bits behind it up to the end
- * of the CRC, else none. */
+/* Returns how many of these bits go at the data rate: with a bit rate switch the bits behind it
+ * up to the end of the CRC, else none. */
 uint32_t frame_fast_bits(const struct bus_frame *frame);
 
-/* A classic data frame with a standard identifier; len <= 8; data beyond len is zero. */
+/* Makes a classic data frame with a standard identifier; len <= 8; data beyond len is zero. */
 struct bus_frame frame_make(uint32_t id, uint8_t len, const uint8_t *data);
 
-/* Whether a frame has one of these standard identifiers. */
+/* Checks whether a frame has one of these standard identifiers. */
 static inline bool frame_has_standard_id(const struct bus_frame *frame, const uint32_t *id,
                                          size_t count)
 {
@@ -60,7 +62,7 @@ static inline bool frame_has_standard_id(const struct bus_frame *frame, const ui
     return false;
 }
 
-/* Explicit byte order: no packed structs. */
+/* Numbers are read and written byte by byte in a given order; there are no packed structs. */
 static inline uint16_t get_u16_le(const uint8_t *p)
 {
     return (uint16_t)(p[0] | p[1] << 8);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The gateway's thread with its one poll set: listening socket, stop event, clients, ports. */
+/* The gateway's thread, which waits in one poll on the listening sockets, the stop event,
+ * clients and ports. */
 #include "canbus/gateway_private.h"
 
 #include <arpa/inet.h>
@@ -17,16 +18,17 @@ enum {
     BACKLOG = 64,
     IDLE_MS = 1000,
     POLL_MS = 1,
-    LOOK_MS = 20, /* when nobody waits for what there may be */
+    LOOK_MS = 20, /* poll interval when nobody is waiting for frames */
 };
 
 /* ---- what the buses have received ---- */
 
+/* Forwards a received frame to the clients of its bus; a DONE ends the STEP that is running. */
 static void gateway_relay_frame(struct gateway *gateway, size_t bus, const struct bus_frame *from)
 {
     struct bus_frame frame = *from;
 
-    /* What has no time of its own is as new as the newest */
+    /* A frame without a time stamp gets the newest one of its bus */
     if (frame.time_ns == 0) {
         frame.time_ns = gateway->time_ns[bus];
     }
@@ -38,7 +40,8 @@ static void gateway_relay_frame(struct gateway *gateway, size_t bus, const struc
     gateway_forward_frame(gateway, bus, &frame, NULL);
 }
 
-/* Forwards what a bus has received to its clients; a busy bus gets a bounded turn. */
+/* Forwards what a bus has received to its clients, at most TURNS batches, so that a busy bus
+ * leaves the others a turn. */
 static void gateway_forward_bus(struct gateway *gateway, size_t bus)
 {
     struct can_port *port = gateway->config.bus[bus].port;
@@ -53,8 +56,9 @@ static void gateway_forward_bus(struct gateway *gateway, size_t bus)
     }
 }
 
-/* In lockstep the bus of the STEP is received first and forwarded last: its DONE is the last frame
- * of all that a STEP brings, so everything else is there by then. */
+/* Forwards the frames of all buses. In lockstep the bus of the STEP is received first and
+ * forwarded last: its DONE is the last frame that a STEP brings, so everything else is there by
+ * then. */
 static void gateway_forward_buses(struct gateway *gateway)
 {
     const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
@@ -77,9 +81,10 @@ static void gateway_forward_buses(struct gateway *gateway)
 
 /* ---- the thread ---- */
 
-enum { POLL_FIXED = 2, POLL_MAX = POLL_FIXED + GATEWAY_CLIENTS + GATEWAY_BUSES };
+enum { POLL_FIXED = 2 + GATEWAY_SLCAN, POLL_MAX = POLL_FIXED + GATEWAY_CLIENTS + GATEWAY_BUSES };
 
-/* What to wait for on a client's connection, and at most for how long. */
+/* Returns the poll events of a client's connection, and lowers the timeout to what it allows. A
+ * client that waits for its STEP is not read; one that was just told "ok" gets no frames yet. */
 static short gateway_client_events(const struct gateway *gateway,
                                    const struct gateway_client *client, int *timeout_ms)
 {
@@ -94,7 +99,8 @@ static short gateway_client_events(const struct gateway *gateway,
     return (short)((held ? 0 : POLLIN) | (client->waiting && !quiet ? POLLOUT : 0));
 }
 
-/* Whether to sleep on the descriptor of a bus: in lockstep the DONE of one tells of all. */
+/* Checks whether poll waits on the descriptor of a bus. In lockstep only the bus of the DONE is
+ * waited on: it speaks for all. */
 static bool gateway_sleeps_on_bus(const struct gateway *gateway, size_t bus)
 {
     const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
@@ -102,8 +108,8 @@ static bool gateway_sleeps_on_bus(const struct gateway *gateway, size_t bus)
     return lockstep->on ? bus == lockstep->bus : !gateway->config.by_time;
 }
 
-/* How long the buses that are not slept on may wait: not for long while they are busy and somebody
- * listens. */
+/* Returns after how many ms the buses that poll does not wait on are looked at again: soon while
+ * they are busy and a client listens. */
 static int gateway_look_ms(const struct gateway *gateway)
 {
     bool heard = false;
@@ -115,7 +121,7 @@ static int gateway_look_ms(const struct gateway *gateway)
                                                                                  : LOOK_MS;
 }
 
-/* Fills in the descriptors to wait for and for how long: clients first, then ports. */
+/* Fills in the descriptors to wait for and for how long: listeners, clients, then ports. */
 static size_t gateway_prepare_poll(const struct gateway *gateway, struct pollfd fd[POLL_MAX],
                                    int *timeout_ms)
 {
@@ -125,6 +131,9 @@ static size_t gateway_prepare_poll(const struct gateway *gateway, struct pollfd 
     *timeout_ms = IDLE_MS;
     fd[0] = (struct pollfd){.fd = gateway->stop_event, .events = POLLIN};
     fd[1] = (struct pollfd){.fd = gateway->listener, .events = POLLIN};
+    for (size_t i = 0; i < GATEWAY_SLCAN; i++) {
+        fd[2 + i] = (struct pollfd){.fd = gateway->slcan_listener[i], .events = POLLIN};
+    }
     for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
         const struct gateway_client *client = &gateway->client[i];
 
@@ -144,7 +153,7 @@ static size_t gateway_prepare_poll(const struct gateway *gateway, struct pollfd 
     return count;
 }
 
-/* Commands of clients: what a STEP has kept back, then what is new, and a STEP last. */
+/* Executes commands of clients: those that a STEP has held back, then new ones, and a STEP last. */
 static void gateway_serve_clients(struct gateway *gateway, const struct pollfd fd[GATEWAY_CLIENTS])
 {
     for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
@@ -160,8 +169,8 @@ static void gateway_serve_clients(struct gateway *gateway, const struct pollfd f
     gateway_release_step(gateway);
 }
 
-/* Sends what waits for clients, but for those that expect their answer alone. Who may hear of the
- * DONE of a STEP comes last: by then all that belongs to it has been sent to the others. */
+/* Sends what waits for clients, except to those that expect their answer alone. Clients that may
+ * hear the DONE of a STEP come last: by then all that belongs to it has been sent to the others. */
 static void gateway_flush_clients(struct gateway *gateway)
 {
     const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
@@ -180,6 +189,7 @@ static void gateway_flush_clients(struct gateway *gateway)
     }
 }
 
+/* Runs the gateway until the stop event is raised; the thread's main function. */
 static void *gateway_run(void *context)
 {
     struct gateway *gateway = context;
@@ -194,6 +204,7 @@ static void *gateway_run(void *context)
         if (fd[0].revents) {
             return NULL;
         }
+        /* A STEP whose DONE is overdue no longer holds back the clients */
         gateway->counters.wakeups++;
         if (gateway_step_runs(gateway) && gateway_now_ms() >= gateway->step_until_ms) {
             gateway->step_until_ms = 0;
@@ -209,13 +220,19 @@ static void *gateway_run(void *context)
         /* New clients come last, so that their places in the poll set are theirs */
         gateway_close_silent(gateway);
         if (fd[1].revents) {
-            gateway_accept_clients(gateway);
+            gateway_accept_clients(gateway, gateway->listener, -1);
+        }
+        for (int i = 0; i < GATEWAY_SLCAN; i++) {
+            if (fd[2 + i].revents) {
+                gateway_accept_clients(gateway, gateway->slcan_listener[i], i);
+            }
         }
     }
 }
 
 /* ---- start and stop ---- */
 
+/* Parses a numeric IPv4 or IPv6 address; false = it is neither. */
 static bool gateway_parse_host(const char *host, uint16_t port, struct sockaddr_storage *address,
                                socklen_t *length)
 {
@@ -238,39 +255,43 @@ static bool gateway_parse_host(const char *host, uint16_t port, struct sockaddr_
     return false;
 }
 
-static enum error_code gateway_listen(struct gateway *gateway, const char *host,
-                                      struct error *error)
+enum error_code gateway_listen_at(const char *host, uint16_t wanted, int *listener, uint16_t *port,
+                                  struct error *error)
 {
     struct sockaddr_storage address;
     socklen_t length;
     int one = 1;
 
-    if (!gateway_parse_host(host, gateway->config.port, &address, &length)) {
+    host = host ? host : "127.0.0.1";
+    if (!gateway_parse_host(host, wanted, &address, &length)) {
         return error_set(error, ERROR_INPUT,
                          "gateway: found host \"%.64s\", expected a numeric address, for example "
                          "127.0.0.1",
                          host);
     }
-    gateway->listener =
-        socket(address.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, IPPROTO_TCP);
-    if (gateway->listener < 0) {
+    /* A listening TCP socket, whose port the system chooses when 0 is wanted */
+    *listener = socket(address.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, IPPROTO_TCP);
+    if (*listener < 0) {
         return error_set_errno(error, errno, "gateway: cannot open a socket");
     }
-    setsockopt(gateway->listener, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
-    if (bind(gateway->listener, (const struct sockaddr *)&address, length) ||
-        listen(gateway->listener, BACKLOG)) {
+    setsockopt(*listener, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
+    if (bind(*listener, (const struct sockaddr *)&address, length) || listen(*listener, BACKLOG)) {
         return error_set_errno(error, errno, "gateway: cannot listen at %.64s port %u", host,
-                               gateway->config.port);
+                               wanted);
     }
     length = sizeof address;
-    getsockname(gateway->listener, (struct sockaddr *)&address, &length);
+    getsockname(*listener, (struct sockaddr *)&address, &length);
     /* The port stands at the same place in both families */
-    gateway->port = ntohs(((const struct sockaddr_in *)&address)->sin_port);
+    if (port) {
+        *port = ntohs(((const struct sockaddr_in *)&address)->sin_port);
+    }
     return ERROR_NONE;
 }
 
+/* Closes all clients, listeners and the stop event. */
 static void gateway_close_all(struct gateway *gateway)
 {
+    gateway_slcan_stop(gateway);
     for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
         gateway_close_client(&gateway->client[i]);
     }
@@ -282,6 +303,8 @@ static void gateway_close_all(struct gateway *gateway)
     }
 }
 
+/* Allocates the gateway and the output buffers of its clients; all descriptors begin as -1
+ * (closed). */
 static enum error_code gateway_allocate(const struct gateway_config *config, struct arena *arena,
                                         struct gateway **out, struct error *error)
 {
@@ -299,6 +322,9 @@ static enum error_code gateway_allocate(const struct gateway_config *config, str
     *gateway =
         (struct gateway){.config = *config, .time_ns = time_ns, .listener = -1, .stop_event = -1};
     gateway->config.bus = bus;
+    for (size_t i = 0; i < GATEWAY_SLCAN; i++) {
+        gateway->slcan_listener[i] = -1;
+    }
     for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
         gateway->client[i] =
             (struct gateway_client){.socket = -1, .outbox = outbox + i * (size_t)GATEWAY_OUTBOX};
@@ -307,6 +333,7 @@ static enum error_code gateway_allocate(const struct gateway_config *config, str
     return ERROR_NONE;
 }
 
+/* Checks the number of buses, the bus of the STEP and the names of the buses. */
 static enum error_code gateway_check_config(const struct gateway_config *config,
                                             struct error *error)
 {
@@ -333,6 +360,7 @@ static enum error_code gateway_check_config(const struct gateway_config *config,
     return ERROR_NONE;
 }
 
+/* Creates the stop event and starts the thread. */
 static enum error_code gateway_start_thread(struct gateway *gateway, struct error *error)
 {
     int reason;
@@ -358,7 +386,11 @@ enum error_code gateway_start(const struct gateway_config *config, struct arena 
     if (code) {
         return code;
     }
-    code = gateway_listen(gateway, config->host ? config->host : "127.0.0.1", error);
+    if (!config->slcan_only) {
+        code = gateway_listen_at(config->host, config->port, &gateway->listener, &gateway->port,
+                                 error);
+    }
+    code = code ? code : gateway_slcan_start(gateway, error);
     if (code) {
         goto fail;
     }

@@ -6,6 +6,10 @@
  * opens the bus GATEWAY_ALL has every bus on one connection, and the name of the bus behind each
  * frame. docs/gateway.md is the manual.
  *
+ * Beside them stand slcan channels (canbus/slcan.h), each a pseudo-terminal or a TCP port in front
+ * of one bus, for programs that know serial adapters only. A terminal is there all the time: what
+ * would disconnect another client closes its channel.
+ *
  * One thread does all the work and owns the ports. Output that a client does not read waits in a
  * buffer of GATEWAY_OUTBOX bytes; a client that lets it fill up is disconnected, as is one that
  * sends GATEWAY_JUNK_MAX wrong commands or a command without an end, or that opens no bus. The bus
@@ -37,14 +41,15 @@ enum {
     GATEWAY_BUSES = 64,
     GATEWAY_CLIENTS = 32, /* two that have a connection for each of ten buses, and more */
     GATEWAY_OUTBOX = 256 * 1024,
-    GATEWAY_JUNK_MAX = 16
+    GATEWAY_JUNK_MAX = 16,
+    GATEWAY_SLCAN = 16, /* channels */
 };
 
 enum { GATEWAY_PORT = 29536 }; /* socketcand's */
 
 #define GATEWAY_ALL "all" /* the name by which a client opens every bus */
 
-/* How to tell STEP and DONE (canbus/lockstep.h). */
+/* How STEP and DONE are recognized (canbus/lockstep.h). */
 struct gateway_lockstep {
     bool on;
     size_t bus; /* that carries STEP; its DONE is sent last */
@@ -55,6 +60,15 @@ struct gateway_bus {
     const char *name;      /* as clients open it: at most SOCKETCAND_BUS_MAX characters */
     const char *alias;     /* another name for it, NULL = none */
     struct can_port *port; /* not owned; used by no other thread until the gateway is stopped */
+    int64_t bitrate, data_bitrate; /* bit/s; the second 0 without CAN FD */
+};
+
+/* An slcan channel: a pseudo-terminal that a link at path names, or a TCP port. */
+struct gateway_slcan {
+    const char *bus;  /* name or alias */
+    const char *path; /* NULL: TCP */
+    const char *host; /* numeric address; NULL = 127.0.0.1 */
+    uint16_t port;
 };
 
 struct gateway_config {
@@ -63,6 +77,9 @@ struct gateway_config {
     size_t nbus;                   /* at most GATEWAY_BUSES */
     const struct gateway_bus *bus; /* copied, the names not */
     struct gateway_lockstep lockstep;
+    size_t nslcan;                     /* at most GATEWAY_SLCAN */
+    const struct gateway_slcan *slcan; /* not copied */
+    bool slcan_only;                   /* no socketcand: host and port are without meaning */
     /* Looks at the ports every millisecond instead of sleeping on their descriptors: whoever sends
      * on a local bus, as a real-time loop, need not signal then */
     bool by_time;
@@ -90,20 +107,21 @@ struct gateway;
 enum error_code gateway_start(const struct gateway_config *config, struct arena *arena,
                               struct gateway **gateway, struct error *error);
 
-/* The port it listens on. */
+/* Returns the TCP port that it listens on; 0 with slcan_only. */
 uint16_t gateway_port(const struct gateway *gateway);
 
 /* With hold_done: passes on what a STEP has brought, and its DONE. From any thread; RT-safe. */
 void gateway_release_done(struct gateway *gateway);
 
-/* How many DONE frames of the lockstep bus have been taken for the clients, with all that belongs
- * before them: what comes on a bus from now on stands behind them. From any thread; RT-safe. */
+/* Returns how many DONE frames of the lockstep bus have been queued for the clients, each behind
+ * all that belongs before it: what comes on a bus from now on stands behind them. From any
+ * thread; RT-safe. */
 uint64_t gateway_done_count(const struct gateway *gateway);
 
 /* Ends the thread and all connections. NULL is allowed. */
 void gateway_stop(struct gateway *gateway);
 
-/* After gateway_stop. */
+/* Copies the counters; only after gateway_stop. */
 void gateway_counters(const struct gateway *gateway, struct gateway_counters *counters);
 
 #endif

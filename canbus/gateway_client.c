@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The clients of the gateway: their connections, and what is sent and received on them. */
+/* Accepts and closes the clients of the gateway, sends to them and receives from them. */
 #include "canbus/gateway_private.h"
 
 #include <errno.h>
@@ -11,8 +11,8 @@
 #include <unistd.h>
 
 enum {
-    OPEN_MS = 10000, /* a client that has no bus by then is disconnected */
-    YIELD_MS = 1000, /* and after this when another one wants its place */
+    OPEN_MS = 10000, /* a client that has opened no bus by then is disconnected */
+    YIELD_MS = 1000, /* the same, when another client needs its place */
 };
 
 int64_t gateway_now_ms(void)
@@ -27,7 +27,9 @@ int64_t gateway_now_ms(void)
 
 void gateway_close_client(struct gateway_client *client)
 {
-    if (client->socket >= 0) {
+    if (client->is_terminal) {
+        gateway_slcan_reset(client);
+    } else if (client->socket >= 0) {
         close(client->socket);
         client->socket = -1;
     }
@@ -36,8 +38,9 @@ void gateway_close_client(struct gateway_client *client)
 void gateway_flush_client(struct gateway_client *client)
 {
     while (client->socket >= 0 && client->waiting > 0) {
-        ssize_t sent =
-            send(client->socket, client->outbox, client->waiting, MSG_NOSIGNAL | MSG_DONTWAIT);
+        ssize_t sent = client->is_terminal ? write(client->socket, client->outbox, client->waiting)
+                                           : send(client->socket, client->outbox, client->waiting,
+                                                  MSG_NOSIGNAL | MSG_DONTWAIT);
 
         if (sent < 0 && errno == EINTR) {
             continue;
@@ -70,6 +73,7 @@ void gateway_queue_text(struct gateway *gateway, struct gateway_client *client, 
     if (client->socket < 0) {
         return;
     }
+    /* A full outbox is flushed; a client that still does not read is disconnected */
     if (client->waiting + length > GATEWAY_OUTBOX) {
         gateway_flush_client(client);
     }
@@ -81,7 +85,8 @@ void gateway_queue_text(struct gateway *gateway, struct gateway_client *client, 
     client->waiting += length;
 }
 
-/* Whether a client is to receive a frame: those who have every bus get one DONE, the last one. */
+/* Checks whether a client receives a frame of a bus. Clients of every bus get a single DONE, the
+ * one of the STEP's bus. */
 static bool gateway_client_hears(const struct gateway *gateway, const struct gateway_client *client,
                                  size_t bus, const struct bus_frame *frame)
 {
@@ -93,10 +98,24 @@ static bool gateway_client_hears(const struct gateway *gateway, const struct gat
                : client->bus == bus;
 }
 
+/* Queues a frame as slcan text; frames that slcan cannot express are left out. */
+static void gateway_forward_slcan(struct gateway *gateway, struct gateway_client *client,
+                                  const struct bus_frame *frame)
+{
+    char text[SLCAN_TEXT_MAX];
+    size_t length = gateway_slcan_format(client, frame, text);
+
+    if (length > 0) {
+        gateway_queue_text(gateway, client, text, length);
+        gateway->counters.to_client++;
+    }
+}
+
 void gateway_forward_frame(struct gateway *gateway, size_t bus, const struct bus_frame *frame,
                            const struct gateway_client *from)
 {
-    /* Without and with the name of the bus */
+    /* The text without [0] and with [1] the name of the bus, formatted once and only when a
+     * client needs it */
     char text[2][SOCKETCAND_TEXT_MAX];
     size_t length[2] = {0, 0};
 
@@ -104,7 +123,12 @@ void gateway_forward_frame(struct gateway *gateway, size_t bus, const struct bus
         struct gateway_client *client = &gateway->client[i];
         const bool named = client->bus == GATEWAY_EVERY_BUS;
 
+        /* The sender does not hear its own frame */
         if (client == from || !gateway_client_hears(gateway, client, bus, frame)) {
+            continue;
+        }
+        if (client->is_slcan) {
+            gateway_forward_slcan(gateway, client, frame);
             continue;
         }
         if (length[named] == 0) {
@@ -123,13 +147,17 @@ void gateway_forward_frame(struct gateway *gateway, size_t bus, const struct bus
 void gateway_read_client(struct gateway *gateway, struct gateway_client *client)
 {
     const size_t room = sizeof client->inbox - client->received;
-    ssize_t count =
-        room ? recv(client->socket, client->inbox + client->received, room, MSG_DONTWAIT) : 0;
+    char *to = client->inbox + client->received;
+    ssize_t count = !room                 ? 0
+                    : client->is_terminal ? read(client->socket, to, room)
+                                          : recv(client->socket, to, room, MSG_DONTWAIT);
     int one = 1;
 
     if (count > 0) {
         /* Acknowledges at once: the client's system may keep its next command back until then */
-        setsockopt(client->socket, IPPROTO_TCP, TCP_QUICKACK, &one, sizeof one);
+        if (!client->is_terminal) {
+            setsockopt(client->socket, IPPROTO_TCP, TCP_QUICKACK, &one, sizeof one);
+        }
         client->received += (size_t)count;
         gateway_execute_inbox(gateway, client);
     } else if (count == 0 || (errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR)) {
@@ -163,7 +191,8 @@ void gateway_close_silent(struct gateway *gateway)
     }
 }
 
-/* A free place, or that of the client that has been silent for longest; NULL = there is none. */
+/* Returns a free place, or disconnects the client that has been without a bus for longest and
+ * returns its place; NULL = none. */
 static struct gateway_client *gateway_find_place(struct gateway *gateway)
 {
     struct gateway_client *oldest = NULL;
@@ -186,24 +215,35 @@ static struct gateway_client *gateway_find_place(struct gateway *gateway)
     return oldest;
 }
 
-void gateway_accept_clients(struct gateway *gateway)
+void gateway_accept_clients(struct gateway *gateway, int listener, int slcan)
 {
     static const char full[] = "< error all places are taken >";
     int one = 1, socket;
 
-    while ((socket = accept4(gateway->listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC)) >= 0) {
+    while ((socket = accept4(listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC)) >= 0) {
         struct gateway_client *client = gateway_find_place(gateway);
 
+        /* No place: an slcan client cannot be told why */
         if (!client) {
             gateway->counters.refused++;
-            (void)!send(socket, full, sizeof full - 1, MSG_NOSIGNAL | MSG_DONTWAIT);
+            if (slcan < 0) {
+                (void)!send(socket, full, sizeof full - 1, MSG_NOSIGNAL | MSG_DONTWAIT);
+            }
             close(socket);
             continue;
         }
+        /* Small messages go out at once; a socketcand client is greeted, an slcan client has its
+         * bus already */
         setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
         *client = (struct gateway_client){
             .socket = socket, .outbox = client->outbox, .since_ms = gateway_now_ms()};
         gateway->counters.clients++;
-        gateway_queue_text(gateway, client, "< hi >", strlen("< hi >"));
+        if (slcan < 0) {
+            gateway_queue_text(gateway, client, "< hi >", strlen("< hi >"));
+        } else {
+            client->is_slcan = true;
+            client->mode = CLIENT_BCM;
+            client->bus = gateway->slcan_bus[slcan];
+        }
     }
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What clients of the gateway ask for: commands, frames onto the buses, and STEP last. */
+/* Executes what clients of the gateway ask for: commands, frames onto the buses, and STEP last. */
 #include "canbus/gateway_private.h"
 
 #include "canbus/lockstep.h"
@@ -21,11 +21,12 @@ enum {
 
 /* ---- frames ---- */
 
+/* Checks whether a frame is the STEP of lockstep. */
 bool gateway_is_step(const struct gateway *gateway, size_t bus, const struct bus_frame *frame)
 {
     const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
 
-    /* Of another length it is refused without a DONE */
+    /* A STEP of another length is refused by the simulator without a DONE */
     return lockstep->on && bus == lockstep->bus && frame->len == LOCKSTEP_LENGTH &&
            frame->id == lockstep->step_id && !(frame->flags & (FRAME_EXTENDED | FRAME_REMOTE));
 }
@@ -38,15 +39,15 @@ bool gateway_is_done(const struct gateway *gateway, const struct bus_frame *fram
            !(frame->flags & (FRAME_EXTENDED | FRAME_ERROR));
 }
 
+/* Queues an answer for a client. */
 static void gateway_answer_client(struct gateway *gateway, struct gateway_client *client,
                                   const char *text)
 {
     gateway_queue_text(gateway, client, text, strlen(text));
 }
 
-/* Whether the bus has taken it. */
-static bool gateway_send_frame(struct gateway *gateway, struct gateway_client *client, size_t bus,
-                               const struct bus_frame *request)
+bool gateway_send_frame(struct gateway *gateway, struct gateway_client *client, size_t bus,
+                        const struct bus_frame *request)
 {
     struct bus_frame frame = *request;
 
@@ -54,7 +55,9 @@ static bool gateway_send_frame(struct gateway *gateway, struct gateway_client *c
     if (can_send(gateway->config.bus[bus].port, &frame, 1) != 1) {
         /* A full queue is no fault of the client: it does not count as junk */
         gateway->counters.not_taken++;
-        gateway_answer_client(gateway, client, "< error the bus refuses the frame >");
+        if (!client->is_slcan) {
+            gateway_answer_client(gateway, client, "< error the bus refuses the frame >");
+        }
         return false;
     }
     gateway->counters.to_bus++;
@@ -64,7 +67,7 @@ static bool gateway_send_frame(struct gateway *gateway, struct gateway_client *c
 
 /* ---- commands ---- */
 
-static bool gateway_find_bus(const struct gateway *gateway, const char *name, size_t *bus)
+bool gateway_find_bus(const struct gateway *gateway, const char *name, size_t *bus)
 {
     for (size_t i = 0; i < gateway->config.nbus; i++) {
         const struct gateway_bus *entry = &gateway->config.bus[i];
@@ -77,7 +80,7 @@ static bool gateway_find_bus(const struct gateway *gateway, const char *name, si
     return false;
 }
 
-/* Answers a wrong command; a client that sends too many of them is disconnected. */
+/* Answers a wrong command with an error; a client that sends too many of them is disconnected. */
 static void gateway_reject_command(struct gateway *gateway, struct gateway_client *client,
                                    const char *text)
 {
@@ -89,6 +92,7 @@ static void gateway_reject_command(struct gateway *gateway, struct gateway_clien
     }
 }
 
+/* Opens the bus that a client names, or every bus; a client opens once. */
 static void gateway_open_bus(struct gateway *gateway, struct gateway_client *client,
                              const char *name)
 {
@@ -105,7 +109,8 @@ static void gateway_open_bus(struct gateway *gateway, struct gateway_client *cli
     }
 }
 
-/* Sends a client's frame to the bus that it names or has; a STEP is kept until its turn comes. */
+/* Sends a client's frame to the bus that it names or has opened; a STEP is kept until its turn
+ * comes. */
 static void gateway_take_frame(struct gateway *gateway, struct gateway_client *client,
                                const struct socketcand_request *request)
 {
@@ -129,15 +134,16 @@ static void gateway_take_frame(struct gateway *gateway, struct gateway_client *c
     gateway_send_frame(gateway, client, bus, &request->frame);
 }
 
+/* Executes one command of a client, "< ... >". */
 static void gateway_execute_command(struct gateway *gateway, struct gateway_client *client,
                                     const char *text, size_t size)
 {
     struct socketcand_request request;
 
-    /* Who goes on has read the last "ok" */
+    /* A client that sends more has read the last "ok": frames may go out again */
     client->quiet_until_ms = 0;
 
-    /* Before a bus is open nothing but open and echo makes sense */
+    /* Before a bus is open only open and echo make sense */
     socketcand_parse(text, size, &request);
     if (client->mode == CLIENT_NO_BUS && request.command != SOCKETCAND_OPEN &&
         request.command != SOCKETCAND_ECHO) {
@@ -180,6 +186,11 @@ void gateway_execute_inbox(struct gateway *gateway, struct gateway_client *clien
     size_t at = 0;
     bool complete = true;
 
+    if (client->is_slcan) {
+        gateway_slcan_execute_inbox(gateway, client);
+        return;
+    }
+    /* Commands run one by one, up to a STEP; text between commands is skipped */
     while (client->socket >= 0 && !client->step_waits && !gateway_step_runs(gateway)) {
         const char *begin = memchr(client->inbox + at, '<', client->received - at), *end;
 
@@ -209,8 +220,9 @@ void gateway_execute_inbox(struct gateway *gateway, struct gateway_client *clien
 /* ---- STEP ---- */
 
 /* Reads every client until none has sent anything more, or its next command is a STEP. Reading
- * acknowledges, which makes a client's system send what Nagle's algorithm keeps back: so it is
- * asked again until nothing has come. Whoever never ends is read for a bounded time. */
+ * acknowledges, which makes a client's system send what Nagle's algorithm keeps back; therefore
+ * it asks again until nothing has come. A client that never stops sending is read DRAIN_ROUNDS
+ * times. */
 static void gateway_drain_clients(struct gateway *gateway)
 {
     struct pollfd fd[GATEWAY_CLIENTS];
@@ -235,14 +247,16 @@ static void gateway_drain_clients(struct gateway *gateway)
     }
 }
 
+/* Checks whether a client must read first: more than half its outbox waits, and a STEP waits for
+ * it. */
 bool gateway_is_behind(const struct gateway_client *client)
 {
     return client->socket >= 0 && client->mode == CLIENT_RAW &&
            client->waiting > GATEWAY_OUTBOX / 2;
 }
 
-/* Whether all clients have read most of what they were sent; who keeps a STEP waiting for too long
- * is disconnected. */
+/* Checks whether all clients have read most of what they were sent; a client that keeps a STEP
+ * waiting for too long is disconnected. */
 static bool gateway_clients_keep_up(struct gateway *gateway)
 {
     const int64_t now_ms = gateway_now_ms();

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Queries by rtnetlink, control by libsocketcan. */
+/* Queries CAN interfaces by rtnetlink and controls them by libsocketcan. */
 #include "canbus/interface.h"
 
 #include <errno.h>
@@ -14,9 +14,11 @@
 
 enum { BITRATE_MAX = 1000000, RESTART_MS_MAX = 3600000 };
 
+/* Part of the bit rate by which a controller may miss the wanted one. */
 static const double BITRATE_TOLERANCE = 0.005;
 
-/* A controller has at least eight time quanta a bit: it comes within one of them. */
+/* Part of a bit. A controller has at least eight time quanta a bit, so it comes within half of
+ * one. */
 static const double SAMPLE_POINT_TOLERANCE = 0.0625;
 
 enum interface_kind interface_kind(const struct link_info *info)
@@ -77,6 +79,7 @@ bool interface_port_state(const struct link_info *info, enum can_port_state *sta
     return true;
 }
 
+/* Asks the kernel about an interface; ERROR_INPUT when there is none of that name. */
 static enum error_code interface_query(void *context, const char *name, struct link_info *info,
                                        struct error *error)
 {
@@ -97,6 +100,7 @@ static enum error_code interface_query(void *context, const char *name, struct l
                : ERROR_NONE;
 }
 
+/* Checks whether this process has CAP_NET_ADMIN. */
 static bool interface_may_administer(void)
 {
     struct __user_cap_header_struct header = {.version = _LINUX_CAPABILITY_VERSION_3};
@@ -106,7 +110,7 @@ static bool interface_may_administer(void)
            (data[CAP_TO_INDEX(CAP_NET_ADMIN)].effective & CAP_TO_MASK(CAP_NET_ADMIN));
 }
 
-/* Checks whether libsocketcan can be called at all, as it would only print why not. */
+/* Checks first what would make libsocketcan fail, since the library only prints why. */
 static enum error_code interface_check_controller(const char *name, struct link_info *info,
                                                   struct error *error)
 {
@@ -127,6 +131,7 @@ static enum error_code interface_check_controller(const char *name, struct link_
     return ERROR_NONE;
 }
 
+/* Checks the ranges of bit rate, sample point and restart time. */
 static enum error_code interface_check_settings(const char *name,
                                                 const struct interface_settings *settings,
                                                 struct error *error)
@@ -173,7 +178,8 @@ enum error_code interface_stop(const char *name, struct error *error)
     return code ? code : interface_check_result(can_do_stop(name), name, "stop", error);
 }
 
-/* Sets a controller that is stopped. */
+/* Sets bit rate and restart time of a stopped controller, and checks what the driver made of
+ * them. */
 static enum error_code interface_apply_settings(const char *name,
                                                 const struct interface_settings *settings,
                                                 struct error *error)
@@ -197,7 +203,7 @@ static enum error_code interface_apply_settings(const char *name,
         return code;
     }
 
-    /* The driver takes the nearest that its clock allows, which may be far */
+    /* The driver takes the nearest bit rate that its clock allows, which may be far off */
     code = interface_query(NULL, name, &info, error);
     if (code) {
         return code;
@@ -213,6 +219,8 @@ static enum error_code interface_apply_settings(const char *name,
     return ERROR_NONE;
 }
 
+/* Stops a controller, sets it, and starts it again; when that is refused its former settings
+ * come back. */
 static enum error_code interface_configure(void *context, const char *name,
                                            const struct interface_settings *settings,
                                            struct error *error)
@@ -240,7 +248,7 @@ static enum error_code interface_configure(void *context, const char *name,
         return interface_start(name, error);
     }
 
-    /* Refused: back to what it was, as somebody else may be on the bus with it */
+    /* Refused: restores the former settings, as other programs may use this interface */
     if (before.controller.timing.bitrate) {
         can_set_bittiming(name, &before.controller.timing);
         can_set_restart_ms(name, before.controller.restart_ms);
@@ -251,6 +259,7 @@ static enum error_code interface_configure(void *context, const char *name,
     return code;
 }
 
+/* Restarts a controller that is bus-off; any other state is an error. */
 static enum error_code interface_restart(void *context, const char *name, struct error *error)
 {
     struct link_info info;

@@ -49,19 +49,20 @@ extern const struct interface_ops interface_kernel;
 
 enum interface_kind interface_kind(const struct link_info *info);
 
-/* Whether a controller's bit rate is near enough (0.5 %) to another to communicate at it. */
+/* Checks whether a controller's bit rate is near enough (0.5 %) to another to communicate at it. */
 bool interface_bitrate_fits(uint32_t actual, int64_t wanted);
 
-/* Whether a controller is set as the settings say. */
+/* Checks whether a controller is set as the settings say. */
 bool interface_is_set(const struct link_info *info, const struct interface_settings *settings);
 
-/* "error active", ... */
+/* Returns the name of a state: "error active", ... */
 const char *interface_state_name(enum can_state state);
 
-/* The state of a port on an interface; false when its controller does not run, and has none. */
+/* Translates a controller's state into that of a port; false = the controller does not run and
+ * has none. */
 bool interface_port_state(const struct link_info *info, enum can_port_state *state);
 
-/* Puts a controller on the bus and takes it off; no effect when it is there already. */
+/* Put a controller on the bus and take it off; no effect when it is there already. */
 enum error_code interface_start(const char *name, struct error *error);
 enum error_code interface_stop(const char *name, struct error *error);
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* One RTM_GETLINK request and its answer. */
+/* Sends one RTM_GETLINK request to the kernel and parses its answer. */
 #include "canbus/link.h"
 
 #include <errno.h>
@@ -23,12 +23,13 @@ int link_open(void)
     return socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, NETLINK_ROUTE);
 }
 
-/* As RTA_DATA and RTA_NEXT, which cast constness away. */
+/* Returns the payload of an attribute, as RTA_DATA, which casts constness away. */
 static const void *link_attribute_data(const struct rtattr *attribute)
 {
     return (const char *)attribute + RTA_LENGTH(0);
 }
 
+/* Returns the next attribute and shortens the rest, as RTA_NEXT, which casts constness away. */
 static const struct rtattr *link_next_attribute(const struct rtattr *attribute, int *rest)
 {
     const int length = RTA_ALIGN(attribute->rta_len);
@@ -37,7 +38,7 @@ static const struct rtattr *link_next_attribute(const struct rtattr *attribute, 
     return (const void *)((const char *)attribute + length);
 }
 
-/* Copies an attribute of a fixed size; one of another size is not what we know and is left out. */
+/* Copies an attribute of a fixed size; false = it is shorter and nothing was copied. */
 static bool link_copy_attribute(const struct rtattr *attribute, void *to, size_t size)
 {
     if (RTA_PAYLOAD(attribute) < size) {
@@ -47,7 +48,7 @@ static bool link_copy_attribute(const struct rtattr *attribute, void *to, size_t
     return true;
 }
 
-/* The type without the flag that newer kernels put on nested attributes. */
+/* Returns the type of an attribute without the flag that newer kernels put on nested ones. */
 static int link_attribute_type(const struct rtattr *attribute)
 {
     return attribute->rta_type & NLA_TYPE_MASK;
@@ -61,7 +62,7 @@ static void link_parse_controller(const struct rtattr *data, struct link_control
 
     for (const struct rtattr *a = link_attribute_data(data); RTA_OK(a, rest);
          a = link_next_attribute(a, &rest)) {
-        /* A controller says only what its driver knows */
+        /* A driver reports only the values that it has */
         switch (link_attribute_type(a)) {
         case IFLA_CAN_STATE:
             if (link_copy_attribute(a, &state, sizeof state) && state < CAN_STATE_MAX) {
@@ -93,7 +94,8 @@ static void link_parse_controller(const struct rtattr *data, struct link_control
     }
 }
 
-/* Parses the kind of the interface, which comes first, and what its kind makes of the rest. */
+/* Parses the kind of the interface, which comes first, and, of a CAN controller, its data and
+ * statistics. */
 static void link_parse_kind(const struct rtattr *info, struct link_info *link)
 {
     int rest = (int)RTA_PAYLOAD(info);
@@ -121,12 +123,12 @@ int link_parse(const void *answer, size_t size, struct link_info *info)
     struct ifinfomsg link;
     int rest;
 
-    /* A message whose length is that of the answer at most */
+    /* The message must lie within the answer */
     if (size < sizeof *header || header->nlmsg_len < sizeof *header || header->nlmsg_len > size) {
         return EPROTO;
     }
 
-    /* An error of the kernel */
+    /* The kernel may answer with an error code */
     if (header->nlmsg_type == NLMSG_ERROR) {
         struct nlmsgerr failure;
 
@@ -181,6 +183,7 @@ int link_query(int descriptor, const char *name, struct link_info *info)
     if (!length || length == IFNAMSIZ) {
         return ENODEV;
     }
+    /* A request with one attribute, the name */
     memcpy(request.name, name, length);
     request.name_header.rta_len = (uint16_t)RTA_LENGTH(length + 1);
     request.header.nlmsg_len =

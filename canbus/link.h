@@ -36,16 +36,17 @@ struct link_info {
     struct link_controller controller;
 };
 
-/* A descriptor for link_query, or -1 with errno. Not RT-safe. */
+/* Opens a descriptor for link_query; -1 with errno on failure. Not RT-safe. */
 int link_open(void);
 
-/* Asks for the interface of a name (shorter than IFNAMSIZ). 0, or an errno: ENODEV when there is
- * none. One send and one receive that wait for the kernel's interface lock only; no allocation.
- * Not RT-safe: the lock is held for as long as somebody sets up an interface. */
+/* Asks the kernel for the interface of a name (shorter than IFNAMSIZ). Returns 0 or an errno:
+ * ENODEV when there is none. One send and one receive, which wait for the kernel's interface
+ * lock only; no allocation. Not RT-safe: the lock is held for as long as another process sets up
+ * an interface. */
 int link_query(int descriptor, const char *name, struct link_info *info);
 
-/* Parses an answer of size bytes, aligned to 4, and trusts none of its lengths. 0, or an errno.
- * RT-safe. */
+/* Parses an answer of size bytes, aligned to 4, and trusts none of its lengths. Returns 0 or an
+ * errno. RT-safe. */
 int link_parse(const void *answer, size_t size, struct link_info *info);
 
 #endif

@@ -13,7 +13,8 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-/* Whether a node's filters let a frame pass. */
+/* Checks whether a node's filters let a frame pass; without filters, and for error frames, all
+ * do. */
 static bool local_node_accepts(const struct local_node *node, const struct bus_frame *frame)
 {
     const bool extended = frame->flags & FRAME_EXTENDED;
@@ -31,6 +32,7 @@ static bool local_node_accepts(const struct local_node *node, const struct bus_f
     return false;
 }
 
+/* Makes an event descriptor readable. */
 static void local_raise_event(int event)
 {
     const uint64_t one = 1;
@@ -42,6 +44,7 @@ static void local_raise_event(int event)
     } while (written < 0 && errno == EINTR);
 }
 
+/* Makes an event descriptor unreadable until it is raised again. */
 static void local_clear_event(int event)
 {
     uint64_t count;
@@ -74,9 +77,9 @@ bool local_put_frame(const struct local_bus *bus, size_t receiver, size_t sender
     return true;
 }
 
-/* Signals a node that frames are there. Both sides change `signal` by read-modify-write, which are
- * in one order: either the node sees our frames, or we see that it had found nothing and wake
- * it. */
+/* Signals a node that frames have arrived. Both sides change `signal` by read-modify-write
+ * operations, which have one order: either the node sees the frames, or this side sees that the
+ * node had found nothing, and wakes it. */
 static void local_signal_node(struct local_node *node)
 {
     uint32_t before = atomic_fetch_or_explicit(&node->signal, SIGNAL_RAISED, memory_order_acq_rel);
@@ -113,6 +116,8 @@ static void local_send_ideal(struct local_node *sender, const struct bus_frame *
     }
 }
 
+/* Sends frames to all other nodes at once, or through the wire in wire mode; returns how many
+ * were accepted. */
 static size_t local_send(struct can_port *port, const struct bus_frame *frames, size_t count)
 {
     struct local_node *sender = local_node_of_port(port);
@@ -140,9 +145,9 @@ static size_t local_send(struct can_port *port, const struct bus_frame *frames, 
     return accepted;
 }
 
-/* Of a node's lanes the one whose oldest frame comes first in the order of the bus, NULL when all
- * are empty. Of its frames `count` were there, and those with a number below `limit` come before
- * every other lane's. */
+/* Returns the lane of a node whose oldest frame comes first in the order of the bus, NULL when
+ * all are empty. `count` is how many frames it holds; those with a number below `limit` come
+ * before every other lane's. */
 static struct local_lane *local_first_lane(const struct local_node *node, uint32_t *count,
                                            uint64_t *limit)
 {
@@ -172,6 +177,7 @@ static struct local_lane *local_first_lane(const struct local_node *node, uint32
     return first;
 }
 
+/* Adds frames that full lanes have dropped since the last call to the port's counters. */
 static void local_count_inbox_drops(struct local_node *node)
 {
     for (size_t from = 0; from < node->bus->places; from++) {
@@ -183,7 +189,8 @@ static void local_count_inbox_drops(struct local_node *node)
     }
 }
 
-/* Merges the frames of a node's lanes in the order of the bus; returns how many, at most max. */
+/* Merges the frames of a node's lanes in the order of the bus; returns how many were taken, at
+ * most max. */
 static size_t local_take_frames(struct local_node *node, struct bus_frame *frames, size_t max)
 {
     struct local_lane *lane;
@@ -194,9 +201,11 @@ static size_t local_take_frames(struct local_node *node, struct bus_frame *frame
     while (taken < max && (lane = local_first_lane(node, &count, &limit))) {
         const struct local_frame *entry = ring_front(&lane->ring);
 
+        /* Take as many from this lane as come before every other lane's */
         do {
             frames[taken] = entry->frame;
-            frames[taken].node = 0; /* the sender's; who passes the frame on is another */
+            /* the sender's controller; the receiver may pass the frame on under its own */
+            frames[taken].node = 0;
             ring_drop(&lane->ring);
             port_count_received(&node->port, &frames[taken]);
             taken++;
@@ -206,6 +215,7 @@ static size_t local_take_frames(struct local_node *node, struct bus_frame *frame
     return taken;
 }
 
+/* Receives up to max frames; lowers the node's signal once its inbox is empty. */
 static size_t local_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
     struct local_node *node = local_node_of_port(port);
@@ -230,6 +240,7 @@ static size_t local_receive(struct can_port *port, struct bus_frame *frames, siz
     return count;
 }
 
+/* Returns the event descriptor; from now on the node is woken when frames arrive. */
 static int local_descriptor(const struct can_port *port)
 {
     struct local_node *node = local_node_of_port(port);
@@ -241,7 +252,8 @@ static int local_descriptor(const struct can_port *port)
     return node->event;
 }
 
-/* The descriptor stays open until the bus goes, as a sender may be about to write to it. */
+/* Closes a port. Its descriptor stays open until the bus is destroyed, as a sender may be about
+ * to write to it. */
 static void local_close(struct can_port *port)
 {
     struct local_node *node = local_node_of_port(port);
@@ -260,7 +272,7 @@ static const struct can_port_ops local_ops = {
     .close = local_close,
 };
 
-/* Gives the lanes between different places their slots. */
+/* Allocates the ring of frames of each ordered pair of different places. */
 static bool local_create_lanes(struct local_bus *bus, size_t inbox, struct arena *arena)
 {
     const size_t lanes = bus->places * bus->places;
@@ -284,6 +296,7 @@ static bool local_create_lanes(struct local_bus *bus, size_t inbox, struct arena
     return true;
 }
 
+/* Checks the numbers of nodes and bypassed identifiers, and that the inbox is a power of two. */
 static enum error_code local_check_config(const struct local_bus_config *config,
                                           struct error *error)
 {
@@ -343,7 +356,7 @@ enum error_code local_bus_create(const struct local_bus_config *config, struct a
     return ERROR_NONE;
 }
 
-/* With the mutex held: fills in the next node and publishes it. */
+/* Fills in the next node and publishes it to senders. The caller holds the mutex. */
 static enum error_code local_add_node(struct local_bus *bus, size_t controllers,
                                       const struct frame_filter *filter, size_t nfilter,
                                       struct can_port **port, struct error *error)
@@ -381,7 +394,7 @@ static enum error_code local_add_node(struct local_bus *bus, size_t controllers,
         node->filter[i] = filter[i];
     }
 
-    /* From now on it is sent to */
+    /* Publish it: from now on senders put frames into its lanes */
     atomic_store_explicit(&node->open, true, memory_order_relaxed);
     atomic_store_explicit(&bus->count, index + 1, memory_order_release);
     atomic_fetch_or_explicit(&bus->plugged, node->controller_mask, memory_order_release);

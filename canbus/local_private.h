@@ -29,11 +29,11 @@ enum {
     SIGNAL_RAISED = 2, /* frames were put in since the node last found nothing */
 };
 
-/* From one sender to one receiver. */
+/* The frames on their way from one sender to one receiver. */
 struct local_lane {
     struct ring ring;         /* of frames */
     _Atomic uint64_t dropped; /* the sender's count of what the full ring refused */
-    uint64_t dropped_seen;    /* the receiver's: what it has counted of that */
+    uint64_t dropped_seen;    /* how many of these the receiver has counted */
 };
 
 struct local_node {
@@ -51,7 +51,7 @@ struct local_node {
     uint64_t controller_mask;
     enum wire_state shown;         /* the state last reported to the port */
     _Atomic uint64_t wire_dropped; /* the wire's count of what it lost of accepted frames */
-    uint64_t wire_dropped_seen;    /* the port's: what it has counted of that */
+    uint64_t wire_dropped_seen;    /* how many of these the port has counted */
     uint64_t wire_dropped_told;    /* of what the wire's statistics say, what was added there */
 };
 
@@ -69,9 +69,9 @@ struct local_bus {
     struct wire *wire;
     size_t controllers;       /* given out */
     _Atomic uint64_t plugged; /* controllers whose port is open */
-    uint64_t plugged_seen;    /* what the wire knows of that */
+    uint64_t plugged_seen;    /* the ones that the wire has seen so far */
     enum wire_state *state;   /* of each controller */
-    uint64_t dropped_seen;    /* of the wire's drops, what was handed on to the ports */
+    uint64_t dropped_seen;    /* the wire's drops that have been passed on to the ports */
     uint64_t reached[LOCAL_NODES_MAX / 64]; /* ports that received something in this advance */
     void (*tap)(void *context, const struct bus_frame *frame);
     void *tap_context;
@@ -88,13 +88,14 @@ static inline struct local_node *local_node_of_port(const struct can_port *port)
     return container_of(port, struct local_node, port);
 }
 
-/* Of local.c: puts a frame from a place into the inbox of a node; false when the node's filters do
- * not let it pass. Signals the nodes that are marked in reached that frames are there. */
+/* local.c: puts a frame from a place into the inbox of a node, false = the node's filters do not
+ * let it pass; signals the nodes marked in `reached` that frames are there. */
 bool local_put_frame(const struct local_bus *bus, size_t receiver, size_t sender, uint64_t number,
                      const struct bus_frame *frame);
 void local_signal_nodes(const struct local_bus *bus, const uint64_t reached[LOCAL_NODES_MAX / 64]);
 
-/* Of local_wire.c: whether a frame is no traffic of the robot and takes no time. */
+/* local_wire.c: checks whether a frame is no traffic of the robot (STEP, DONE, errors) and takes
+ * no time. */
 bool local_bypasses_wire(const struct local_bus *bus, const struct bus_frame *frame);
 
 /* Puts a frame into the ring that the wire reads; false when that is full, or when frame->node is
@@ -106,8 +107,8 @@ void local_count_wire_dropped(struct local_node *node);
 
 enum error_code local_wire_create(struct local_bus *bus, struct arena *arena, struct error *error);
 
-/* With the bus's mutex held: gives the node the next controllers of the wire, where there is
- * one. */
+/* Gives a node the next controllers of the wire, if the bus has one. The caller holds the bus's
+ * mutex. */
 enum error_code local_wire_join(struct local_bus *bus, struct local_node *node, size_t count,
                                 struct error *error);
 

@@ -11,7 +11,7 @@
 enum { SAVED_FRAMES_MAX = 2048, CONTROLLERS_MAX = 64 };
 
 struct local_save {
-    /* What the bus knows of the wire's controllers */
+    /* Copies of what the bus has last seen of the wire's controllers */
     uint64_t plugged_seen, dropped_seen;
     enum wire_state state[CONTROLLERS_MAX];
 
@@ -26,11 +26,13 @@ struct local_saved_node {
     uint64_t wire_dropped_told;
 };
 
+/* Returns the array of nodes behind the saved frames. */
 static struct local_saved_node *local_saved_nodes(const struct local_save *save)
 {
     return (struct local_saved_node *)(uintptr_t)(save + 1);
 }
 
+/* Returns the array of frames per lane, behind the nodes. */
 static uint64_t *local_saved_counts(const struct local_bus *bus, const struct local_save *save)
 {
     return (uint64_t *)(uintptr_t)(local_saved_nodes(save) + bus->config.max_nodes);
@@ -42,7 +44,8 @@ size_t local_bus_save_size(const struct local_bus *bus)
            bus->places * bus->places * sizeof(uint64_t);
 }
 
-/* Whether writer and reader of a lane are the calling thread. The wire's place is the last. */
+/* Checks whether writer and reader of a lane are both the calling thread: nodes below `own`, or
+ * the wire, whose place is the last. */
 static bool local_lane_is_own(const struct local_bus *bus, size_t own, size_t to, size_t from)
 {
     size_t wire = bus->config.max_nodes;
@@ -50,6 +53,7 @@ static bool local_lane_is_own(const struct local_bus *bus, size_t own, size_t to
     return to != from && (to < own || to == wire) && (from < own || from == wire);
 }
 
+/* Copies the frames of a lane without removing them; false when there is no room for them. */
 static bool local_save_lane(const struct local_lane *lane, struct local_save *save, uint64_t *count)
 {
     uint32_t tail = atomic_load_explicit(&lane->ring.tail, memory_order_relaxed);
@@ -72,12 +76,14 @@ bool local_bus_save(const struct local_bus *bus, size_t own, void *memory)
     struct local_save *save = memory;
     uint64_t *count = local_saved_counts(bus, save);
 
+    /* What the bus has seen of the wire */
     save->count = 0;
     save->plugged_seen = bus->plugged_seen;
     save->dropped_seen = bus->dropped_seen;
     if (bus->wire) {
         memcpy(save->state, bus->state, bus->config.wire_nodes * sizeof *bus->state);
     }
+    /* The nodes */
     for (size_t n = 0; n < bus->config.max_nodes; n++) {
         const struct local_node *node = &bus->nodes[n];
 
@@ -86,6 +92,7 @@ bool local_bus_save(const struct local_bus *bus, size_t own, void *memory)
                                       .shown = node->shown,
                                       .wire_dropped_told = node->wire_dropped_told};
     }
+    /* The frames in the lanes of the calling thread */
     for (size_t i = 0; i < bus->places * bus->places; i++) {
         if (local_lane_is_own(bus, own, i / bus->places, i % bus->places) &&
             !local_save_lane(&bus->lanes[i], save, &count[i])) {
@@ -101,14 +108,14 @@ void local_bus_restore(struct local_bus *bus, size_t own, const void *memory)
     const uint64_t *count = local_saved_counts(bus, save);
     const struct local_frame *entry = save->entry;
 
-    /* What the bus knows of the wire */
+    /* What the bus has seen of the wire */
     bus->plugged_seen = save->plugged_seen;
     bus->dropped_seen = save->dropped_seen;
     if (bus->wire) {
         memcpy(bus->state, save->state, bus->config.wire_nodes * sizeof *bus->state);
     }
 
-    /* The nodes; counters go on, and of others' ports the states */
+    /* The nodes; counters go on counting, and ports of other threads keep their state */
     for (size_t n = 0; n < bus->config.max_nodes; n++) {
         const struct local_saved_node *kept = &local_saved_nodes(save)[n];
 

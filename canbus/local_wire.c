@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * The local bus in wire mode: frames go into the rings that the wire reads, wait there for the next
- * advance, and go from the wire into the inboxes of those who have received them.
- */
+/* The local bus in wire mode: frames go into the rings that the wire reads, wait there for the
+ * next advance, and go from the wire into the inboxes of those that have received them. */
 #include "canbus/local_private.h"
 
 #include <linux/can/error.h>
@@ -43,6 +41,7 @@ void local_count_wire_dropped(struct local_node *node)
 
 /* ---- events of the wire ---- */
 
+/* Returns the node that owns a controller of the wire; NULL = none. */
 static struct local_node *local_owner_of(const struct local_bus *bus, size_t controller)
 {
     const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
@@ -83,7 +82,7 @@ static void local_deliver_carried(struct local_bus *bus, const struct wire_event
     }
 }
 
-/* The error frame by which SocketCAN would report a change of state. */
+/* Makes the error frame by which SocketCAN would report a change of a controller's state. */
 static struct bus_frame local_make_state_frame(enum wire_state before,
                                                const struct wire_event *event)
 {
@@ -113,8 +112,8 @@ static struct bus_frame local_make_state_frame(enum wire_state before,
     return frame;
 }
 
-/* The state of a port: the worst of those of its controllers that are on the bus, bus-off when none
- * is. */
+/* Returns the state of a port: the worst of its controllers that are on the bus, bus-off when
+ * none is. */
 static enum wire_state local_port_wire_state(const struct local_bus *bus,
                                              const struct local_node *node)
 {
@@ -130,7 +129,8 @@ static enum wire_state local_port_wire_state(const struct local_bus *bus,
     return off == node->controllers ? WIRE_BUS_OFF : worst;
 }
 
-/* A controller has changed its state: its port gets an error frame when that changes the port's. */
+/* Records a controller's new state; its port gets an error frame when that changes the port's
+ * state. */
 static void local_report_state(struct local_bus *bus, const struct wire_event *event)
 {
     struct local_node *owner = local_owner_of(bus, event->node);
@@ -151,6 +151,7 @@ static void local_report_state(struct local_bus *bus, const struct wire_event *e
     }
 }
 
+/* Handles an event of the wire: a frame to deliver, or a controller that has changed its state. */
 static void local_receive_wire_event(void *context, const struct wire_event *event)
 {
     struct local_bus *bus = context;
@@ -185,6 +186,7 @@ static void local_report_wire_drops(struct local_bus *bus)
     const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
     const uint64_t total = wire_dropped(bus->wire);
 
+    /* Look at the controllers only when the wire has dropped anything */
     if (total == bus->dropped_seen) {
         return;
     }
@@ -207,8 +209,9 @@ static void local_report_wire_drops(struct local_bus *bus)
     }
 }
 
-/* Hands what a port has sent since the last advance to its controllers: at the time up to which the
- * wire was advanced then. The order between ports does not matter, as no controller has two. */
+/* Hands what a port has sent since the last advance to its controllers; the frames become ready
+ * at the time up to which the wire was advanced. The order between ports does not matter, as no
+ * controller belongs to two. */
 static void local_transmit_waiting(struct local_bus *bus, size_t sender)
 {
     struct ring *ring = &local_lane_between(bus, bus->config.max_nodes, sender)->ring;
@@ -228,6 +231,7 @@ void local_bus_advance(struct local_bus *bus, int64_t now_ns)
     if (!bus->wire) {
         return;
     }
+    /* Plugs and frames first, so that the wire sees them at the time of the last advance */
     local_update_plugs(bus);
     nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
     for (size_t from = 0; from < nodes; from++) {
@@ -242,11 +246,6 @@ void local_bus_advance(struct local_bus *bus, int64_t now_ns)
 struct wire *local_bus_wire(const struct local_bus *bus)
 {
     return bus->wire;
-}
-
-size_t local_bus_node(const struct can_port *port)
-{
-    return local_node_of_port(port)->first_controller;
 }
 
 void local_bus_tap(struct local_bus *bus, void (*tap)(void *context, const struct bus_frame *frame),
@@ -280,8 +279,8 @@ enum error_code local_wire_create(struct local_bus *bus, struct arena *arena, st
     wire.restart_delay_ns = config->restart_delay_ns;
     wire.seed = config->seed;
 
-    /* The wire with a controller for each node, none of them connected: nobody is there yet who
-     * could acknowledge */
+    /* The wire with its controllers, all disconnected: no port is open yet that could
+     * acknowledge */
     code = wire_create(&wire, arena, &bus->wire, error);
     if (code) {
         return error_prefix(error, "local bus %s", config->name);

@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The state machine of the simulator's side of lockstep: STEP and DONE. */
+/* The simulator's side of lockstep: which STEP runs, what DONE says, and when silence is
+ * reported. */
 #include "canbus/lockstep.h"
 
+/* Reports of silence become rarer, down to one a minute. */
 #define BACKOFF_MAX_NS INT64_C(60000000000)
 
 void lockstep_init(struct lockstep *lockstep, const struct lockstep_config *config)
@@ -20,11 +22,13 @@ enum lockstep_verdict lockstep_receive(struct lockstep *lockstep, const struct b
         lockstep->counters.malformed++;
         return LOCKSTEP_MALFORMED;
     }
+    /* A STEP names the tick that it expects; another one is refused, not run */
     lockstep->expected = get_u32_le(frame->data);
     if (lockstep->expected != lockstep->tick) {
         lockstep->counters.mismatches++;
         return LOCKSTEP_REFUSED;
     }
+    /* 0 ticks mean 1 */
     ticks = get_u16_le(frame->data + 4);
     lockstep->ticks = ticks ? ticks : 1;
     lockstep->counters.steps++;

@@ -49,7 +49,7 @@ enum lockstep_verdict {
 struct lockstep {
     struct lockstep_config config;
     struct lockstep_counters counters;
-    uint32_t tick;     /* run so far, modulo 2^32 */
+    uint32_t tick;     /* ticks run so far, modulo 2^32 */
     uint32_t ticks;    /* still to run of the present STEP */
     uint32_t expected; /* of the last STEP, for messages */
     uint16_t flags;    /* gathered for the next DONE */
@@ -61,23 +61,24 @@ struct lockstep {
 /* Starts at tick 0. */
 void lockstep_init(struct lockstep *lockstep, const struct lockstep_config *config);
 
-/* Judges a frame of the STEP's bus while no STEP runs. */
+/* Decides what a frame of the STEP's bus is, while no STEP runs. */
 enum lockstep_verdict lockstep_receive(struct lockstep *lockstep, const struct bus_frame *frame);
 
-/* One tick has run; flags go into the DONE. True when it was the STEP's last. */
+/* Counts a tick that has run; flags go into the DONE. Returns whether it was the STEP's last. */
 bool lockstep_advance(struct lockstep *lockstep, uint16_t flags);
 
-/* The DONE frame of what has been run, with the gathered flags and more; clears the gathered. */
+/* Makes the DONE frame of the ticks that have run, with the gathered flags and `more`; clears
+ * the gathered ones. */
 struct bus_frame lockstep_done(struct lockstep *lockstep, uint16_t more);
 
-/* The waiting for a STEP begins. */
+/* Begins to wait for a STEP. */
 void lockstep_wait_begin(struct lockstep *lockstep, int64_t now_ns);
 
-/* Still waiting: true when the silence is to be reported now (*silent_ns: how long it has been),
- * first after silence_ns, then at intervals that double up to a minute. */
+/* Checks a wait that goes on: true = the silence is to be reported now (*silent_ns: how long it
+ * has been), first after silence_ns, then at intervals that double up to a minute. */
 bool lockstep_wait_check(struct lockstep *lockstep, int64_t now_ns, int64_t *silent_ns);
 
-/* The waiting ended: true when a silence had been reported before (*silent_ns: how long). */
+/* Ends a wait: true = a silence had been reported before (*silent_ns: how long it was). */
 bool lockstep_wait_end(struct lockstep *lockstep, int64_t now_ns, int64_t *silent_ns);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A wire in virtual time in front of a port that has none. */
+/* Puts a wire in virtual time in front of a port that has none of its own. */
 #include "canbus/paced.h"
 
 #include "base/container_of.h"
@@ -12,7 +12,7 @@ struct paced {
     struct paced_port_config config;
     struct can_port *inner;
     struct wire *wire;
-    uint64_t dropped; /* by the wire, or invalid */
+    uint64_t dropped; /* dropped by the wire, or invalid */
     void (*tap)(void *context, const struct bus_frame *frame);
     void *tap_context;
     struct bus_frame batch[BATCH];
@@ -24,7 +24,7 @@ static struct paced *paced_of_port(const struct can_port *port)
     return container_of(port, struct paced, port);
 }
 
-/* Takes over state and counters of the other port, and adds what was dropped here. */
+/* Copies state and counters of the inner port, and adds what was dropped here. */
 static void paced_copy_state(struct paced *paced)
 {
     paced->port.state = paced->inner->state;
@@ -32,12 +32,14 @@ static void paced_copy_state(struct paced *paced)
     paced->port.counters.tx_dropped += paced->dropped;
 }
 
+/* Sends the frames that the wire has carried by the inner port. */
 static void paced_send_batch(struct paced *paced)
 {
     can_send(paced->inner, paced->batch, paced->count);
     paced->count = 0;
 }
 
+/* Collects a frame that the wire has carried; those of the far side are only shown to the tap. */
 static void paced_receive_wire_event(void *context, const struct wire_event *event)
 {
     struct paced *paced = context;
@@ -46,7 +48,7 @@ static void paced_receive_wire_event(void *context, const struct wire_event *eve
         paced->tap(paced->tap_context, event->frame);
     }
     if (event->node == paced->config.nodes) {
-        return; /* it came from there */
+        return; /* the far side has sent it and has it already */
     }
     if (paced->count == BATCH) {
         paced_send_batch(paced);
@@ -54,13 +56,16 @@ static void paced_receive_wire_event(void *context, const struct wire_event *eve
     paced->batch[paced->count++] = *event->frame;
 }
 
-/* Whether a frame is no traffic of the bus and takes no time. */
+/* Checks whether a frame bypasses the wire: error frames, and identifiers that take no time
+ * (STEP, DONE). */
 static bool paced_bypasses_wire(const struct paced *paced, const struct bus_frame *frame)
 {
     return (frame->flags & FRAME_ERROR) ||
            frame_has_standard_id(frame, paced->config.bypass_id, paced->config.nbypass);
 }
 
+/* Queues frames on the wire, or sends them at once if they bypass it; returns how many were
+ * accepted. */
 static size_t paced_send(struct can_port *port, const struct bus_frame *frames, size_t count)
 {
     struct paced *paced = paced_of_port(port);
@@ -74,7 +79,7 @@ static size_t paced_send(struct can_port *port, const struct bus_frame *frames, 
         } else if (paced_bypasses_wire(paced, &frames[i])) {
             taken = can_send(paced->inner, &frames[i], 1) == 1;
             accepted += taken;
-            continue; /* counted by the other port, one way or the other */
+            continue; /* counted by the inner port, whether sent or dropped */
         } else {
             taken = wire_transmit(paced->wire, frames[i].node, &frames[i]);
         }
@@ -85,6 +90,8 @@ static size_t paced_send(struct can_port *port, const struct bus_frame *frames, 
     return accepted;
 }
 
+/* Receives from the inner port at once; its frames also occupy the wire, as the controller
+ * beyond all others. */
 static size_t paced_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
     struct paced *paced = paced_of_port(port);
@@ -92,7 +99,7 @@ static size_t paced_receive(struct can_port *port, struct bus_frame *frames, siz
 
     for (size_t i = 0; i < count; i++) {
         if (!paced_bypasses_wire(paced, &frames[i])) {
-            /* More than its queue holds is more than the wire could have carried */
+            /* A full queue drops: that is more than the wire could have carried */
             wire_transmit(paced->wire, paced->config.nodes, &frames[i]);
         }
     }

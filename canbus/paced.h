@@ -27,7 +27,7 @@ struct paced_port_config {
     size_t nbypass;
 };
 
-/* Memory from arena. Not RT-safe. */
+/* Creates the port in memory from arena. Not RT-safe. */
 enum error_code paced_port_create(const struct paced_port_config *config, struct arena *arena,
                                   struct can_port **port, struct error *error);
 
@@ -39,7 +39,8 @@ void paced_port_advance(struct can_port *port, int64_t now_ns);
 void paced_port_tap(struct can_port *port,
                     void (*tap)(void *context, const struct bus_frame *frame), void *context);
 
-/* The wire, to inspect it: the nodes of the port, then the one of frames that come in. RT-safe. */
+/* Returns the wire, to inspect it: the nodes of the port, then the node of incoming frames.
+ * RT-safe. */
 struct wire *paced_port_wire(const struct can_port *port);
 
 #endif

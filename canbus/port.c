@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Counting and controller states, the same for every back end. */
+/* Counts frames and follows controller states, the same for every kind of port. */
 #include "canbus/port_private.h"
 
 #include <linux/can/error.h>
 #include <stdatomic.h>
 
-/* The state that an error frame reports, or the present one when it reports none. */
+/* Returns the state that an error frame reports, or the present one when it reports none. */
 static enum can_port_state port_state_after_error(enum can_port_state state,
                                                   const struct bus_frame *frame)
 {
@@ -17,7 +17,7 @@ static enum can_port_state port_state_after_error(enum can_port_state state,
     if (frame->id & CAN_ERR_RESTARTED) {
         return CAN_PORT_UP;
     }
-    /* Of a stuck queue the error states are the cause: they do not end it */
+    /* A stuck queue is caused by error states: they do not end it */
     if ((frame->id & CAN_ERR_CRTL) && state != CAN_PORT_STUCK) {
         if (controller & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) {
             return CAN_PORT_PASSIVE;
@@ -68,7 +68,8 @@ void can_state_post(struct can_state_box *box, enum can_port_state state)
 {
     const uint32_t number = (atomic_load_explicit(&box->post, memory_order_relaxed) >> 8) + 1;
 
-    /* Never 0 again */
+    /* The top bit keeps the value from being 0, which means that nothing was posted; the number
+     * tells a repeated state from an old one */
     atomic_store_explicit(&box->post, (number & 0x7fffff) << 8 | 1u << 31 | (uint32_t)state,
                           memory_order_relaxed);
 }

@@ -23,7 +23,7 @@ enum can_port_state {
     CAN_PORT_STUCK,   /* the interface's queue has been full for long: nothing leaves it */
 };
 
-/* "up", "gone", ... RT-safe. */
+/* Returns the name of a state: "up", "gone", ... RT-safe. */
 const char *can_port_state_name(enum can_port_state state);
 
 /* What happened on a port since it was opened. */
@@ -84,12 +84,12 @@ struct can_state_box {
     _Atomic uint32_t post; /* number << 8 | enum can_port_state */
 };
 
-/* From one thread. RT-safe. */
+/* Posts a controller's state to the ports on it. From one thread. RT-safe. */
 void can_state_post(struct can_state_box *box, enum can_port_state state);
 
 struct socketcan_config {
     const char *interface;
-    bool fd;                           /* ask for FD; refused with a message when the MTU says no */
+    bool fd; /* ask for FD; refused with a message when the MTU is too small */
     const struct frame_filter *filter; /* NULL = everything */
     size_t nfilter;
     bool receive_own;         /* also what this port sent, where the filters let it through */
@@ -125,11 +125,8 @@ enum error_code socketcan_open(const struct socketcan_config *config, struct are
  * say. Not RT-safe. */
 void socketcan_seek(struct can_port *port);
 
-/* Whether the kernel can open CAN sockets at all. Not RT-safe. */
+/* Checks whether the kernel can open CAN sockets at all. Not RT-safe. */
 bool socketcan_available(void);
-
-/* Whether the named interface exists (any state). Not RT-safe. */
-bool socketcan_interface_exists(const char *interface);
 
 /*
  * A bus in the process. Nodes may live in different threads (lock-free).
@@ -173,8 +170,8 @@ struct local_bus_config {
     size_t nbypass;
 };
 
-/* Memory from arena: about max_nodes^2 * inbox * 96 bytes, in wire mode (max_nodes + 2)^2. Not
- * RT-safe. */
+/* Creates a bus in memory from arena: about max_nodes^2 * inbox * 96 bytes, in wire mode
+ * (max_nodes + 2)^2. Not RT-safe. */
 enum error_code local_bus_create(const struct local_bus_config *config, struct arena *arena,
                                  struct local_bus **bus, struct error *error);
 
@@ -199,12 +196,9 @@ enum error_code local_bus_join_nodes(struct local_bus *bus, size_t nodes,
  * one thread: that of the participant that keeps time. RT-safe. */
 void local_bus_advance(struct local_bus *bus, int64_t now_ns);
 
-/* The wire, to inspect it and to inject faults from the thread that advances it; NULL in ideal
- * mode. RT-safe. */
+/* Returns the wire, to inspect it and to inject faults from the thread that advances it; NULL in
+ * ideal mode. RT-safe. */
 struct wire *local_bus_wire(const struct local_bus *bus);
-
-/* The controller on the wire of the first of a port's nodes; the others follow. RT-safe. */
-size_t local_bus_node(const struct can_port *port);
 
 /* Calls tap, in the thread that advances, for every frame that the wire has carried to its end, in
  * the order of the wire. To be set before the first frame. No effect in ideal mode. RT-safe. */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the back ends of can_port share: counting, and the states that error frames report. */
+/* Shared by the back ends of can_port: counting, and the states that error frames report. */
 #ifndef CANBUS_PORT_PRIVATE_H
 #define CANBUS_PORT_PRIVATE_H
 
@@ -11,7 +11,7 @@ void port_count_received(struct can_port *port, const struct bus_frame *frame);
 /* Counts a frame that the bus has accepted. RT-safe. */
 void port_count_sent(struct can_port *port, const struct bus_frame *frame);
 
-/* Whether a port may send the frame: valid, and FD only where the bus has it. RT-safe. */
+/* Checks whether a port may send a frame: valid, and FD only where the bus has it. RT-safe. */
 bool port_may_send(const struct can_port *port, const struct bus_frame *frame);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Recorded frames in front of those of a port. */
+/* Plays recorded frames in front of those that a port receives. */
 #include "canbus/replay_port.h"
 
 #include "base/container_of.h"
@@ -9,7 +9,7 @@ struct replay_port {
     struct can_port port;
     struct replay_port_config config;
     size_t next;                /* frame */
-    struct can_counters played; /* those that port_count_received counts */
+    struct can_counters played; /* the counters of received frames */
 };
 
 static struct replay_port *replay_port_of(const struct can_port *port)
@@ -17,7 +17,7 @@ static struct replay_port *replay_port_of(const struct can_port *port)
     return container_of(port, struct replay_port, port);
 }
 
-/* Takes over state and counters of the other port, with the played frames. */
+/* Copies state and counters of the inner port, and adds the played frames. */
 static void replay_port_copy_state(struct replay_port *r)
 {
     r->port.counters = r->config.port->counters;
@@ -27,6 +27,7 @@ static void replay_port_copy_state(struct replay_port *r)
     r->port.state = r->config.port->state;
 }
 
+/* Receives recorded frames whose time has come, then those of the inner port. */
 static size_t replay_port_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
     struct replay_port *r = replay_port_of(port);

@@ -19,7 +19,7 @@ struct replay_port_config {
     const int64_t *now_ns; /* borrowed */
 };
 
-/* Memory from arena. ERROR_MEMORY. Not RT-safe. */
+/* Creates the port in memory from arena. ERROR_MEMORY. Not RT-safe. */
 enum error_code replay_port_create(const struct replay_port_config *config, struct arena *arena,
                                    struct can_port **port, struct error *error);
 

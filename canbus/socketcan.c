@@ -1,9 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * Raw SocketCAN sockets: one recvmmsg and one sendmmsg a tick and bus, everything preallocated. The
- * socket stays open when its interface goes; it is bound anew when the interface returns, and keeps
- * its options and drop counter. Sending is in socketcan_send.c.
- */
+/* Receives by raw SocketCAN sockets: one recvmmsg and one sendmmsg per tick and bus, all memory
+ * preallocated. The socket stays open when its interface goes away; it is bound anew when the
+ * interface returns, and keeps its options and drop counter. Sending is in socketcan_send.c. */
 #include "canbus/socketcan_private.h"
 
 #include <errno.h>
@@ -44,8 +42,8 @@ int socketcan_bind(const struct socketcan *can, int index)
     return 0;
 }
 
-/* Asks the kernel for the interface and binds to it when it is up. Returns the port's new state.
- * Waits for the kernel's interface lock. */
+/* Asks the kernel for the interface and binds to it when it is up; returns the port's new state.
+ * Waits for the kernel's interface lock, which may take long. */
 static enum can_port_state socketcan_try_bind(const struct socketcan *can, bool *fd)
 {
     struct link_info info;
@@ -60,7 +58,7 @@ static enum can_port_state socketcan_try_bind(const struct socketcan *can, bool 
     return CAN_PORT_UP;
 }
 
-/* Goes on with an interface that was found in a state. */
+/* Takes over the state in which the interface was found; sets up the socket when it is up. */
 static void socketcan_use_interface(struct socketcan *can, enum can_port_state state, bool fd)
 {
     socklen_t size = sizeof(int);
@@ -98,7 +96,7 @@ void socketcan_find_interface(struct socketcan *can)
     bool fd = false;
     enum can_port_state state;
 
-    /* Another thread looks for it: use what it has found */
+    /* Another thread looks for it: use its result */
     if (can->sought) {
         if (finding != can->finding_seen) {
             can->finding_seen = finding;
@@ -107,7 +105,7 @@ void socketcan_find_interface(struct socketcan *can)
         return;
     }
 
-    /* Nobody does: at most once a second */
+    /* No other thread does: look for it here, at most once a second */
     now = socketcan_clock_ns(CLOCK_MONOTONIC);
     if (now < can->retry_ns) {
         return;
@@ -217,8 +215,8 @@ static void socketcan_limit_time(struct socketcan *can, int64_t now, struct bus_
     can->last_ns = frame->time_ns;
 }
 
-/* One recvmmsg of up to max frames (at most SOCKETCAN_BATCH). Returns the number of messages, or
- * -1. */
+/* Reads up to max frames (at most SOCKETCAN_BATCH) by one recvmmsg; returns how many, or -1 with
+ * errno set. */
 static int socketcan_read_batch(struct socketcan *can, size_t max)
 {
     for (size_t i = 0; i < max; i++) {
@@ -249,12 +247,13 @@ static void socketcan_update_state(struct socketcan *can)
     }
 }
 
+/* Receives all waiting frames, at most max; returns how many. */
 static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
     struct socketcan *can = socketcan_of_port(port);
     size_t count = 0;
 
-    /* The interface first, then frames that wait for room in its queue */
+    /* Finds a lost interface again, then sends the frames that wait for room in its queue */
     if (socketcan_is_lost(port)) {
         socketcan_find_interface(can);
     }
@@ -309,6 +308,7 @@ static int socketcan_descriptor(const struct can_port *port)
     return socketcan_of_port(port)->socket;
 }
 
+/* Closes both sockets. */
 static void socketcan_close(struct can_port *port)
 {
     struct socketcan *can = socketcan_of_port(port);

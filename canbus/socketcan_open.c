@@ -72,7 +72,7 @@ static enum error_code socketcan_check_interface(const struct socketcan *can, co
     return ERROR_NONE;
 }
 
-/* Translates the filters; without any, one that everything passes. */
+/* Translates the filters into the kernel's form; without any, makes one that everything passes. */
 static enum error_code socketcan_make_filters(struct socketcan *can,
                                               const struct socketcan_config *config,
                                               struct arena *arena, struct error *error)
@@ -98,7 +98,8 @@ static enum error_code socketcan_make_filters(struct socketcan *can,
     return ERROR_NONE;
 }
 
-/* More room than the 278 frames of the default; beyond the system's limit only when allowed. */
+/* Enlarges the receive buffer, whose default holds 278 frames; exceeds the system's limit only
+ * when allowed to. Returns 0 or -1 with errno set. */
 static int socketcan_set_receive_buffer(int socket, int bytes)
 {
     if (!bytes) {
@@ -110,6 +111,8 @@ static int socketcan_set_receive_buffer(int socket, int bytes)
     return setsockopt(socket, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes);
 }
 
+/* Sets the options of the socket: error frames, FD, own frames, drop counter, time stamps,
+ * buffer. */
 static enum error_code socketcan_set_options(int socket, const struct socketcan_config *config,
                                              struct error *error)
 {
@@ -147,6 +150,7 @@ static int socketcan_open_socket(void)
     return socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
 }
 
+/* Explains why no CAN socket could be opened. */
 static enum error_code socketcan_explain_no_socket(int code, struct error *error)
 {
     switch (code) {
@@ -239,7 +243,7 @@ enum error_code socketcan_open(const struct socketcan_config *config, struct are
         goto fail;
     }
 
-    /* No frame is older than the port */
+    /* Frames are given times from now on, never earlier */
     can->port.ops = &socketcan_ops;
     can->port.fd = config->fd;
     can->port.state = CAN_PORT_UP;
@@ -260,14 +264,4 @@ bool socketcan_available(void)
 
     socketcan_close_descriptor(descriptor);
     return descriptor >= 0;
-}
-
-bool socketcan_interface_exists(const char *interface)
-{
-    const int link = link_open();
-    struct link_info info;
-    const bool exists = link >= 0 && !link_query(link, interface, &info);
-
-    socketcan_close_descriptor(link);
-    return exists;
 }

@@ -28,23 +28,23 @@ struct socketcan {
     int socket;
     int link; /* descriptor for link_query */
     bool want_fd;
-    struct can_filter *filter; /* as the kernel wants them; it forgets them with the interface */
+    struct can_filter *filter; /* in the kernel's format, to set again on a new interface */
     size_t nfilter;
     int64_t last_ns;   /* time of the last frame received */
     uint32_t overflow; /* drop counter of the kernel, as last seen */
     bool full_batch;   /* the last read found as much as it could take */
-    int64_t retry_ns;  /* not before this time, CLOCK_MONOTONIC, look for a lost interface */
+    int64_t retry_ns;  /* no search for a lost interface before this time, CLOCK_MONOTONIC */
     struct canfd_frame raw[SOCKETCAN_BATCH];
     struct iovec vector[SOCKETCAN_BATCH];
     struct mmsghdr message[SOCKETCAN_BATCH];
     union ancillary ancillary[SOCKETCAN_BATCH];
 
     const struct can_state_box *controller;
-    uint32_t post; /* the last one that was read from it */
+    uint32_t post; /* the last post that was read from the box */
 
     /* Between the port and who seeks its interface */
     bool sought;
-    atomic_bool lost;         /* the interface, and nobody has found it again */
+    atomic_bool lost;         /* the interface is gone and has not been found again */
     _Atomic uint32_t finding; /* number << 9 | FD possible << 8 | enum can_port_state */
     uint32_t finding_seen;
 
@@ -53,7 +53,7 @@ struct socketcan {
     size_t nheld;
     int64_t full_since_ns; /* no frame has left since; 0 = the last attempt met no full queue */
     int64_t back_off_ns;   /* between attempts; 0 = none */
-    int64_t attempt_ns;    /* not before this time */
+    int64_t attempt_ns;    /* no new attempt before this time */
 };
 
 extern const struct can_port_ops socketcan_ops;
@@ -76,24 +76,24 @@ static inline bool socketcan_is_lost(const struct can_port *port)
     return port->state == CAN_PORT_DOWN || port->state == CAN_PORT_GONE;
 }
 
-/* Whether an errno of a socket means that its interface is down or gone. */
+/* Checks whether an errno of a socket means that its interface is down or gone. */
 static inline bool socketcan_error_means_lost(int code)
 {
     return code == ENETDOWN || code == ENODEV || code == ENXIO;
 }
 
-/* Sets the filters, which the kernel drops when an interface is removed, and binds. 0 or an
- * errno. */
+/* Sets the filters, which the kernel drops when an interface is removed, and binds. Returns 0 or
+ * an errno. */
 int socketcan_bind(const struct socketcan *can, int index);
 
-/* Of socketcan.c: the interface is down or gone; looks for it again. RT-safe, unless the port looks
- * for its interface itself (not sought). */
+/* socketcan.c: notes that the interface is down or gone; looks for it again. RT-safe, unless the
+ * port looks for its interface itself (not sought). */
 void socketcan_lose_interface(struct socketcan *can, int code);
 void socketcan_find_interface(struct socketcan *can);
 
-/* Of socketcan_send.c: the interface's queue takes frames, or is a new one; sends what is held,
- * when it is time for an attempt, false when the queue is still full; can_port_ops.send.
- * RT-safe. */
+/* socketcan_send.c: notes that the interface's queue takes frames, or is a new one; sends the
+ * held frames when an attempt is due, false = the queue is still full; implements
+ * can_port_ops.send. RT-safe. */
 void socketcan_note_queue_moving(struct socketcan *can);
 bool socketcan_send_held(struct socketcan *can);
 size_t socketcan_send(struct can_port *port, const struct bus_frame *frames, size_t count);

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * Sending by raw SocketCAN sockets: batches, and what happens when the interface's queue is full.
- * The newest frame of each identifier is held and sent first when the queue moves again.
- */
+/* Sends by raw SocketCAN sockets in batches, and handles a full queue of the interface: the
+ * newest frame of each identifier is held, and sent first when the queue moves again. */
 #include "canbus/socketcan_private.h"
 
 #include <errno.h>
@@ -23,8 +21,8 @@ void socketcan_note_queue_moving(struct socketcan *can)
     }
 }
 
-/* A full queue is nothing unusual; one that stays full has no node on the bus that takes the
- * frames. */
+/* Notes that the interface's queue is full, which is nothing unusual; if it stays full, no node
+ * on the bus takes the frames. */
 static void socketcan_note_queue_full(struct socketcan *can)
 {
     const int64_t now = socketcan_clock_ns(CLOCK_MONOTONIC);
@@ -34,7 +32,7 @@ static void socketcan_note_queue_full(struct socketcan *can)
         can->full_since_ns = now;
     }
 
-    /* Stuck: attempts become rarer */
+    /* Full for so long is stuck: attempts become rarer (exponential back-off) */
     if (now - can->full_since_ns < SOCKETCAN_STUCK_NS) {
         return;
     }
@@ -87,8 +85,8 @@ static size_t socketcan_fill_batch(struct socketcan *can, const struct bus_frame
     return size;
 }
 
-/* Sends a batch of size frames; returns how many are done with: *taken of them by the kernel, the
- * others are such as the device cannot carry. */
+/* Sends a batch of size frames; returns how many are done with: *taken of them by the kernel,
+ * the others dropped because the device cannot carry them. */
 static size_t socketcan_send_batch(struct socketcan *can, const struct bus_frame *frames,
                                    size_t size, size_t *taken)
 {
@@ -104,6 +102,7 @@ static size_t socketcan_send_batch(struct socketcan *can, const struct bus_frame
             }
             *taken += (size_t)sent;
             socketcan_note_queue_moving(can);
+            /* || A frame that the device cannot carry is skipped */
         } else if (errno == EINVAL || errno == EMSGSIZE) {
             slot++;
             can->port.counters.tx_dropped++;
@@ -145,12 +144,14 @@ static size_t socketcan_transmit(struct socketcan *can, const struct bus_frame *
 
 /* ---- held frames ---- */
 
+/* Checks whether two frames have the same identifier and format. */
 static bool socketcan_same_identifier(const struct bus_frame *a, const struct bus_frame *b)
 {
     return a->id == b->id && !((a->flags ^ b->flags) & (FRAME_EXTENDED | FRAME_REMOTE));
 }
 
-/* Holds a frame that met a full queue, in the place of an older one of its identifier. */
+/* Holds a frame that met a full queue, in the place of an older one of its identifier; false =
+ * there was no room and it is dropped. */
 static bool socketcan_hold_frame(struct socketcan *can, const struct bus_frame *frame)
 {
     struct can_counters *counters = &can->port.counters;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Parsing of commands into words, and formatting of frames. */
+/* Parses socketcand commands into words and requests, and formats frames. */
 #include "canbus/socketcand.h"
 
 #include "base/count.h"
@@ -15,8 +15,7 @@ struct socketcand_words {
     char word[WORDS_MAX][WORD_MAX + 1];
 };
 
-/* Splits size bytes of text into words; false when there are too many of them or one is too
- * long. */
+/* Splits size bytes of text into words; false = there are too many of them or one is too long. */
 static bool socketcand_split_words(const char *text, size_t size, struct socketcand_words *words)
 {
     size_t at = 0;
@@ -45,7 +44,7 @@ static bool socketcand_split_words(const char *text, size_t size, struct socketc
     return true;
 }
 
-/* Parses a hexadecimal number of at most so many digits. */
+/* Parses a hexadecimal number of at most `digits` digits. */
 static bool socketcand_parse_hex(const char *word, size_t digits, uint32_t *value)
 {
     size_t length = strlen(word);
@@ -65,6 +64,7 @@ static bool socketcand_parse_hex(const char *word, size_t digits, uint32_t *valu
     return true;
 }
 
+/* Parses an identifier; 8 digits or a value above 7FF mean an extended one. */
 static bool socketcand_parse_id(const char *word, struct bus_frame *frame)
 {
     if (!socketcand_parse_hex(word, 8, &frame->id)) {
@@ -91,7 +91,7 @@ static bool socketcand_parse_decimal(const char *word, uint32_t *value)
     return length == 1 || length == 2;
 }
 
-/* Whether the words end here, or with the name of a bus, which is copied. */
+/* Checks whether the words end here, or with the name of a bus, which is copied. */
 static bool socketcand_parse_end(const struct socketcand_words *words, size_t at, char *bus)
 {
     if (words->count == at + 1) {
@@ -101,7 +101,7 @@ static bool socketcand_parse_end(const struct socketcand_words *words, size_t at
     return words->count == at;
 }
 
-/* Parses the words from the first one on as a length, that many bytes, and a bus or none. */
+/* Parses, from a given word on, a length, that many data bytes, and the name of a bus or none. */
 static bool socketcand_parse_data(const struct socketcand_words *words, size_t first,
                                   struct bus_frame *frame, char *bus)
 {
@@ -122,6 +122,7 @@ static bool socketcand_parse_data(const struct socketcand_words *words, size_t f
     return true;
 }
 
+/* Parses the words behind "fdsend ID": flags, length and data of a CAN FD frame. */
 static bool socketcand_parse_fd(const struct socketcand_words *words, struct bus_frame *frame,
                                 char *bus)
 {
@@ -137,6 +138,7 @@ static bool socketcand_parse_fd(const struct socketcand_words *words, struct bus
     return true;
 }
 
+/* Parses the word behind "sendrtr ID": the length that a remote frame asks for. */
 static bool socketcand_parse_remote(const struct socketcand_words *words, struct bus_frame *frame,
                                     char *bus)
 {
@@ -148,6 +150,7 @@ static bool socketcand_parse_remote(const struct socketcand_words *words, struct
            socketcand_parse_end(words, 3, bus);
 }
 
+/* Parses send, fdsend and sendrtr into a frame. */
 static enum socketcand_command socketcand_parse_send(const struct socketcand_words *words,
                                                      struct socketcand_request *request)
 {
@@ -164,6 +167,7 @@ static enum socketcand_command socketcand_parse_send(const struct socketcand_wor
     return good && frame_valid(frame) ? SOCKETCAND_SEND : SOCKETCAND_MALFORMED;
 }
 
+/* Finds the command that the words are and parses its arguments. */
 static enum socketcand_command socketcand_parse_words(const struct socketcand_words *words,
                                                       struct socketcand_request *request)
 {
@@ -222,6 +226,7 @@ void socketcand_parse(const char *text, size_t size, struct socketcand_request *
     }
 }
 
+/* Writes the data as hexadecimal digits; returns their number. */
 static size_t socketcand_put_data(const struct bus_frame *frame, char *text)
 {
     static const char digit[] = "0123456789ABCDEF";

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The client of coman_hil_client.h, from below: signals in frames, DBC files, the two kinds of
- * connections, joints and what their boards are told, the time. */
+/* The client of coman_hil_client.h, from the bottom up: signals in frames, DBC files, the two
+ * kinds of connections, joints and the commands of their boards, time. */
 #ifndef _GNU_SOURCE
 #define _GNU_SOURCE
 #endif
@@ -48,7 +48,7 @@ enum {
 
 enum protocol { ICUB, FOC, COMPACT, OTHER };
 
-/* What is said of a joint. */
+/* Quantities that boards report of a joint. */
 enum source {
     POSITION,
     DEFLECTION,
@@ -153,7 +153,8 @@ struct hil_client_core {
     bool joined, refused, stopping;
 };
 
-/* The boards' words for what a motor is told, and the beginnings of the signals that tell it. */
+/* For each protocol the boards' words for modes, and how the names of the signals begin that
+ * carry set-points. */
 static const struct {
     const char *name, *mode[HIL_CLIENT_QUANTITIES], *signal[HIL_CLIENT_QUANTITIES];
 } protocols[] = {
@@ -165,7 +166,8 @@ static const struct {
     [OTHER] = {"", {NULL}, {NULL}},
 };
 
-/* Messages of boards and their signals, without sender and joint; the first counts. */
+/* For each quantity the messages and signals that report it, MESSAGE:signal without sender and
+ * joint; the first of the list that the tables have counts. */
 static const char *const sources[SOURCES] = {
     [POSITION] = " POSITION:position TELEMETRY_FD:link_position ",
     [DEFLECTION] = " TELEMETRY:deflection ",
@@ -180,7 +182,7 @@ static const char *const sources[SOURCES] = {
 
 /* ---- errors and time ---- */
 
-/* Keeps a sentence, on one line whatever others have said, and returns the code. */
+/* Keeps a sentence as the last failure, on one line whatever it quotes, and returns the code. */
 __attribute__((format(printf, 3, 4))) static enum hil_client_code
 client_fail(struct hil_client *client, enum hil_client_code code, const char *format, ...)
 {
@@ -195,6 +197,7 @@ client_fail(struct hil_client *client, enum hil_client_code code, const char *fo
     return code;
 }
 
+/* Keeps the meaning of errno as the last failure. */
 static enum hil_client_code client_fail_system(struct hil_client *client, const char *what)
 {
     return client_fail(client, HIL_CLIENT_SYSTEM, "%.200s: %s", what, strerror(errno));
@@ -208,7 +211,7 @@ static int64_t client_now_ns(void)
     return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
-/* Starts the time-out of what follows. */
+/* Sets the deadline of what follows. */
 static void client_limit_time(struct hil_client_core *core, int timeout_ms)
 {
     core->deadline_ms = client_now_ns() / 1000000 + timeout_ms;
@@ -232,12 +235,13 @@ static enum hil_client_code client_poll(struct hil_client *client, struct pollfd
 
 /* ---- signals in frames ---- */
 
-/* The bit after this one: of less weight in a big-endian signal, of more in the others. */
+/* Returns the bit after a bit: of less weight in a big-endian signal, of more in the others. */
 static unsigned signal_next_bit(const struct signal *signal, unsigned bit)
 {
     return !signal->big_endian ? bit + 1 : bit % 8 ? bit - 1 : bit + 15;
 }
 
+/* Writes a count into the bits of a signal. */
 static void signal_put(const struct signal *signal, uint8_t *data, uint64_t count)
 {
     unsigned bit = signal->start;
@@ -275,7 +279,7 @@ static bool signal_get(const struct signal *signal, int64_t *count)
     return true;
 }
 
-/* The value in the last frame, in the signal's unit; NAN = there is none. */
+/* Returns the value in the last frame, in the signal's unit; NAN = there is none. */
 static double signal_value(const struct signal *signal)
 {
     int64_t count;
@@ -294,12 +298,13 @@ static double signal_value(const struct signal *signal)
            signal->offset;
 }
 
+/* Returns the value in SI units: mA become A. */
 static double signal_value_si(const struct signal *signal)
 {
     return signal_value(signal) * (signal && !strcmp(signal->unit, "mA") ? 1e-3 : 1.0);
 }
 
-/* The bits for a value; what does not fit ends where the field does. */
+/* Returns the bits for a value; one that does not fit becomes the end of the field's range. */
 static uint64_t signal_encode(const struct signal *signal, double value, double scale,
                               double offset)
 {
@@ -321,7 +326,7 @@ static uint64_t signal_encode(const struct signal *signal, double value, double 
     return count > 0.0 ? (uint64_t)count : 0;
 }
 
-/* The name of the signal without that of the joint in front. */
+/* Returns the name of a signal without that of the joint in front. */
 static const char *signal_quantity(const struct signal *signal)
 {
     const char *name = signal->name, *about = signal->about;
@@ -344,7 +349,7 @@ static struct signal *signal_find(const struct hil_client_core *core, const stru
     return NULL;
 }
 
-/* The name of a number, or with a text the number of that name; NULL = there is none. */
+/* Finds the name of a number or, given a text, the number of that name; NULL = there is none. */
 static const struct name *signal_find_name(const struct hil_client_core *core,
                                            const struct signal *signal, const char *text,
                                            int64_t number)
@@ -370,7 +375,7 @@ static struct message *message_find_id(const struct hil_client_core *core, const
     return NULL;
 }
 
-/* The message whose name is the two texts in a row. */
+/* Finds the message whose name is the two texts in a row; NULL = there is none. */
 static struct message *message_find(const struct hil_client_core *core, const struct bus *bus,
                                     const char *sender, const char *kind)
 {
@@ -398,10 +403,10 @@ static struct bus *bus_find(struct hil_client_core *core, const char *name)
 
 /* ---- tables: the lines of a DBC file ---- */
 
-/* Each reads what follows the keyword, into what it belongs to; false = it is not as it should be.
- * Strings stay in the text of the file. */
+/* Each function reads what follows its keyword into what it belongs to; false = the line is not
+ * as it should be. Strings stay in the text of the file. */
 
-/* ID NAME: LENGTH SENDER */
+/* Reads a message (BO_): ID NAME: LENGTH SENDER */
 static bool table_read_message(struct hil_client_core *core, struct bus *bus, char *line)
 {
     struct message *message = &core->message[core->nmessage];
@@ -417,7 +422,8 @@ static bool table_read_message(struct hil_client_core *core, struct bus *bus, ch
     return true;
 }
 
-/* NAME SELECTOR : START|BITS@ORDER SIGN (SCALE,OFFSET) [MIN|MAX] "UNIT" RECEIVERS */
+/* Reads a signal (SG_): NAME SELECTOR : START|BITS@ORDER SIGN (SCALE,OFFSET) [MIN|MAX] "UNIT"
+ * RECEIVERS */
 static bool table_read_signal(struct hil_client_core *core, struct bus *bus, char *line)
 {
     struct message *message = bus->count ? &core->message[core->nmessage - 1] : NULL;
@@ -445,7 +451,7 @@ static bool table_read_signal(struct hil_client_core *core, struct bus *bus, cha
     return true;
 }
 
-/* The signal of "ID NAME"; rest is what follows. */
+/* Finds the signal of "ID NAME"; rest is what follows. */
 static struct signal *table_find_signal(struct hil_client_core *core, struct bus *bus, char *line,
                                         char **rest)
 {
@@ -473,7 +479,8 @@ static char *table_take_text(char *line, char **rest)
     return begin + 1;
 }
 
-/* NAME "address 1, motors A B", or "address 1, F/T A"; the other nodes are no matter here */
+/* Reads the comment of a node (CM_ BU_): NAME "address 1, motors A B", or "address 1, F/T A";
+ * other nodes are skipped. */
 static bool table_read_board(struct hil_client_core *core, struct bus *bus, char *line)
 {
     struct board *board = &core->board[core->nboard];
@@ -503,7 +510,7 @@ static bool table_read_board(struct hil_client_core *core, struct bus *bus, char
     return true;
 }
 
-/* ID SIGNAL "JOINT OR SENSOR" */
+/* Reads which joint or sensor a signal is about (CM_ SG_): ID SIGNAL "JOINT OR SENSOR" */
 static bool table_read_subject(struct hil_client_core *core, struct bus *bus, char *line)
 {
     char *rest, *text;
@@ -516,7 +523,7 @@ static bool table_read_subject(struct hil_client_core *core, struct bus *bus, ch
     return text;
 }
 
-/* ID SIGNAL NUMBER "NAME" ... ; */
+/* Reads the names of values (VAL_): ID SIGNAL NUMBER "NAME" ... ; */
 static bool table_read_names(struct hil_client_core *core, struct bus *bus, char *line)
 {
     char *at, *end;
@@ -542,7 +549,7 @@ static bool table_read_names(struct hil_client_core *core, struct bus *bus, char
     }
 }
 
-/* ID SIGNAL LENGTH; */
+/* Reads the length of the frame that carries a multiplexed signal: ID SIGNAL LENGTH; */
 static bool table_read_length(struct hil_client_core *core, struct bus *bus, char *line)
 {
     char *rest;
@@ -552,7 +559,7 @@ static bool table_read_length(struct hil_client_core *core, struct bus *bus, cha
            signal->length <= signal->message->length;
 }
 
-/* ID FORMAT; */
+/* Reads the format of a message, ID FORMAT; from 14 on it is CAN FD. */
 static bool table_read_format(struct hil_client_core *core, struct bus *bus, char *line)
 {
     unsigned id, format;
@@ -565,7 +572,7 @@ static bool table_read_format(struct hil_client_core *core, struct bus *bus, cha
     return message;
 }
 
-/* ID SIGNAL : 1; */
+/* Marks a signal as an IEEE float: ID SIGNAL : 1; */
 static bool table_read_float(struct hil_client_core *core, struct bus *bus, char *line)
 {
     char *rest;
@@ -577,7 +584,7 @@ static bool table_read_float(struct hil_client_core *core, struct bus *bus, char
     return signal && signal->bits == 32;
 }
 
-/* The lines that matter; others are skipped. */
+/* The lines of a DBC file that are read, by how they begin; others are skipped. */
 static const struct {
     const char *begin;
     bool (*read)(struct hil_client_core *core, struct bus *bus, char *line);
@@ -592,7 +599,7 @@ static const struct {
     {"SIG_VALTYPE_ ", table_read_float},
 };
 
-/* Reads the lines of a bus. */
+/* Reads the lines of a bus's file into messages and signals. */
 static enum hil_client_code table_read(struct hil_client *client, struct bus *bus)
 {
     char *text = bus->text;
@@ -660,7 +667,8 @@ static enum hil_client_code tables_read_title(struct hil_client *client, struct 
     const char *title = strstr(bus->text, "\nCM_ \"Rig "), *supply;
     char protocol[16], line[320];
 
-    snprintf(line, sizeof line, "%.*s", title ? (int)strcspn(title + 1, "\n") : 0, title + 1);
+    snprintf(line, sizeof line, "%.*s", title ? (int)strcspn(title + 1, "\n") : 0,
+             title ? title + 1 : "");
     if (!title || sscanf(line, "CM_ \"Rig %40[^ ,], bus %40[^ ,] on %15[^ :]: protocol %15[a-z0-9]",
                          rig, bus->name, bus->interface, protocol) != 4) {
         return client_fail(client, HIL_CLIENT_TABLES,
@@ -708,6 +716,7 @@ static enum hil_client_code tables_add_file(struct hil_client *client, const cha
     return HIL_CLIENT_OK;
 }
 
+/* Counts how often a text occurs in another. */
 static size_t tables_count(const char *text, const char *what)
 {
     size_t count = 0;
@@ -776,8 +785,9 @@ static enum hil_client_code tables_open(struct hil_client *client, const char *f
 
 /* ---- frames that come and go ---- */
 
-/* Takes a DONE: that of the present STEP has the tick where it ends, or refuses it at another one
- * than it began at. There may be others, of STEPs and clients before. */
+/* Takes a DONE. That of the present STEP has the tick at which it ends, or refuses it because
+ * the run is at another tick than it began at; others, of earlier STEPs and other clients, are
+ * ignored. */
 static void bus_take_done(struct hil_client *client, struct bus *bus, const uint8_t *data)
 {
     struct hil_client_core *core = client->core;
@@ -794,6 +804,7 @@ static void bus_take_done(struct hil_client *client, struct bus *bus, const uint
     }
 }
 
+/* Keeps a received frame as the last one of its message, or takes a DONE. */
 static void bus_take_frame(struct hil_client *client, struct bus *bus, uint32_t id,
                            const uint8_t *data, size_t length, int64_t time_ns)
 {
@@ -827,6 +838,7 @@ static void stream_take_frame(struct hil_client *client, char *text)
     } else if (words != 7 || strcmp(word[1], "frame") != 0) {
         return;
     }
+    /* Bus, identifier (8 digits = 29 bits), time and data */
     bus = bus_find(client->core, word[5]);
     id = (uint32_t)strtoul(word[2], &end, 16) | (end - word[2] == 8 ? CAN_EFF_FLAG : 0);
     time_ns = strtoll(word[3], &end, 10) % INT64_C(9000000000) * 1000000000;
@@ -866,6 +878,7 @@ static enum hil_client_code stream_take(struct hil_client *client)
                                                      "the gateway sends a command without an end");
 }
 
+/* Receives bytes of the gateway, and takes the commands in them. */
 static enum hil_client_code stream_receive(struct hil_client *client)
 {
     struct hil_client_core *core = client->core;
@@ -947,6 +960,7 @@ static enum hil_client_code interface_send(struct hil_client *client, const stru
     return HIL_CLIENT_OK;
 }
 
+/* Sends a frame by SocketCAN, or appends it as a command to what goes to the gateway. */
 static enum hil_client_code client_send_frame(struct hil_client *client,
                                               const struct message *message, const uint8_t *data,
                                               size_t length)
@@ -978,7 +992,7 @@ static enum hil_client_code client_send_frame(struct hil_client *client,
     return HIL_CLIENT_OK;
 }
 
-/* Takes what has come. */
+/* Takes the frames that have come, without waiting. */
 static enum hil_client_code client_take(struct hil_client *client)
 {
     struct hil_client_core *core = client->core;
@@ -1035,6 +1049,7 @@ static enum hil_client_code client_read_ready(struct hil_client *client, const c
                                "%.200s names no gateway: run with --gateway 0", path);
 }
 
+/* Connects to the gateway. */
 static enum hil_client_code stream_connect(struct hil_client *client, const char *host,
                                            uint16_t port)
 {
@@ -1056,7 +1071,9 @@ static enum hil_client_code stream_connect(struct hil_client *client, const char
     wait.fd = core->gateway;
     if (connect(core->gateway, address->ai_addr, address->ai_addrlen)) {
         error = errno;
-        if (error == EINPROGRESS && !client_poll(client, &wait, 1)) {
+        if (error == EINPROGRESS && client_poll(client, &wait, 1)) {
+            error = ETIMEDOUT;
+        } else if (error == EINPROGRESS) {
             getsockopt(core->gateway, SOL_SOCKET, SO_ERROR, &error, &size);
         }
     }
@@ -1069,7 +1086,7 @@ static enum hil_client_code stream_connect(struct hil_client *client, const char
     return HIL_CLIENT_OK;
 }
 
-/* Joins all buses of the gateway. */
+/* Joins all buses of the gateway; each command waits for its answer. */
 static enum hil_client_code stream_open(struct hil_client *client, const char *host, uint16_t port)
 {
     static const char *const commands[] = {"", "< open all >", "< rawmode >"};
@@ -1109,6 +1126,7 @@ static enum hil_client_code interface_open(struct hil_client *client, struct bus
     return HIL_CLIENT_OK;
 }
 
+/* Connects to the gateway if there is a port, else opens the interfaces of SocketCAN. */
 static enum hil_client_code client_connect(struct hil_client *client,
                                            const struct hil_client_options *options)
 {
@@ -1163,7 +1181,7 @@ static enum hil_client_code client_send_values(struct hil_client *client,
     return client_send_frame(client, message, data, length ? length : longest);
 }
 
-/* Sends a command of a board: its signals' names are that of the command and their own. */
+/* Sends a command of a board; a signal's name is that of the command, then its own. */
 static enum hil_client_code board_command(struct hil_client *client, const struct board *board,
                                           size_t length, const struct hil_client_value *values,
                                           size_t count)
@@ -1280,7 +1298,7 @@ static void sensor_resolve(const struct hil_client_core *core, struct sensor *se
     }
 }
 
-/* The bits for the set-point of a joint. */
+/* Returns the bits for a joint's set-point; a voltage is limited to the supply. */
 static uint64_t joint_set_point_bits(const struct joint *joint)
 {
     const struct set_point *point = &joint->set_point[joint->quantity];
@@ -1300,6 +1318,7 @@ static enum hil_client_code client_send_set_points(struct hil_client *client)
     struct hil_client_core *core = client->core;
     enum hil_client_code code = HIL_CLIENT_OK;
 
+    /* A command of one motor goes out at once, shared frames are filled in */
     for (size_t i = 0; i < core->njoint && !code; i++) {
         const struct joint *joint = &core->joint[i];
         const struct signal *signal =
@@ -1317,6 +1336,7 @@ static enum hil_client_code client_send_set_points(struct hil_client *client)
                                      signal->length ? signal->length : signal->message->length);
         }
     }
+    /* Then the shared frames that hold a set-point */
     for (size_t i = 0; i < core->nmessage && !code; i++) {
         struct message *message = &core->message[i];
 
@@ -1328,7 +1348,7 @@ static enum hil_client_code client_send_set_points(struct hil_client *client)
     return code;
 }
 
-/* The number that a signal has for a name; 0 = it knows none. */
+/* Returns the number that a signal has for a name; 0 = it knows none. */
 static double client_number(const struct hil_client_core *core, const struct signal *signal,
                             const char *text)
 {
@@ -1354,6 +1374,7 @@ static enum hil_client_code bus_switch(struct hil_client *client, struct bus *bu
         if (joint->board->bus != bus || !chosen[i]) {
             continue;
         }
+        /* Boards that take a mode for each motor; of compact boards the slots are collected */
         if (joint->mode) {
             const struct hil_client_value value = {joint->mode->name,
                                                    client_number(core, joint->mode, word)};
@@ -1365,6 +1386,7 @@ static enum hil_client_code bus_switch(struct hil_client *client, struct bus *bu
             slots |= 1u << (((unsigned)group * 4 + point->start / 16) & 31);
         }
     }
+    /* One frame switches all compact boards */
     if (slots && all && !code) {
         const struct hil_client_value values[] = {
             {"mode", client_number(core, signal_find(core, all, "mode"), word)}, {"slots", slots}};
@@ -1396,6 +1418,7 @@ static enum hil_client_code board_configure(struct hil_client *client, const str
     const char *const reports[] = {"_POSITION", "_STATUS", "_CURRENT", "_MOTOR_POSITION"};
     struct hil_client_value policy = {"SET_BROADCAST_POLICY_mask_0", 0.0};
 
+    /* A force-torque sensor needs one command, a foc motor one in each stage */
     if (message_find(core, board->bus, board->name, "_FORCE")) {
         return stage ? HIL_CLIENT_OK : board_command(client, board, 0, &sensor, 1);
     }
@@ -1408,6 +1431,7 @@ static enum hil_client_code board_configure(struct hil_client *client, const str
     if (stage || !board->has_motors) {
         return HIL_CLIENT_OK;
     }
+    /* Motor boards of icub: a bit of the policy for each report that the tables know */
     for (size_t i = 0; i < sizeof reports / sizeof *reports; i++) {
         const struct message *message = message_find(core, board->bus, board->name, reports[i]);
 
@@ -1446,7 +1470,7 @@ static enum hil_client_code client_configure(struct hil_client *client, int stag
 
 /* ---- time ---- */
 
-/* How many ticks one STEP may have: the set-points are to be sent again after them. */
+/* Returns how many ticks one STEP may have before the set-points must be sent again. */
 static int client_refresh_ticks(const struct hil_client_core *core)
 {
     int ticks = STEP_TICKS;
@@ -1461,8 +1485,8 @@ static int client_refresh_ticks(const struct hil_client_core *core)
     return ticks;
 }
 
-/* Whether the DONE of each bus has come; a gateway passes that of the STEP's bus only, as the last
- * frame. The first refusal is enough. */
+/* Checks whether the DONE of each bus has come; a gateway passes only that of the STEP's bus, as
+ * the last frame. The first refusal is enough. */
 static bool client_is_done(const struct hil_client_core *core)
 {
     bool done = core->step->bus->done;
@@ -1480,6 +1504,7 @@ static enum hil_client_code client_step_once(struct hil_client *client, int tick
     const struct hil_client_value values[] = {{"tick", (uint32_t)client->tick}, {"ticks", ticks}};
     enum hil_client_code code = client_send_values(client, core->step, 0, values, 2);
 
+    /* DONE is recognized by these ticks */
     core->begin = (uint32_t)client->tick;
     core->expected = core->begin + (uint32_t)ticks;
     core->refused = core->stopping = false;
@@ -1516,6 +1541,7 @@ enum hil_client_code hil_client_step(struct hil_client *client, int ticks)
         client_limit_time(core, core->timeout_ms);
         code = client_send_set_points(client);
         code = code ? code : client_step_once(client, count);
+        /* A run at another tick: the first step joins it there, a later one reports it */
         if (!code && core->refused) {
             client->tick = core->told;
             code = !core->joined ? client_step_once(client, count) : HIL_CLIENT_OK;
@@ -1562,7 +1588,7 @@ enum hil_client_code hil_client_receive(struct hil_client *client, int timeout_m
     return code == HIL_CLIENT_TIMEOUT && timeout_ms <= 0 ? HIL_CLIENT_OK : code;
 }
 
-/* Lets so many ticks pass, or milliseconds. */
+/* Lets so many ticks pass, or milliseconds without lockstep. */
 static enum hil_client_code client_pass(struct hil_client *client, int ticks)
 {
     const struct timespec tick = {.tv_nsec = 1000000};
@@ -1592,12 +1618,14 @@ enum hil_client_code hil_client_open(struct hil_client *client,
     if (!core) {
         return client_fail(client, HIL_CLIENT_SYSTEM, "no memory");
     }
+    /* The options, with their defaults */
     core->gateway = -1;
     core->lockstep = options->lockstep;
     core->timeout_ms = options->timeout_ms > 0 ? options->timeout_ms : 10000;
     core->refresh_ticks = options->refresh_ticks > 0 ? options->refresh_ticks : 10;
     core->motor = options->foc ? *options->foc : coman;
 
+    /* The tables, the message STEP, and what each joint and sensor has of them */
     code = tables_open(client, options->tables, options->rig);
     for (size_t i = 0; i < core->nbus && !core->step && !code; i++) {
         core->step = message_find(core, &core->bus[i], "STEP", "");
@@ -1692,7 +1720,8 @@ enum hil_client_code hil_client_listen(struct hil_client *client)
     return code;
 }
 
-/* Marks the joints of these names, all without names. */
+/* Marks the joints of the given names, or all when there are none; an error if a board takes no
+ * such set-point. */
 static enum hil_client_code client_choose(struct hil_client *client, const char *const *names,
                                           size_t count, enum hil_client_quantity quantity,
                                           bool chosen[JOINTS_MAX])
@@ -1723,7 +1752,8 @@ static enum hil_client_code client_choose(struct hil_client *client, const char 
     return HIL_CLIENT_OK;
 }
 
-/* Switches the chosen joints, whose set-points begin anew, and lets the boards say so. */
+/* Switches the chosen joints, resets their set-points, and lets the boards report their new
+ * mode. */
 static enum hil_client_code client_switch(struct hil_client *client, const bool *chosen,
                                           enum hil_client_quantity quantity)
 {
@@ -1754,11 +1784,13 @@ enum hil_client_code hil_client_enable(struct hil_client *client, const char *co
     enum hil_client_code code = client_choose(client, joints, njoint, quantity, chosen);
 
     code = code ? code : hil_client_listen(client);
+    /* Off first, which clears faults, then on */
     code = code ? code : client_switch(client, chosen, HIL_CLIENT_OFF);
     if (code || quantity == HIL_CLIENT_OFF) {
         return code;
     }
     code = client_switch(client, chosen, quantity);
+    /* Wait until every chosen motor reports that it is on */
     for (int ticks = 0; !code; ticks += SETTLE_TICKS) {
         struct hil_client_joint state = {.is_on = true};
         size_t i = 0;
@@ -1803,6 +1835,7 @@ enum hil_client_code hil_client_read(const struct hil_client *client, int joint,
         return HIL_CLIENT_INPUT;
     }
     j = &client->core->joint[joint];
+    /* Values in SI units; NAN where nothing has come */
     *state = (struct hil_client_joint){
         .position_rad = signal_value_si(j->source[POSITION]),
         .motor_position_rad = signal_value_si(j->source[MOTOR_POSITION]),
@@ -1812,9 +1845,11 @@ enum hil_client_code hil_client_read(const struct hil_client *client, int joint,
         .mode = "",
         .time_ns = -1,
     };
+    /* Boards that measure the spring: link = motor - deflection */
     if (j->source[DEFLECTION]) {
         state->position_rad = state->motor_position_rad - signal_value_si(j->source[DEFLECTION]);
     }
+    /* The mode by its word, which tells whether the motor is on */
     if (signal_get(j->source[MODE], &count)) {
         mode = signal_find_name(client->core, j->source[MODE], NULL, count);
         state->mode = mode ? mode->text : "";
@@ -1822,6 +1857,7 @@ enum hil_client_code hil_client_read(const struct hil_client *client, int joint,
     state->faults = signal_get(j->source[FAULTS], &count) ? (uint32_t)count : 0;
     state->is_on = j->quantity && mode &&
                    !strcmp(mode->text, protocols[j->board->bus->protocol].mode[j->quantity]);
+    /* The time of the newest frame */
     for (int i = 0; i < SOURCES; i++) {
         if (j->source[i] && j->source[i]->message->time_ns > state->time_ns) {
             state->time_ns = j->source[i]->message->time_ns;

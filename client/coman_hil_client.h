@@ -71,7 +71,7 @@ enum hil_client_code {
     HIL_CLIENT_BOARD,      /* a motor does not switch on, or its board cannot do that */
 };
 
-/* What a motor is told. */
+/* The kind of set-point that a motor gets. */
 enum hil_client_quantity {
     HIL_CLIENT_OFF,
     HIL_CLIENT_VOLTAGE,
@@ -109,7 +109,7 @@ struct hil_client {
     struct hil_client_core *core; /* private */
 };
 
-/* What boards have said last of a joint; NAN = nothing yet, or they never do. */
+/* The last reports of boards about a joint; NAN = nothing yet, or they never report it. */
 struct hil_client_joint {
     double position_rad, motor_position_rad, motor_velocity_rad_s, current_a, torque_nm;
     const char *mode; /* the board's word for what its motor does: "open_loop", ...; "" = unknown */
@@ -153,8 +153,8 @@ enum hil_client_code hil_client_listen(struct hil_client *client);
 enum hil_client_code hil_client_enable(struct hil_client *client, const char *const *joints,
                                        size_t njoint, enum hil_client_quantity quantity);
 
-/* Sets what a motor that is on for it is told from the next step or write on (V, A, rad), at most
- * the supply of the rig and what the field takes. */
+/* Sets the set-point (V, A, rad) of a motor that is on for its kind, from the next step or write
+ * on; limited to the supply of the rig and to what the field takes. */
 enum hil_client_code hil_client_command(struct hil_client *client, int joint,
                                         enum hil_client_quantity quantity, double value);
 
@@ -167,7 +167,8 @@ enum hil_client_code hil_client_step(struct hil_client *client, int ticks);
 enum hil_client_code hil_client_write(struct hil_client *client);
 enum hil_client_code hil_client_receive(struct hil_client *client, int timeout_ms);
 
-/* What was said last. HIL_CLIENT_INPUT, without a message: there is no such joint or sensor. */
+/* Reads what was reported last. HIL_CLIENT_INPUT, without a message: there is no such joint or
+ * sensor. */
 enum hil_client_code hil_client_read(const struct hil_client *client, int joint,
                                      struct hil_client_joint *state);
 enum hil_client_code hil_client_read_wrench(const struct hil_client *client, int sensor,
@@ -179,8 +180,8 @@ enum hil_client_code hil_client_send(struct hil_client *client, const char *bus,
                                      const char *message, const struct hil_client_value *values,
                                      size_t nvalue);
 
-/* The value of a signal in the last frame of its message; NAN = there is no such signal, or none
- * has come. */
+/* Returns the value of a signal in the last frame of its message; NAN = there is no such signal,
+ * or none has come. */
 double hil_client_signal(const struct hil_client *client, const char *bus, const char *message,
                          const char *signal);
 

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The law of joint couplings, and the small linear system of all of a robot's. */
+/* The law of joint couplings, and the solution of the small linear system that all of a robot's
+ * couplings form. */
 #include "model/coupling.h"
 
 #include <math.h>
@@ -51,7 +52,8 @@ void coupling_factorize(const struct robot *robot, const double *column, const d
 
     for (size_t row = 0; row < n; row++) {
         for (size_t k = 0; k <= row; k++) {
-            /* What coupling k does to the error of this row */
+            /* Effect of a unit force of coupling k on the error's acceleration of this row;
+             * Cholesky, row by row */
             double sum = coupling_rate(&robot->coupling[row], column + k * robot->nv + first);
 
             sum += k == row ? compliance[row] : 0.0;
@@ -83,7 +85,7 @@ void coupling_correct(const struct robot *robot, const double *column, const dou
         force[row] /= factor[row * n + row];
     }
 
-    /* What they do to all accelerations */
+    /* Change of all accelerations by the forces */
     for (size_t k = 0; k < n; k++) {
         for (size_t i = 0; i < robot->nv; i++) {
             a[i] -= force[k] * column[k * robot->nv + i];

@@ -15,25 +15,24 @@
 
 #include "model/robot.h"
 
-/* The error e of the joints' positions, and e' of their rates. */
+/* Returns the error e of the joints' positions, and e' of their rates. */
 double coupling_error(const struct robot_coupling *coupling, const double *q);
 double coupling_rate(const struct robot_coupling *coupling, const double *qd);
 
-/* F at an error and its rate. */
+/* Returns the force F at an error and its rate. */
 double coupling_force(const struct robot_coupling *coupling, double error, double rate);
 
-/* Adds what F does to the joints' torques. */
+/* Adds the torques that F exerts on both joints. */
 void coupling_press(const struct robot_coupling *coupling, double force, double *torque);
 
-/* Energy stored at an error, J, and what the damper turns into heat, W. */
+/* Returns the energy stored at an error, J, and the damper's loss, W. */
 double coupling_energy(const struct robot_coupling *coupling, double error);
 double coupling_loss(const struct robot_coupling *coupling, double rate);
 
-/* So far, rad or m, may what a person wrote be from where a leader wants its follower: six digits.
- */
+/* Largest error (rad or m) of a follower's position in a file: people write six digits. */
 #define COUPLING_ALIGNED 1e-6
 
-/* Puts every follower where its leader wants it. */
+/* Moves every follower to where its leader wants it. */
 void coupling_align(const struct robot *robot, double *q);
 
 /* The forces F of n couplings by which accelerations change: with the columns y_i that a unit of
@@ -48,8 +47,8 @@ void coupling_align(const struct robot *robot, double *q);
 void coupling_factorize(const struct robot *robot, const double *column, const double *compliance,
                         double *factor);
 
-/* Fills force (n) and changes a. c is free: 0 holds the accelerations, more pulls the error back.
- */
+/* Computes force (n) and corrects a. c is free: 0 holds the accelerations, more pulls the error
+ * back. */
 void coupling_correct(const struct robot *robot, const double *column, const double *factor,
                       const double *c, double *force, double *a);
 

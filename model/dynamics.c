@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What all implementations of the dynamics have in common. */
+/* Functions that all implementations of the dynamics share. */
 #include "model/dynamics.h"
 
 #include "model/spatial.h"
@@ -13,7 +13,8 @@ void dynamics_qdot(const struct robot *robot, const double *q, const double *v, 
         const double *e = q + BASE_Q_QUATERNION, *w = v + BASE_V_ANGULAR;
         double *rate = qdot + BASE_Q_QUATERNION;
 
-        /* The base: velocity to the world's axes, and half the quaternion times the turn */
+        /* The base: velocity in the world's axes; the quaternion's rate is half its product with
+         * (0, w) */
         mat3_from_quaternion(e, R);
         mat3_apply(R, v + BASE_V_LINEAR, qdot + BASE_Q_POSITION);
         rate[0] = 0.5 * (-e[1] * w[0] - e[2] * w[1] - e[3] * w[2]);

@@ -9,6 +9,7 @@
  */
 #include "model/dynamics_kernels.h"
 
+/* Computes the rotation of the base to world. */
 static void base_rotation(const struct dynamics *d, const double *q, double R[9])
 {
     if (d->robot->floating) {
@@ -18,8 +19,8 @@ static void base_rotation(const struct dynamics *d, const double *q, double R[9]
     }
 }
 
-/* The joints' transforms. A stage of an integrator asks for motions, accelerations and velocities
- * at one q in turn: what is known of it stays, to the last bit. */
+/* Computes the joints' transforms. A stage of an integrator asks for motions, accelerations and
+ * velocities at one q in turn: results for the same q are kept, to the last bit. */
 static void find_transforms(const struct dynamics *d, const double *q)
 {
     struct generic *g = d->work;
@@ -37,7 +38,7 @@ static void find_transforms(const struct dynamics *d, const double *q)
     }
 }
 
-/* Velocities and bias accelerations of all bodies */
+/* Computes the velocities and bias accelerations of all bodies, outward. */
 static void sweep_velocity(const struct dynamics *d, const double *q, const double *v)
 {
     struct generic *g = d->work;
@@ -62,7 +63,7 @@ static void sweep_velocity(const struct dynamics *d, const double *q, const doub
     }
 }
 
-/* Accelerations of all bodies from vdot, with up added to that of the base */
+/* Computes the accelerations of all bodies from vdot, with up added to that of the base. */
 static void sweep_acceleration(const struct dynamics *d, const double *vdot, const double up[3])
 {
     const struct generic *g = d->work;
@@ -84,7 +85,7 @@ static void sweep_acceleration(const struct dynamics *d, const double *vdot, con
     }
 }
 
-/* Rotations and positions of all bodies; the joints' transforms are known */
+/* Computes the rotations and positions of all bodies; the joints' transforms are known. */
 static void sweep_place(const struct dynamics *d, const double *q)
 {
     struct generic *g = d->work;
@@ -106,7 +107,7 @@ static void sweep_place(const struct dynamics *d, const double *q)
     }
 }
 
-/* The upward acceleration of the base that stands for gravity, in the base frame */
+/* Computes the upward acceleration of the base that stands for gravity, in the base frame. */
 static void gravity_up(const struct dynamics *d, const double *q, double up[3])
 {
     const double *g = d->robot->gravity, minus[3] = {-g[0], -g[1], -g[2]};
@@ -116,7 +117,7 @@ static void gravity_up(const struct dynamics *d, const double *q, double up[3])
     mat3_apply_transposed(R, minus, up);
 }
 
-/* The matrix as an inertia in the body's inner frame. */
+/* Unpacks an added inertia and rotates it into the body's inner frame. */
 static void inner_inertia(const struct link *link, const struct added_inertia *added,
                           struct spatial_inertia *A)
 {
@@ -129,8 +130,8 @@ static void inner_inertia(const struct link *link, const struct added_inertia *a
     }
 }
 
-/* Adds the given inertia to the observed bodies. It resists what vdot makes of their accelerations
- * and not their drift. */
+/* Adds the given inertia to the observed bodies. It resists what vdot makes of their
+ * accelerations and not their drift. */
 static void add_observed_inertia(const struct dynamics *d, const double up[3],
                                  const struct added_inertia *added)
 {
@@ -160,7 +161,8 @@ static void add_observed_inertia(const struct dynamics *d, const double up[3],
     }
 }
 
-/* Forward dynamics; plain: without extra and added inertia, which are then not read. */
+/* Computes the forward dynamics by the articulated-body algorithm; plain: without extra and
+ * added inertia, which are then not read. */
 INLINE void articulated_body(const struct dynamics *d, bool plain, const double *q, const double *v,
                              const double *tau, const struct wrench *ext, const double *extra,
                              const struct added_inertia *added, double *vdot)
@@ -227,6 +229,7 @@ static void generic_implicit(const struct dynamics *d, const double *q, const do
     articulated_body(d, false, q, v, tau, ext, extra, added, vdot);
 }
 
+/* Computes the inverse dynamics by the recursive Newton-Euler algorithm (struct dynamics_ops). */
 static void generic_inverse(const struct dynamics *d, const double *q, const double *v,
                             const double *vdot, const struct wrench *ext, double *f)
 {
@@ -264,6 +267,7 @@ static void generic_inverse(const struct dynamics *d, const double *q, const dou
     }
 }
 
+/* Computes poses and velocities of all bodies, in their own frames (struct dynamics_ops). */
 static void generic_kinematics(const struct dynamics *d, const double *q, const double *v,
                                struct body_motion *motion)
 {
@@ -289,6 +293,7 @@ static void generic_kinematics(const struct dynamics *d, const double *q, const 
     }
 }
 
+/* Computes the classical accelerations of all bodies in the world frame (struct dynamics_ops). */
 static void generic_acceleration(const struct dynamics *d, const double *q, const double *v,
                                  const double *vdot, struct body_acceleration *acceleration)
 {
@@ -309,6 +314,7 @@ static void generic_acceleration(const struct dynamics *d, const double *q, cons
     }
 }
 
+/* Computes kinetic and potential energy (struct dynamics_ops). */
 static void generic_energy(const struct dynamics *d, const double *q, const double *v,
                            double *kinetic, double *potential)
 {

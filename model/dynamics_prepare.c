@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the numeric dynamics take from a robot's description: every joint as "a fixed rotation, then
- * a turn about or a slide along one coordinate axis". A body whose joint axis is +x, +y or +z keeps
- * its frame, any other gets an inner frame with the joint axis as z.
+ * Prepares a robot's description for the numeric dynamics: every joint becomes "a fixed rotation,
+ * then a turn about or a slide along one coordinate axis". A body whose joint axis is +x, +y or +z
+ * keeps its frame, any other gets an inner frame with the joint axis as z.
  */
 #include "model/dynamics_kernels.h"
 
-/* The coordinate axis that a unit vector is, or -1. */
+/* Returns the number of the coordinate axis that a unit vector is, or -1. */
 static int axis_number(const double axis[3])
 {
     for (int k = 0; k < 3; k++) {
@@ -17,7 +17,7 @@ static int axis_number(const double axis[3])
     return -1;
 }
 
-/* A rotation whose third column is the unit vector axis. */
+/* Computes a rotation whose third column is the unit vector axis. */
 static void rotation_to_axis(const double axis[3], double R[9])
 {
     double x[3] = {0.0, 0.0, 0.0}, y[3], norm;
@@ -28,6 +28,8 @@ static void rotation_to_axis(const double axis[3], double R[9])
             least = m;
         }
     }
+    /* The other two columns are orthogonal to the axis, from the coordinate axis that is
+     * farthest from it */
     x[least] = 1.0;
     vec3_cross(axis, x, y);
     norm = vec3_norm(y);
@@ -42,7 +44,7 @@ static void rotation_to_axis(const double axis[3], double R[9])
     }
 }
 
-/* Inertia of a body in its inner frame. */
+/* Computes the inertia of a body in its inner frame. */
 static void prepare_link_inertia(const struct robot_inertia *inertia, struct link *link)
 {
     double I[6], com[3], body_to_inner[9];
@@ -61,7 +63,7 @@ static void prepare_link_inertia(const struct robot_inertia *inertia, struct lin
     memcpy(link->I, link->rigid.J, sizeof link->I);
 }
 
-/* Joint of a body as a fixed rotation and a coordinate axis. */
+/* Reduces the joint of a body to a fixed rotation and a coordinate axis. */
 static void prepare_link_joint(const struct robot_joint *joint, const struct link *parent,
                                struct link *link)
 {

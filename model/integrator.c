@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runge-Kutta schemes. */
+/* Runge-Kutta schemes: RK4 in fixed steps, and the adaptive pair of Dormand and Prince. */
 #include "model/integrator.h"
 
 #include "base/portable_math.h"
@@ -14,7 +14,7 @@ size_t integrator_rk4_scratch(size_t n)
     return (RK4_STAGES + 1) * n; /* the slopes, and the state that the next one is taken at */
 }
 
-/* out = y + h k */
+/* Computes out = y + h k. */
 static void advance_stage(size_t n, const double *y, double h, const double *restrict k,
                           double *restrict out)
 {
@@ -23,8 +23,8 @@ static void advance_stage(size_t n, const double *y, double h, const double *res
     }
 }
 
-/* y += change and what earlier sums have lost by rounding; keeps what this one loses (Knuth, The
- * Art of Computer Programming, 4.2.2, theorem B) */
+/* Adds change to y with compensation: y += change and what earlier sums have lost by rounding;
+ * keeps what this one loses (Knuth, The Art of Computer Programming, 4.2.2, theorem B). */
 static void add_exactly(double change, double *y, double *lost)
 {
     double part = change + *lost, sum = *y + part, taken = sum - *y;
@@ -85,7 +85,7 @@ size_t integrator_dopri5_scratch(size_t n)
     return (DOPRI5_STAGES + 1) * n; /* the slopes, and the state that the next one is taken at */
 }
 
-/* Slopes 2 to 7; the state of the last is the result of the step. */
+/* Computes slopes 2 to 7; the state of the last is the result of the step. */
 static void dopri5_stages(integrator_function *f, void *context, double t, double h, size_t n,
                           const double *y, double *k, double *stage)
 {
@@ -100,7 +100,7 @@ static void dopri5_stages(integrator_function *f, void *context, double t, doubl
     }
 }
 
-/* Root mean square of the step's error over the state, relative to the tolerances. */
+/* Returns the root mean square of the step's error over the state, relative to the tolerances. */
 static double dopri5_error(const struct integrator_dopri5 *control, double h, size_t n,
                            const double *y, const double *end, const double *k)
 {
@@ -118,7 +118,8 @@ static double dopri5_error(const struct integrator_dopri5 *control, double h, si
     return sqrt(sum / (double)n);
 }
 
-/* The factor from one step's length to the next, with both errors at least tiny. */
+/* Returns the factor from one step's length to the next (proportional-integral control), with
+ * both errors at least tiny. */
 static double dopri5_factor(double error, double last_error)
 {
     double factor = CONTROL_SAFETY * portable_pow(fmax(error, 1e-10), -CONTROL_ALPHA) *

@@ -12,7 +12,7 @@
 /* dydt (n) from y (n) at time t (s). */
 typedef void integrator_function(void *context, double t, const double *y, double *dydt);
 
-/* Doubles of scratch that integrator_rk4 needs for n states. */
+/* Returns the doubles of scratch that integrator_rk4 needs for n states. */
 size_t integrator_rk4_scratch(size_t n);
 
 /* Advances y (n) from t by h seconds with the classical fourth-order Runge-Kutta scheme (Hairer,
@@ -31,7 +31,7 @@ struct integrator_dopri5 {
     size_t evaluations; /* of f, so far */
 };
 
-/* Doubles of scratch that integrator_dopri5 needs for n states. */
+/* Returns the doubles of scratch that integrator_dopri5 needs for n states. */
 size_t integrator_dopri5_scratch(size_t n);
 
 /* Advances y (n) from t by h seconds with the embedded pair of orders 5 and 4 of Dormand and Prince

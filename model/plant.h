@@ -6,13 +6,13 @@
  * State, one flat array: q (nq), v (nv), then an enum plant_drive_part for each joint with a
  * drive, in joint order, then p for each joint with an enabled parallel spring, then an enum
  * plant_free_part for each free body, then hysteresis, winding and housing temperature of each
- * drive where some drive has effects (model/effects.h), the bus of the supply if there is one
- * (model/supply.h), an enum hydraulic_part for each hydraulic joint and the pressure of their
- * supply (model/hydraulic.h), with account_energy the integrals of the powers, and at last the
- * bristles of sticking friction (contact.h), an enum contact_bristle_part for each pair. Joints
- * without a drive have no actuator state and no torque but that of their parallel spring, of the
- * stops at the ends of their range (model/stop.h) and of their coupling to another joint
- * (model/coupling.h). Time is int64_t ns.
+ * drive where some drive has effects (model/drives/effects.h), the bus of the supply if there is
+ * one (model/drives/supply.h), an enum hydraulic_part for each hydraulic joint and the pressure of
+ * their supply (model/hydraulics/hydraulic.h), with account_energy the integrals of the powers, and
+ * at last the bristles of sticking friction (contact.h), an enum contact_bristle_part for each
+ * pair. Joints without a drive have no actuator state and no torque but that of their parallel
+ * spring, of the stops at the ends of their range (model/stop.h) and of their coupling to another
+ * joint (model/coupling.h). Time is int64_t ns.
  *
  * Free bodies are the scene's: rigid, joined to nothing, moved by gravity, contact and pushes.
  * Wherever a body is meant by its index they follow the robot's: free[i] is body nbody + i. (Bodies
@@ -30,13 +30,13 @@
 #include "contact/contact.h"
 #include "model/dynamics.h"
 #include "model/plant_io.h"
-#include "model/supply.h"
+#include "model/drives/supply.h"
 
 struct plant;
 
 /* rk4: the paper's, for steps short enough. implicit: order 2, stable with long steps, drives exact
- * for the voltage held; the one for real time (model/implicit.c, docs/integrator.md). dopri5:
- * adaptive, any substep, as accurate as asked and as slow as that takes: the oracle; not
+ * for the voltage held; the one for real time (model/implicit/implicit.c, docs/integrator.md).
+ * dopri5: adaptive, any substep, as accurate as asked and as slow as that takes: the oracle; not
  * RT-safe. */
 enum plant_integrator { PLANT_RK4, PLANT_IMPLICIT, PLANT_DOPRI5 };
 
@@ -58,7 +58,7 @@ enum plant_drive_part {
     PLANT_DRIVE_STATE,    /* their number */
 };
 
-/* Where the parts of a free body's state begin. */
+/* Offsets of the parts of a free body's state. */
 enum plant_free_part {
     PLANT_FREE_POSITION = 0,   /* of its center of mass, world, m */
     PLANT_FREE_QUATERNION = 3, /* wxyz, body to world */
@@ -86,7 +86,7 @@ struct plant_config {
     void *clock;                    /* handed to now_ns */
 };
 
-/* What the plant's contact engine has cost since the plant was made. */
+/* Cost of the plant's contact engine since the plant was made. */
 struct plant_contact_cost {
     uint64_t evaluations; /* that the engine was asked for; others came from memory */
     int64_t spent_ns;     /* in them and in its tangents, by the configuration's clock */
@@ -116,13 +116,13 @@ struct plant_energy {
     double balance;
 };
 
-/* Whether a free body has the inertia of some body, none of it zero, and a place to start from; the
- * error says why not. Not RT-safe. */
+/* Checks whether a free body has the inertia of some body, none of it zero, and a place to start
+ * from; the error says why not. Not RT-safe. */
 enum error_code plant_check_free_body(const struct plant_free_body *body, struct error *error);
 
-/* Memory from arena. The state is the reset one with the base at the origin and all joints at zero.
- * Fails on a substep or supply <= 0, a contact or sensor body that the robot does not mark as
- * observed, a free body that fails its check, no memory. Not RT-safe. */
+/* Creates a plant in the arena. The state is the reset one with the base at the origin and all
+ * joints at zero. Fails on a substep or supply <= 0, a contact or sensor body that the robot
+ * does not mark as observed, a free body that fails its check, no memory. Not RT-safe. */
 enum error_code plant_create(const struct plant_config *config, struct arena *arena,
                              struct plant **plant, struct error *error);
 
@@ -133,8 +133,8 @@ enum error_code plant_create(const struct plant_config *config, struct arena *ar
 enum error_code plant_reset(struct plant *plant, const double base_position[3],
                             const double base_quaternion[4], const double *joint);
 
-/* The command struct to write voltages into before plant_step, and the sensors that plant_sample
- * fills; both owned by the plant. A voltage that is not a number counts as 0 V. */
+/* Return the command struct to write voltages into before plant_step, and the sensors that
+ * plant_sample fills; both owned by the plant. A voltage that is not a number counts as 0 V. */
 struct plant_command *plant_command(struct plant *plant);
 const struct plant_sensors *plant_sensors(const struct plant *plant);
 
@@ -145,8 +145,8 @@ const struct plant_sensors *plant_sensors(const struct plant *plant);
  * when the contact engine is. */
 enum error_code plant_step(struct plant *plant, size_t steps);
 
-/* One sentence on the last failure of plant_step, plant_sample, plant_reset or plant_energy; ""
- * when there was none. Owned by the plant or the contact engine. RT-safe. */
+/* Returns one sentence on the last failure of plant_step, plant_sample, plant_reset or
+ * plant_energy; "" when there was none. Owned by the plant or the contact engine. RT-safe. */
 const char *plant_failure(const struct plant *plant);
 
 /* Fills the sensors from the present state; on failure they keep their last values. Forces of
@@ -159,58 +159,60 @@ const char *plant_failure(const struct plant *plant);
  * engine is. */
 enum error_code plant_sample(struct plant *plant);
 
-/* The flat state (read and, for tests, written) and its length; wrenches on contact bodies at the
- * last sample (ncontact entries, world frame, about the body's origin). */
+/* Return the flat state (read and, for tests, written) and its length; wrenches on contact
+ * bodies at the last sample (ncontact entries, world frame, about the body's origin). */
 double *plant_state(struct plant *plant, size_t *count);
 const struct contact_wrench *plant_contact_wrenches(const struct plant *plant);
 
-/* The patches of the last sample, until the plant steps or is asked for its energies: what of those
- * wrenches each pair in touch gives. Returns their number, writes at most max. RT-safe. */
+/* Copies the patches of the last sample, until the plant steps or is asked for its energies:
+ * what of those wrenches each pair in touch gives. Returns their number, writes at most max.
+ * RT-safe. */
 size_t plant_patches(const struct plant *plant, struct contact_patch *patch, size_t max);
 
-/* Poses and velocities of the robot's bodies (nbody entries) at the last sample; only those of
- * observed bodies are set. */
+/* Returns poses and velocities of the robot's bodies (nbody entries) at the last sample; only
+ * those of observed bodies are set. */
 const struct body_motion *plant_motion(const struct plant *plant);
 
-/* Those of all of the robot's bodies in the present state, observed or not, until the next call of
- * the plant; costs a pass over the tree. RT-safe. */
+/* Returns those of all of the robot's bodies in the present state, observed or not, until the
+ * next call of the plant; costs a pass over the tree. RT-safe. */
 const struct body_motion *plant_whole_motion(struct plant *plant);
 
-/* Those of the free bodies (nfree entries), of the origins of their frames. */
+/* Returns those of the free bodies (nfree entries), of the origins of their frames. */
 const struct body_motion *plant_free_motion(const struct plant *plant);
 
-/* Where free body i is in the present state: position of its origin (m), quaternion wxyz.
- * RT-safe. */
+/* Computes the pose of free body i in the present state: position of its origin (m), quaternion
+ * wxyz. RT-safe. */
 void plant_free_pose(const struct plant *plant, size_t i, double pose[7]);
 
-/* Contact evaluations so far. Owned by the plant. RT-safe. */
+/* Returns the contact evaluations so far. Owned by the plant. RT-safe. */
 const struct plant_contact_cost *plant_contact_cost(const struct plant *plant);
 
-/* The plant's memory of its contact engine, size bytes within the arena. It belongs to the engine
- * as it is now, not to a moment of virtual time: whoever copies the arena and puts it back later
- * has to leave it out. */
+/* Returns the plant's memory of its contact engine, size bytes within the arena. It belongs to
+ * the engine as it is now, not to a moment of virtual time: whoever copies the arena and puts it
+ * back later has to leave it out. */
 void *plant_contact_memory(const struct plant *plant, size_t *size);
 
-/* Virtual time of the state. */
+/* Returns the virtual time of the state. */
 int64_t plant_time_ns(const struct plant *plant);
 
-/* FNV hash of state and time: equal runs have equal hashes. */
+/* Returns the FNV hash of state and time: equal runs have equal hashes. */
 uint64_t plant_hash(const struct plant *plant);
 
-/* Energies of the present state. Without account_energy only stored is filled, the rest is zero.
- * Returns the contact engine's failure, or ERROR_MEMORY with more than PLANT_PATCHES patches.
- * RT-safe when the contact engine is. */
+/* Computes the energies of the present state. Without account_energy only stored is filled, the
+ * rest is zero. Returns the contact engine's failure, or ERROR_MEMORY with more than
+ * PLANT_PATCHES patches. RT-safe when the contact engine is. */
 enum error_code plant_energy(struct plant *plant, struct plant_energy *energy);
 
-/* Energies count from the present state on; for a state that was written through plant_state.
- * Returns as plant_energy. RT-safe when the contact engine is. */
+/* Makes energies count from the present state on; for a state that was written through
+ * plant_state. Returns as plant_energy. RT-safe when the contact engine is. */
 enum error_code plant_restart_energy(struct plant *plant);
 
-/* A push from outside on a body (0 to nbody + nfree - 1), world frame at the body's origin, until
- * changed. RT-safe. */
+/* Sets a push from outside on a body (0 to nbody + nfree - 1), world frame at the body's origin,
+ * until changed. RT-safe. */
 void plant_set_push(struct plant *plant, int body, const double force[3], const double moment[3]);
 
-/* Voltage of the source without load and sag (config.supply_v), from the next step on. RT-safe. */
+/* Sets the voltage of the source without load and sag (config.supply_v), from the next step on.
+ * RT-safe. */
 void plant_set_source(struct plant *plant, double supply_v);
 double plant_source(const struct plant *plant);
 
@@ -224,8 +226,8 @@ double plant_source(const struct plant *plant);
 void plant_clamp(struct plant *plant, bool clamped);
 bool plant_is_clamped(const struct plant *plant);
 
-/* Center of mass (m) and total linear momentum (kg m/s) of the robot, without the free bodies, in
- * the present state, world frame. RT-safe. */
+/* Computes the center of mass (m) and total linear momentum (kg m/s) of the robot, without the
+ * free bodies, in the present state, world frame. RT-safe. */
 void plant_center_of_mass(struct plant *plant, double position[3], double momentum[3]);
 
 #endif

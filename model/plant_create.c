@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Making a plant: checks of its configuration, the layout of its state, its memory. */
+/* Creates a plant: checks of its configuration, the layout of its state, its memory. */
 #include "model/plant.h"
 
-#include "model/implicit.h"
+#include "model/implicit/implicit.h"
 #include "model/integrator.h"
 #include "model/plant_private.h"
 
@@ -12,7 +12,7 @@
 /* Steps that dopri5 may try for one substep. */
 enum { DOPRI5_TRIES = 100000 };
 
-/* What the plant reads of a body must be among what the dynamics computes. */
+/* Checks that a body which the plant reads is among those that the dynamics compute. */
 static enum error_code check_observed_body(const struct robot *robot, int body, const char *what,
                                            struct error *error)
 {
@@ -27,6 +27,7 @@ static enum error_code check_observed_body(const struct robot *robot, int body, 
     return ERROR_NONE;
 }
 
+/* Checks the body of a contact surface: an observed one of the robot, or a free body. */
 static enum error_code check_contact_body(const struct plant_config *config, int body,
                                           struct error *error)
 {
@@ -44,6 +45,7 @@ static enum error_code check_contact_body(const struct plant_config *config, int
     return check_observed_body(config->robot, body, "a contact surface", error);
 }
 
+/* Checks the free bodies and everything that lies on a body: contact surfaces and sensors. */
 static enum error_code check_plant_bodies(const struct plant_config *config, struct error *error)
 {
     const struct robot *robot = config->robot;
@@ -73,7 +75,7 @@ static enum error_code check_plant_bodies(const struct plant_config *config, str
                                error);
 }
 
-/* An integrator that there is, and what it needs. */
+/* Checks that the integrator exists and has what it needs. */
 static enum error_code check_integrator(const struct plant_config *config, struct error *error)
 {
     if (config->integrator != PLANT_RK4 && config->integrator != PLANT_IMPLICIT &&
@@ -93,7 +95,7 @@ static enum error_code check_integrator(const struct plant_config *config, struc
     return ERROR_NONE;
 }
 
-/* A bus that is possible, if there is one. */
+/* Checks that the bus is possible, if there is one. */
 static enum error_code check_bus(const struct plant_config *config, struct error *error)
 {
     const struct supply_bus *bus = &config->bus;
@@ -116,7 +118,7 @@ static enum error_code check_bus(const struct plant_config *config, struct error
     return ERROR_NONE;
 }
 
-/* Robot, dynamics, time, supply and contact of a configuration, then its bodies. */
+/* Checks robot, dynamics, time, supply and contact of a configuration, then its bodies. */
 static enum error_code check_plant_config(const struct plant_config *config, struct error *error)
 {
     enum error_code code;
@@ -193,7 +195,7 @@ static void lay_out_state(struct plant *plant)
         ok = ok && (pointer);                                                                      \
     } while (0)
 
-/* False when the arena is used up. */
+/* Allocates the plant's arrays. Returns false when the arena is used up. */
 static bool allocate_plant(struct plant *plant, struct arena *arena)
 {
     const struct robot *robot = plant->config.robot;
@@ -255,7 +257,7 @@ static bool allocate_plant(struct plant *plant, struct arena *arena)
     return ok;
 }
 
-/* Dynamics of the same robot that give the motion of every body. */
+/* Creates dynamics of the same robot that give the motion of every body. */
 static enum error_code create_whole_dynamics(struct plant *plant, struct arena *arena,
                                              struct error *error)
 {
@@ -275,7 +277,7 @@ static enum error_code create_whole_dynamics(struct plant *plant, struct arena *
     return dynamics_generic(all, arena, &plant->whole, error);
 }
 
-/* Which joint each drive and each parallel spring is on. */
+/* Finds which joint each drive, parallel spring and cylinder is on. */
 static void number_actuators(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -295,7 +297,7 @@ static void number_actuators(struct plant *plant)
     }
 }
 
-/* False when the arena is used up. */
+/* Copies the configuration with its arrays. Returns false when the arena is used up. */
 static bool copy_plant_config(struct plant *plant, const struct plant_config *config,
                               struct arena *arena)
 {

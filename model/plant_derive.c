@@ -33,7 +33,7 @@ void plant_place(struct plant *plant, const double *state)
     plant_free_place(plant, state);
 }
 
-/* Adds a wrench in the world frame to what acts on a body; returns its power, W. */
+/* Adds a wrench in the world frame to those on a body; returns its power, W. */
 static double apply_body_wrench(const struct body_motion *motion, const double force[3],
                                 const double moment[3], struct wrench *ext)
 {
@@ -95,19 +95,21 @@ static void apply_couplings(struct plant *plant, const double *state)
     }
 }
 
-/* Torques of drives, eq. (3), of parallel springs, eq. (5), of end stops and couplings on the
- * joints. */
+/* Computes the torques of drives, eq. (3), of parallel springs, eq. (5), of end stops and
+ * couplings on the joints. */
 static void apply_joint_torques(struct plant *plant, const double *state)
 {
     const struct robot *robot = plant->config.robot;
 
     memset(plant->tau, 0, robot->njoint * sizeof *plant->tau);
+    /* Electric and hydraulic drives */
     for (size_t d = 0; d < plant->ndrive; d++) {
         plant->tau[plant->drive_joint[d]] += plant_drive_torque(plant, state, d);
     }
     for (size_t c = 0; c < plant->nhydraulic; c++) {
         plant->tau[plant->hydraulic_joint[c]] += plant_hydraulic_torque(plant, state, c);
     }
+    /* Parallel springs */
     for (size_t s = 0; s < plant->nspring; s++) {
         size_t j = plant->spring_joint[s];
 
@@ -115,6 +117,7 @@ static void apply_joint_torques(struct plant *plant, const double *state)
             &robot->joint[j].spring, state[plant->at.pretension + s], plant->pretension_rate[s],
             plant_joint_position(plant, state, j), plant_joint_rate(plant, state, j));
     }
+    /* End stops, few of which are pressed; then couplings */
     for (size_t j = 0; j < robot->njoint; j++) {
         double depth = plant_joint_depth(plant, state, j);
 
@@ -126,8 +129,8 @@ static void apply_joint_torques(struct plant *plant, const double *state)
     apply_couplings(plant, state);
 }
 
-/* A clamped robot has no acceleration, and no wrench acts on it unless it is balanced: the clamp
- * takes them. What acts on free bodies stays. */
+/* Removes accelerations and wrenches of a clamped robot: the clamp takes them, unless it is
+ * balanced. Wrenches on free bodies stay. */
 static void remove_clamped_loads(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -184,7 +187,8 @@ enum error_code plant_evaluate(struct plant *plant, const double *state, struct 
     return ERROR_NONE;
 }
 
-/* Rates of the drives' states, eqs (2) and (4), and where their power goes; work may be NULL. */
+/* Computes the rates of the drives' states, eqs (2) and (4), and adds their powers; work may be
+ * NULL. */
 static void derive_drives(const struct plant *plant, const double *state, double *derivative,
                           double *work)
 {
@@ -215,7 +219,7 @@ static void derive_drives(const struct plant *plant, const double *state, double
     }
 }
 
-/* The same for the parallel springs, eq. (5), whose pretension moves at a given rate. */
+/* Computes the same for the parallel springs, eq. (5), whose pretension moves at a given rate. */
 static void derive_springs(const struct plant *plant, const double *state, double *derivative,
                            double *work)
 {

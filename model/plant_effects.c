@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Drives with effects in the plant's state, and the supply of the bridges. rk4 and dopri5 know no
- * events: within a substep they integrate the smooth equations of the mode that its begin has, and
- * what has passed zero in it is brought to zero at its end.
+ * events: within a substep they integrate the smooth equations of the mode at its begin, and what
+ * has passed zero in it is set to zero at its end.
  */
 #include "model/plant_private.h"
 
@@ -65,6 +65,7 @@ double plant_drive_energy(const struct plant *plant, const double *state, size_t
 
 /* ---- starts and holds ---- */
 
+/* Returns the voltage of the source without load, V: nominal less the sag. */
 static double supply_source(const struct plant *plant)
 {
     return fmax(0.0, plant->config.supply_v - plant->command.supply_sag_v);
@@ -79,6 +80,7 @@ void plant_effects_reset(struct plant *plant)
         const struct robot_effects *effects = robot->joint[j].sea.effects;
         struct effects_state start = {.sea = plant_drive_state(plant, plant->state, d)};
 
+        /* A drive with effects starts with a relaxed spring, at ambient temperature */
         if (effects) {
             start.sea.qm = effects_motor_rest(&robot->joint[j].sea,
                                               plant_joint_position(plant, plant->state, j), 0.0);
@@ -88,6 +90,7 @@ void plant_effects_reset(struct plant *plant)
         plant_effects_store(plant, d, &start, plant->state);
         plant->bridge[d] = (struct effects_bridge){.conducts = false};
     }
+    /* The bus starts charged */
     if (plant->config.bus.capacitance_f > 0.0) {
         plant->state[plant->at.supply + SUPPLY_VOLTAGE] =
             fmax(SUPPLY_LEAST_V, supply_source(plant));
@@ -95,10 +98,10 @@ void plant_effects_reset(struct plant *plant)
     }
 }
 
-/* Both half bridges switch once a period, and each loses the dead time against the current. */
+/* Dead times a period: both half bridges switch, and each loses it against the current. */
 #define DEAD_TIMES 2.0
 
-/* What dead time takes. */
+/* Returns the average voltage that dead time takes at a supply voltage, V. */
 static double dead_voltage(const struct robot_effects *effects, double supply)
 {
     return fmin(1.0, DEAD_TIMES * effects->dead_time * effects->pwm) * supply;
@@ -177,7 +180,7 @@ void plant_effects_begin(struct plant *plant)
     }
 }
 
-/* Brings a number of the state to zero; the energy of that counts as a loss. */
+/* Sets a number of the state to zero; its energy counts as a loss. */
 static void stop_at_zero(struct plant *plant, size_t at, double inertia, enum plant_work loss)
 {
     double *x = &plant->state[at];
@@ -210,7 +213,8 @@ void plant_effects_end(struct plant *plant)
 
 /* ---- the supply ---- */
 
-double plant_bridge_power(const struct plant *plant, const double *state)
+/* Returns the power that the bridges take from the supply, W. */
+static double plant_bridge_power(const struct plant *plant, const double *state)
 {
     double power = 0.0;
 
@@ -226,8 +230,8 @@ double plant_bridge_power(const struct plant *plant, const double *state)
     return power;
 }
 
-/* A source without a bus, under load: V = source - R P / V, where P is the power that the bridges
- * take, solved for V; half of the source when it cannot give so much. */
+/* Returns the voltage of a source without a bus, under load, V: V = source - R P / V, where P is
+ * the power that the bridges take, solved for V; half of the source when it cannot give so much. */
 double plant_supply(const struct plant *plant)
 {
     double source = supply_source(plant), rest;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The plant's energies: what is stored where, and the balance since the start. */
+/* Computes the plant's energies: what is stored where, and the balance since the start. */
 #include "model/plant.h"
 
 #include "model/coupling.h"
@@ -7,7 +7,7 @@
 
 #include <string.h>
 
-/* Energy of motion, gravity, springs, stops, couplings and windings, J. */
+/* Returns the energy of motion, gravity, springs, stops, couplings, oil, windings and bus, J. */
 static double stored_mechanical(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -15,14 +15,17 @@ static double stored_mechanical(struct plant *plant)
     const double *state = plant->state;
     double kinetic, potential, energy;
 
+    /* Motion and gravity, of the robot and of the free bodies */
     plant_place(plant, state);
     dynamics->ops->energy(dynamics, plant->q, state + plant->at.v, &kinetic, &potential);
     energy = kinetic + potential;
     energy += plant_free_energy(plant, state);
+    /* Drives and cylinders */
     for (size_t d = 0; d < plant->ndrive; d++) {
         energy += plant_drive_energy(plant, state, d);
     }
     energy += plant_hydraulic_energy(plant, state);
+    /* Parallel springs, stops and couplings */
     for (size_t s = 0; s < plant->nspring; s++) {
         size_t j = plant->spring_joint[s];
 
@@ -38,6 +41,7 @@ static double stored_mechanical(struct plant *plant)
         energy += coupling_energy(coupling,
                                   coupling_error(coupling, state + plant->at.v - robot->njoint));
     }
+    /* The bus, C V^2/2 */
     if (plant->config.bus.capacitance_f > 0.0) {
         double V = state[plant->at.supply + SUPPLY_VOLTAGE];
 
@@ -46,7 +50,7 @@ static double stored_mechanical(struct plant *plant)
     return energy;
 }
 
-/* What the contact engine reports as stored in its layers, J. */
+/* Computes the energy that the contact engine reports as stored in its layers, J. */
 static enum error_code stored_contact(struct plant *plant, double *energy)
 {
     struct contact_world *contact = plant->config.contact;
@@ -84,7 +88,7 @@ enum error_code plant_restart_energy(struct plant *plant)
     return stored_contact(plant, &plant->start_contact);
 }
 
-/* The accounts of effects and bus. */
+/* Fills in the accounts of effects and bus. */
 static void fill_effect_energies(const struct plant *plant, struct plant_energy *energy)
 {
     const double *work = plant->state + plant->at.work;
@@ -99,7 +103,7 @@ static void fill_effect_energies(const struct plant *plant, struct plant_energy 
     }
 }
 
-/* The accounts of hydraulic joints. */
+/* Fills in the accounts of hydraulic joints. */
 static void fill_hydraulic_energies(const struct plant *plant, struct plant_energy *energy)
 {
     const double *work = plant->state + plant->at.work;
@@ -124,6 +128,7 @@ enum error_code plant_energy(struct plant *plant, struct plant_energy *energy)
     if (!plant->config.account_energy) {
         return ERROR_NONE;
     }
+    /* The accounts, which the integrator has kept in the state */
     energy->electrical_in = work[WORK_ELECTRICAL];
     energy->pretension_work = work[WORK_PRETENSION];
     energy->push_work = work[WORK_PUSH];
@@ -139,6 +144,7 @@ enum error_code plant_energy(struct plant *plant, struct plant_energy *energy)
     if (plant->nhydraulic > 0) {
         fill_hydraulic_energies(plant, energy);
     }
+    /* Put in, less the growth of what is stored, less the losses */
     energy->balance = energy->electrical_in + energy->pretension_work + energy->push_work +
                       work[WORK_CONTACT] - (mechanical - plant->start_mechanical) -
                       energy->joule_heat - energy->motor_friction - energy->spring_damping -

@@ -14,17 +14,20 @@
 /* The smallest pivot of a tensor that can be inverted, relative to its trace. */
 #define SINGULAR_RATIO 1e-12
 
+/* Returns the state of a free body. */
 static double *free_body_state(const struct plant *plant, double *state, size_t body)
 {
     return state + plant->at.free + PLANT_FREE_STATE * body;
 }
 
+/* Returns the state of a free body, to read. */
 static const double *free_body_view(const struct plant *plant, const double *state, size_t body)
 {
     return state + plant->at.free + PLANT_FREE_STATE * body;
 }
 
-/* Inverse of a symmetric matrix by its cofactors; false when it is not safely positive definite. */
+/* Computes the inverse of a symmetric matrix by its cofactors; returns false when it is not
+ * safely positive definite. */
 static bool invert_inertia(const double S[6], double inverse[6])
 {
     const double least = SINGULAR_RATIO * (S[0] + S[3] + S[5]);
@@ -43,6 +46,7 @@ static bool invert_inertia(const double S[6], double inverse[6])
     return true;
 }
 
+/* Checks that pose and velocities of a free body's start are finite. */
 static enum error_code check_free_start(const struct plant_free_body *body, struct error *error)
 {
     double square = 0.0;
@@ -122,7 +126,7 @@ void plant_free_place(struct plant *plant, const double *state)
         const double *y = free_body_view(plant, state, b);
         double arm[3];
 
-        /* The origin of its frame is where the center of mass is not */
+        /* The origin of its frame: apart from the center of mass */
         mat3_from_quaternion(y + PLANT_FREE_QUATERNION, motion->R);
         mat3_apply(motion->R, plant->config.free[b].inertia.com, arm);
         mat3_apply(motion->R, y + PLANT_FREE_SPIN, motion->w);
@@ -134,7 +138,7 @@ void plant_free_place(struct plant *plant, const double *state)
     }
 }
 
-/* The quaternion's rate: half its product with the angular velocity in the body frame. */
+/* Computes the quaternion's rate: half its product with the angular velocity in the body frame. */
 static void quaternion_rate(const double quaternion[4], const double w[3], double rate[4])
 {
     const double *v = quaternion + 1;
@@ -146,7 +150,8 @@ static void quaternion_rate(const double quaternion[4], const double w[3], doubl
     }
 }
 
-/* Euler's equation about the center of mass, in the body frame: I w' = moment - w x I w. */
+/* Computes the angular acceleration by Euler's equation about the center of mass, in the body
+ * frame: I w' = moment - w x I w. */
 static void spin_rate(const struct plant *plant, size_t b, const double w[3],
                       const struct wrench *ext, double rate[3])
 {

@@ -5,12 +5,13 @@
 
 #include <math.h>
 
+/* Returns the state of cylinder c. */
 static double *cylinder_state(const struct plant *plant, double *state, size_t c)
 {
     return state + plant->at.hydraulic + HYDRAULIC_STATE * c;
 }
 
-/* Of the piston under a positive voltage. */
+/* Returns the way that the piston has to go under a positive voltage, 1 or -1. */
 static double cylinder_direction(const struct plant *plant, size_t c)
 {
     const struct robot_joint *joint = &plant->config.robot->joint[plant->hydraulic_joint[c]];
@@ -157,6 +158,7 @@ void plant_hydraulic_derive(const struct plant *plant, const double *state, doub
             plant_hydraulic_account(&power, port.supply, work);
         }
     }
+    /* The supply, from which all of them draw */
     derivative[at] = hydraulic_supply_derive(&robot->hydraulic_supply, &plant->command.oil,
                                              state[at], drawn, &pump);
     if (work) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What crosses between the boards and the plant: terminal voltages in, true physical quantities
- * out. The boards see nothing else of the model. Quantisation, noise and delay are the boards'. SI
+ * The interface between the boards and the plant: terminal voltages in, true physical quantities
+ * out. The boards see nothing else of the model. Quantization, noise and delay are the boards'. SI
  * units; angles and torques on the link side of the gear. Arrays are owned by the plant and live as
  * long as it does. Plain data, RT-safe.
  */
@@ -12,7 +12,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* What can be broken of a drive; bits, 0 = sound. */
+/* Conditions of a drive; bits, 0 = sound. */
 enum drive_condition {
     DRIVE_OPEN_PHASE = 1 << 0,   /* no current, whatever the bridge does */
     DRIVE_SHORT = 1 << 1,        /* the winding is shorted: 0 V across it, so that it brakes */
@@ -28,14 +28,14 @@ struct motor_command {
     bool bridge_on;      /* false: the bridge is open, the winding carries no current */
     double voltage_v;    /* average terminal voltage; the plant clips it to +-supply */
     double pretension_m; /* p of the parallel spring, paper eq. (5) */
-    unsigned condition;  /* of the drive: bits of enum drive_condition */
-    double rotor_rad_s;  /* DRIVE_IMPOSED: of the rotor, link side; a jam is stronger */
+    unsigned condition;  /* condition of the drive: bits of enum drive_condition */
+    double rotor_rad_s;  /* DRIVE_IMPOSED: speed of the rotor, link side; a jam is stronger */
     /* Of a hydraulic joint: the spool's middle is off by that share of the full opening, positive
      * as a voltage; oil leaks past the piston, m3/s per Pa, beside the cylinder's own leakage */
     double valve_shift, piston_leak;
 };
 
-/* What is broken of the hydraulic joints' supply; all 0 = nothing. */
+/* Condition of the hydraulic joints' supply; all 0 = sound. */
 struct hydraulic_supply_condition {
     double pump_loss; /* share of the pump's flow that is missing */
     double leak;      /* from the supply to the return, m3/s per Pa */
@@ -49,7 +49,7 @@ struct plant_command {
     struct hydraulic_supply_condition oil;
 };
 
-/* One joint as it truly is; link side of the gear. */
+/* True state of one joint; link side of the gear. */
 struct motor_sense {
     double q, qd;     /* joint, rad, rad/s */
     double qm, qmd;   /* motor behind the gear (the paper's q^m), rad, rad/s */
@@ -57,15 +57,14 @@ struct motor_sense {
     double torque_nm; /* on the link: Ks (qm - q) + Ds (qm' - q'), and the spring's stop; of a joint
                        * that follows another, its coupling's */
     double voltage_v; /* applied, after saturation */
-    double
-        winding_c; /* temperature, deg C; where the drive's effects or boards/sensing.h model it */
+    double winding_c; /* deg C; where the drive's effects or boards/sensing/ model it */
     /* Of a hydraulic joint, whose motor angle is the joint's and whose current is 0: */
     double pressure_pa[2]; /* of the piston's and the rod's side, above the air's */
     double valve_opening;  /* -1 to 1 of its full opening, positive towards the piston's side */
 };
 
 struct ft_sense {
-    double force_n[3]; /* that the part below the sensor exerts through it, sensor frame */
+    double force_n[3]; /* force that the part below the sensor exerts through it, sensor frame */
     double torque_nm[3];
 };
 

@@ -1,20 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the parts of the plant share: plant_create.c (configuration, memory), plant.c (stepping),
- * plant_derive.c (right-hand side), plant_effects.c (drives with effects, the supply),
+ * What the parts of the plant share: plant_create.c (configuration, memory), plant_step.c
+ * (stepping), plant_derive.c (right-hand side), plant_effects.c (drives with effects, the supply),
  * plant_contact.c, plant_free.c (free bodies), plant_sample.c (sensors), plant_energy.c,
- * implicit.c, settle.c. Units and frames as in model/plant.h. RT-safe unless said otherwise.
+ * implicit/, settle.c. Units and frames as in model/plant.h. RT-safe unless said otherwise.
  */
 #ifndef MODEL_PLANT_PRIVATE_H
 #define MODEL_PLANT_PRIVATE_H
 
-#include "model/effects.h"
-#include "model/hydraulic.h"
-#include "model/hydraulic_supply.h"
+#include "model/drives/effects.h"
+#include "model/hydraulics/hydraulic.h"
+#include "model/hydraulics/supply.h"
 #include "model/integrator.h"
 #include "model/plant.h"
 #include "model/stop.h"
-#include "model/supply.h"
+#include "model/drives/supply.h"
 
 /* Integrals of powers at the end of the state. WORK_CONTACT is what contact does on the bodies.
  * Those from WORK_GEAR on are there with effects of drives or a bus only. */
@@ -43,7 +43,7 @@ enum plant_work {
     WORK_ALL,
 };
 
-/* Where the parts of the flat state begin, and its length. */
+/* Offsets of the parts of the flat state, and its length. */
 struct plant_layout {
     size_t v, drive, pretension, free, effect, supply, hydraulic, work, bristle, count;
 };
@@ -53,7 +53,7 @@ struct plant_free_inverse {
     double I[6];
 };
 
-/* What the plant knows of its contact engine: the last evaluation and what all of them have cost.
+/* The plant's memory of its contact engine: the last evaluation and what all of them have cost.
  * It follows the engine and the wall clock, not virtual time: one block, which a copy of the
  * plant's memory that is put back leaves out (plant_contact_memory). */
 struct plant_contact_memory {
@@ -128,12 +128,12 @@ struct plant {
     const char *failure;
 };
 
-/* Powers of the outside on the bodies, W. */
+/* Powers of outside forces on the bodies, W. */
 struct plant_load {
     double contact, push;
 };
 
-/* Where the state of a drive begins; its parts are enum plant_drive_part. */
+/* Returns the offset of a drive's state; its parts are enum plant_drive_part. */
 static inline size_t plant_drive_offset(const struct plant *plant, size_t drive)
 {
     return plant->at.drive + PLANT_DRIVE_STATE * drive;
@@ -158,44 +158,41 @@ enum plant_effect_part {
     PLANT_EFFECT_STATE,
 };
 
-/* The whole state of a drive with effects, and back. */
+/* Read the whole state of a drive with effects, and write it back. */
 struct effects_state plant_effects_state(const struct plant *plant, const double *state, size_t d);
 void plant_effects_store(const struct plant *plant, size_t d, const struct effects_state *effects,
                          double *state);
 
-/* Torque of any drive on its joint, N m, and the energy that it stores, J. */
+/* Return the torque of any drive on its joint, N m, and the energy that it stores, J. */
 double plant_drive_torque(const struct plant *plant, const double *state, size_t d);
 double plant_drive_energy(const struct plant *plant, const double *state, size_t d);
 
-/* Effects and bus as they start: relaxed, at ambient temperature, charged. */
+/* Resets effects and bus to their start: relaxed, at ambient temperature, charged. */
 void plant_effects_reset(struct plant *plant);
 
-/* What the bridge of a drive with effects does, after its voltage is held. */
+/* Computes what the bridge of a drive with effects does, after its voltage is held. */
 void plant_effects_hold(struct plant *plant, size_t d, double supply);
 
-/* Terminal voltage that keeps a current in any drive at rest, V. */
+/* Returns the terminal voltage that keeps a current in any drive at rest, V. */
 double plant_holding_voltage(const struct plant *plant, size_t d, double I);
 
-/* Rates of a drive with effects in the mode of the substep; work may be NULL. */
+/* Computes the rates of a drive with effects in the mode of the substep; work may be NULL. */
 void plant_effects_derive(const struct plant *plant, const double *state, size_t d,
                           double *derivative, double *work);
 
-/* Before and after a substep of an integrator that knows no events: the modes that hold in it, and
- * what has passed zero in it brought to zero. */
+/* Begin and end a substep of an integrator that knows no events: find the modes that hold in it,
+ * and set to zero what has passed zero in it. */
 void plant_effects_begin(struct plant *plant);
 void plant_effects_end(struct plant *plant);
 
-/* Power that the bridges take from the supply, W. */
-double plant_bridge_power(const struct plant *plant, const double *state);
-
-/* Rates of the bus; work may be NULL. */
+/* Computes the rates of the bus; work may be NULL. */
 void plant_supply_derive(const struct plant *plant, const double *state, double *derivative,
                          double *work);
 
-/* The bus after a step of h seconds in which the bridges took that energy, J. */
+/* Advances the bus by a step of h seconds in which the bridges took that energy, J. */
 void plant_supply_advance(struct plant *plant, double energy, double h);
 
-/* Voltage of the supply in the present state, under the load of the bridges. */
+/* Returns the voltage of the supply in the present state, under the load of the bridges. */
 double plant_supply(const struct plant *plant);
 
 /* Makes a clamped robot's clamp one that holds the rotors too and carries no load, or one as
@@ -204,25 +201,25 @@ void plant_balance(struct plant *plant, bool balanced);
 
 /* ---- hydraulic joints: plant_hydraulic.c ---- */
 
-/* Where the pressure of the supply is in the state. */
+/* Returns the offset of the supply's pressure in the state. */
 static inline size_t plant_hydraulic_supply(const struct plant *plant)
 {
     return plant->at.hydraulic + HYDRAULIC_STATE * plant->nhydraulic;
 }
 
-/* What cylinder c is connected to. */
+/* Returns what cylinder c is connected to. */
 struct hydraulic_port plant_hydraulic_port(const struct plant *plant, const double *state,
                                            size_t c);
 
-/* At rest and charged; the valves' voltages by the command; torque of cylinder c on its joint, N m;
- * energy of oil and accumulator, J. */
+/* Reset the cylinders: at rest and charged; hold the valves' voltages by the command; return the
+ * torque of cylinder c on its joint, N m, and the energy of oil and accumulator, J. */
 void plant_hydraulic_reset(struct plant *plant);
 void plant_hydraulic_hold(struct plant *plant);
 double plant_hydraulic_torque(const struct plant *plant, const double *state, size_t c);
 void plant_hydraulic_sample(struct plant *plant);
 
-/* Its valve closed and its pressures such that joint c stands under that torque; false where supply
- * and return do not suffice. */
+/* Closes the valve of cylinder c and sets its pressures such that its joint stands under that
+ * torque; returns false where supply and return do not suffice. */
 bool plant_hydraulic_load(struct plant *plant, size_t c, double torque);
 
 double plant_hydraulic_energy(const struct plant *plant, const double *state);
@@ -231,11 +228,11 @@ double plant_hydraulic_energy(const struct plant *plant, const double *state);
 void plant_hydraulic_account(const struct hydraulic_power *power, double supply, double *work);
 void plant_hydraulic_account_supply(const struct hydraulic_supply_power *power, double *work);
 
-/* Rates of cylinders and supply; work may be NULL. */
+/* Computes the rates of cylinders and supply; work may be NULL. */
 void plant_hydraulic_derive(const struct plant *plant, const double *state, double *derivative,
                             double *work);
 
-/* Joint position and rate of joint j. */
+/* Return position and rate of joint j. */
 static inline double plant_joint_position(const struct plant *plant, const double *state, size_t j)
 {
     return state[plant->at.v - plant->config.robot->njoint + j];
@@ -246,7 +243,7 @@ static inline double plant_joint_rate(const struct plant *plant, const double *s
     return state[plant->at.drive - plant->config.robot->njoint + j];
 }
 
-/* How far joint j is past its limits, as of model/stop.h. */
+/* Returns how far joint j is past its limits, as model/stop.h has it. */
 static inline double plant_joint_depth(const struct plant *plant, const double *state, size_t j)
 {
     const struct robot_joint *joint = &plant->config.robot->joint[j];
@@ -258,7 +255,7 @@ static inline double plant_joint_depth(const struct plant *plant, const double *
  * the rates are then zero. */
 void plant_derivative(void *plant, double t, const double *state, double *derivative);
 
-/* What the joints' stops, and their couplings, turn into heat, W. */
+/* Return the losses of the joints' stops, and of their couplings, W. */
 double plant_stop_loss(const struct plant *plant, const double *state);
 double plant_coupling_loss(const struct plant *plant, const double *state);
 
@@ -291,7 +288,7 @@ void plant_drop_bristles(struct plant *plant);
  * number. The engine has to give some. RT-safe when the engine does so. */
 size_t plant_contact_tangents(struct plant *plant, struct contact_tangent *tangent, size_t max);
 
-/* Memory for both, from arena; false when that is used up. Not RT-safe. */
+/* Allocates the memory for both in the arena; returns false when that is used up. Not RT-safe. */
 bool plant_contact_create(struct plant *plant, struct arena *arena);
 
 /* Copies the generalized coordinates of state to plant->q with a quaternion of unit length, and
@@ -300,15 +297,15 @@ void plant_place(struct plant *plant, const double *state);
 
 void plant_normalize_quaternion(double quaternion[4]);
 
-/* Free bodies. What follows from their inertias once and for all. */
+/* Computes what follows from the free bodies' inertias, once. */
 void plant_free_prepare(struct plant *plant);
 
-/* To their starts, and their quaternions to unit length, in plant->state. */
+/* Reset them to their starts, and normalize their quaternions, in plant->state. */
 void plant_free_reset(struct plant *plant);
 void plant_free_normalize(struct plant *plant);
 
-/* Their part of plant->motion, of the derivative (from motion and ext), and of the energy stored
- * (kinetic and gravity, J). */
+/* Compute their part of plant->motion, of the derivative (from motion and ext), and of the
+ * energy stored (kinetic and gravity, J). */
 void plant_free_place(struct plant *plant, const double *state);
 void plant_free_derive(const struct plant *plant, const double *state, double *derivative);
 double plant_free_energy(const struct plant *plant, const double *state);

@@ -3,12 +3,13 @@
  * The plant's sensors: what each would read of the present state if it were perfect.
  *
  * Accelerations and contact wrenches are those that belong to the state by the laws of motion and
- * contact; where an implicit step has just led to it, those of the step (model/implicit.h).
+ * contact; where an implicit step has just led to it, those of the step
+ * (model/implicit/implicit.h).
  */
 #include "model/plant.h"
 
 #include "model/coupling.h"
-#include "model/implicit.h"
+#include "model/implicit/implicit.h"
 #include "model/plant_private.h"
 #include "model/spatial.h"
 
@@ -26,7 +27,7 @@ struct frame_motion {
     double specific[3];    /* acceleration of the origin less gravity, m/s2 */
 };
 
-/* Acceleration of a point at offset r, given that of the origin and the rotation */
+/* Computes the acceleration of a point at offset r, given that of the origin and the rotation. */
 static void accelerate_point(const double a[3], const double w[3], const double alpha[3],
                              const double r[3], double out[3])
 {
@@ -38,6 +39,7 @@ static void accelerate_point(const double a[3], const double w[3], const double 
     vec3_add_cross(w, wr, out);
 }
 
+/* Computes the motion of a sensor's frame, in its own axes. */
 static void observe_frame(const struct plant *plant, const struct robot_frame *frame,
                           struct frame_motion *out)
 {
@@ -56,6 +58,7 @@ static void observe_frame(const struct plant *plant, const struct robot_frame *f
     mat3_apply_transposed(out->R, a, out->specific);
 }
 
+/* Fills in the inertial sensor: rate, specific force, magnetic field, attitude. */
 static void sample_imu(const struct plant *plant, struct imu_sense *imu)
 {
     struct frame_motion motion;
@@ -67,8 +70,9 @@ static void sample_imu(const struct plant *plant, struct imu_sense *imu)
     quaternion_from_mat3(motion.R, imu->quaternion);
 }
 
-/* Newton and Euler for the distal part: what it exerts through the sensor is what acts on it from
- * outside, less what its weight and inertia take. */
+/* Computes what a force-torque sensor feels, by Newton and Euler for the distal part: what it
+ * exerts through the sensor is what acts on it from outside, less what its weight and inertia
+ * take. */
 static void sample_ft_sensor(const struct plant *plant, const struct robot_ft_sensor *sensor,
                              struct ft_sense *ft)
 {
@@ -100,7 +104,7 @@ static void sample_ft_sensor(const struct plant *plant, const struct robot_ft_se
     }
 }
 
-/* Torque of its coupling on each joint that follows another. */
+/* Fills in the torque of its coupling on each joint that follows another. */
 static void sample_couplings(const struct plant *plant, struct motor_sense *motor)
 {
     const struct robot *robot = plant->config.robot;
@@ -115,7 +119,7 @@ static void sample_couplings(const struct plant *plant, struct motor_sense *moto
     }
 }
 
-/* A joint without a drive reads as one whose motor follows the link */
+/* Fills in the joints. One without a drive reads as one whose motor follows the link. */
 static void sample_motors(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -146,15 +150,15 @@ static void sample_motors(struct plant *plant)
     }
 }
 
-/* Whether the present state is the one that an implicit step led to, under the same pushes, not one
- * that was set or written since. */
+/* Returns whether the present state is the one that an implicit step led to, under the same
+ * pushes, and was not set or written since. */
 static bool state_is_stepped(const struct plant *plant)
 {
     return plant->stepped &&
            memcmp(plant->state, plant->last_good, plant->at.count * sizeof *plant->state) == 0;
 }
 
-/* Fills vdot, ext and contact_wrench. */
+/* Computes vdot, ext and contact_wrench: those of the last implicit step, or by the laws. */
 static enum error_code find_sampled_forces(struct plant *plant)
 {
     const struct dynamics *dynamics = plant->config.dynamics;
@@ -183,6 +187,7 @@ enum error_code plant_sample(struct plant *plant)
     if (code != ERROR_NONE) {
         return code;
     }
+    /* Motions, accelerations and wrenches, which belong together */
     if (!plant->sampled_step) {
         dynamics->ops->kinematics(dynamics, plant->q, v, plant->motion);
     }
@@ -191,6 +196,7 @@ enum error_code plant_sample(struct plant *plant)
     dynamics->ops->acceleration(dynamics, plant->q, v, plant->vdot, plant->acceleration);
     memcpy(plant->sampled_wrench, plant->contact_wrench,
            plant->config.ncontact * sizeof *plant->sampled_wrench);
+    /* The sensors that read them */
     plant->sensors.time_ns = plant->time_ns;
     plant->sensors.supply_v = plant_supply(plant);
     sample_motors(plant);

@@ -29,10 +29,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Where the parts of a floating base begin in q, and where its joints do. */
+/* Offsets of the parts of a floating base in q, and of its joints. */
 enum base_q_part { BASE_Q_POSITION = 0, BASE_Q_QUATERNION = 3, BASE_Q_COUNT = 7 };
 
-/* Where they begin in v. */
+/* Their offsets in v. */
 enum base_v_part { BASE_V_LINEAR = 0, BASE_V_ANGULAR = 3, BASE_V_COUNT = 6 };
 
 enum joint_type { JOINT_REVOLUTE, JOINT_PRISMATIC };
@@ -59,20 +59,22 @@ struct robot_stop {
 
 /* A sine of the motor's angle: amplitude sin(per_turn N qm + phase). */
 struct robot_harmonic {
-    double per_turn, amplitude, phase; /* of the motor's turns; rad or N m; rad */
+    double per_turn, amplitude, phase; /* per_turn of the motor; amplitude in rad or N m; phase
+                                        * in rad */
 };
 
 enum { ROBOT_HARMONICS = 4 };
 
-/* Two bodies that warm up: the winding, with all of R I^2, and the housing with the magnets. */
+/* Thermal model of two bodies: the winding, with all of R I^2, and the housing with the magnets. */
 struct robot_thermal {
-    double winding_k_w, housing_k_w; /* to the housing, to the air, K/W; 0 = no temperatures */
+    double winding_k_w, housing_k_w; /* thermal resistances to the housing, to the air, K/W; 0 =
+                                      * no temperatures */
     double winding_j_k, housing_j_k; /* heat capacities */
     double ambient_c;                /* deg C */
     double R_per_k, Kt_per_k;        /* per K from 25 deg C, by winding and by housing */
 };
 
-/* What a real drive does beside eqs (2)-(4), model/effects.h; zero = it does not. Link side. */
+/* Effects of a real drive beside eqs (2)-(4), model/drives/effects.h; zero = off. Link side. */
 struct robot_effects {
     double coulomb, breakaway;                    /* friction of the gear, N m: F(infinite), F(0) */
     double stribeck;                              /* speed between them, rad/s; 0 = F is F(0) */
@@ -104,13 +106,13 @@ struct robot_sea {
     const struct robot_effects *effects; /* NULL = none: eqs (2)-(4) and nothing else */
 };
 
-/* Hydraulic drive of a revolute joint, model/hydraulic.h. */
+/* Hydraulic drive of a revolute joint, model/hydraulics/hydraulic.h. */
 struct robot_hydraulic {
     bool present;
-    double A1, A2;        /* areas of the piston: its side, that of the rod, m2 */
-    double stroke, dead;  /* m; volume of either side beside the stroke's, m3 */
-    double base, arm;     /* from the joint to the pins of cylinder and rod, m */
-    double offset;        /* of the angle between them, rad: it is q + offset */
+    double A1, A2;        /* areas of the piston: its own side, the rod's side, m2 */
+    double stroke, dead;  /* stroke, m; volume of either side beside the stroke's, m3 */
+    double base, arm;     /* distances from the joint to the pins of cylinder and rod, m */
+    double offset;        /* offset of the angle between them, rad: it is q + offset */
     double closed;        /* length between the pins with the piston drawn in, m */
     double valve_w;       /* natural frequency of the spool, rad/s */
     double valve_damping; /* its damping ratio, below 1 */
@@ -121,17 +123,18 @@ struct robot_hydraulic {
     double leakage;       /* past the piston, m3/s per Pa */
     double viscous;       /* friction, N s/m */
     double coulomb;       /* N */
-    double coulomb_speed; /* about which it changes its sign, m/s */
+    double coulomb_speed; /* speed about which it changes its sign, m/s */
 };
 
-/* What feeds all hydraulic joints of a robot; accumulator 0 = a constant pressure. */
+/* The supply of all hydraulic joints of a robot; accumulator 0 = a constant pressure. */
 struct robot_hydraulic_supply {
-    double pressure, back;      /* at the start, of the return, Pa */
+    double pressure, back;      /* pressure at the start, and of the return, Pa */
     double pump;                /* m3/s */
     double accumulator;         /* volume of its gas at precharge, m3 */
     double precharge;           /* Pa */
     double line;                /* oil between pump and valves, m3 */
-    double relief, relief_flow; /* Pa; m3/s per Pa beyond */
+    double relief, relief_flow; /* pressure at which the relief valve opens, Pa; its flow, m3/s
+                                 * per Pa beyond */
 };
 
 /* Parallel unilateral spring of a joint, paper eq. (5) with x = p - r s q: for x < 0 the joint gets
@@ -150,7 +153,7 @@ struct robot_joint {
     enum joint_type type;
     int paper_index;        /* generalized coordinate number in the paper, 0 = none */
     double axis[3];         /* unit vector in the child frame */
-    double origin[3];       /* of the child frame in the parent frame at q = 0, m */
+    double origin[3];       /* origin of the child frame in the parent frame at q = 0, m */
     double rotation[9];     /* child to parent at q = 0, row-major (from rpy) */
     double lower, upper;    /* position limits, rad or m */
     struct robot_stop stop; /* at both of them */
@@ -161,8 +164,8 @@ struct robot_joint {
 };
 
 /* A gear, linkage or tendon by which one joint follows another, model/coupling.h: the follower's
- * position is multiplier times the leader's + offset, but for what a spring and a damper without
- * mass between the two give way by. Units are the follower's. */
+ * position is multiplier times the leader's + offset, but for the deflection of a spring and a
+ * damper without mass between the two. Units are the follower's. */
 struct robot_coupling {
     int follower, leader; /* joints; a follower has one leader, no drive, and leads nothing */
     double multiplier;    /* follower's unit by leader's; never 0 */
@@ -182,12 +185,12 @@ struct robot_frame {
     double rotation[9]; /* frame to body, row-major */
 };
 
-/* What can touch: a cylinder with a half-sphere at each end, or without length a sphere, about the
- * parts of a body and of what moves little against it. A rig says what it is made of. */
+/* A shape that can touch: a cylinder with a half-sphere at each end, or without length a sphere,
+ * about the parts of a body and of what moves little against it. A rig says what it is made of. */
 struct robot_capsule {
     const char *name;
     int body;
-    double position[3]; /* of its middle, in the body frame, m */
+    double position[3]; /* its middle, in the body frame, m */
     double rotation[9]; /* its axis is z; capsule to body, row-major */
     double radius;      /* m */
     double length;      /* of the axis, without the ends, m */
@@ -197,12 +200,12 @@ enum robot_visual_shape { VISUAL_MESH, VISUAL_BOX, VISUAL_SPHERE, VISUAL_CYLINDE
 
 enum { ROBOT_VISUALS_MAX = 1024 };
 
-/* What a body looks like in a picture; nothing touches it, and no equation depends on it. */
+/* The look of a body in a picture; nothing touches it, and no equation depends on it. */
 struct robot_visual {
     const char *name;
     int body;
     enum robot_visual_shape shape;
-    double position[3];  /* of its own frame in the body frame, m */
+    double position[3];  /* origin of its own frame in the body frame, m */
     double rotation[9];  /* shape to body, row-major; a cylinder's and a capsule's axis is z */
     double half[3];      /* half the sides of a box, m */
     double radius;       /* m */
@@ -276,8 +279,8 @@ struct robot_drive {
 enum error_code robot_load_drive(const char *path, struct arena *arena,
                                  const struct robot_drive **drive, struct error *error);
 
-/* What a drive's file says of the drive, and whether it is hydraulic; it may be incomplete. As
- * robot_load_drive. */
+/* Reads what a drive's file says of the drive, and whether it is hydraulic; it may be
+ * incomplete. As robot_load_drive. */
 enum error_code robot_describe_drive(const char *path, struct arena *arena,
                                      const char **description, bool *hydraulic,
                                      struct error *error);
@@ -289,9 +292,8 @@ enum error_code robot_describe_drive(const char *path, struct arena *arena,
  * singular. Not RT-safe. */
 enum error_code robot_finish(struct robot *robot, struct error *error);
 
-/* A copy that may be changed: bodies, joints, frames, capsules and visuals are its own, the rest is
- * shared.
- * Memory from arena. Not RT-safe. */
+/* Makes a copy that may be changed: bodies, joints, frames, capsules and visuals are its own,
+ * the rest is shared. Memory from arena. Not RT-safe. */
 enum error_code robot_copy(const struct robot *robot, struct arena *arena, struct robot **copy,
                            struct error *error);
 
@@ -311,16 +313,16 @@ void robot_place_bodies(const struct robot *robot, const double position[3],
  * are. Not RT-safe. */
 enum error_code robot_check_inertia(const struct robot_inertia *inertia, struct error *error);
 
-/* Whether a joint has a drive, electric or hydraulic, that a board can command. RT-safe. */
+/* Returns whether a joint has a drive, electric or hydraulic, that a board can command. RT-safe. */
 static inline bool robot_joint_is_driven(const struct robot_joint *joint)
 {
     return joint->sea.present || joint->hydraulic.present;
 }
 
-/* The coupling by which joint j follows another one, or NULL. RT-safe. */
+/* Returns the coupling by which joint j follows another one, or NULL. RT-safe. */
 const struct robot_coupling *robot_find_coupling(const struct robot *robot, size_t j);
 
-/* Index by name or -1. Not RT-safe (linear search). */
+/* Return the index by name or -1. Not RT-safe (linear search). */
 int robot_find_body(const struct robot *robot, const char *name);
 int robot_find_joint(const struct robot *robot, const char *name);
 int robot_find_frame(const struct robot *robot, const char *name);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Static equilibrium of the plant: which bodies look for their rest, what is refused on the way,
- * and the drives that hold what was found. The iteration's steps: settle_newton.c.
+ * Finds the static equilibrium of the plant: which bodies have to find their rest, what is refused
+ * on the way, and the drives that hold the equilibrium. The iteration's steps: settle_newton.c.
  */
 #include "model/settle.h"
 
@@ -15,23 +15,23 @@
 
 enum { ITERATIONS = 400, LEANINGS = 40 };
 
-/* Parts of the weight: where the iteration stops, what counts as equilibrium, what friction is
- * trusted with that does not hold at rest, below what nothing need hold. */
+/* Forces as parts of the weight: target of the iteration, what counts as equilibrium, trusted
+ * sideways force of friction that does not hold at rest, and the least that has to be held. */
 #define TARGET 1e-11
 #define ACCEPTED 1e-7
 #define SIDEWAYS 0.02
 #define LEVEL 1e-9
 
-/* The part of the weight, times 1 m, that a joint without a drive may be left with. */
+/* Torque that a joint without a drive may be left with, as a part of the weight times 1 m. */
 #define LEANING 1e-10
 
-#define DEEPEST 0.2  /* m below the start */
+#define DEEPEST 0.2  /* bound of the search, m below the start */
 #define FARTHEST 0.2 /* m beside it */
 #define STEEPEST 0.2 /* rad from the start */
 
 /* ---- the iteration ---- */
 
-/* What is left over across gravity, N. */
+/* Returns the force left over across gravity, N. */
 static double find_push(const struct settle *s, const struct rest *rest)
 {
     const double a = vec3_dot(rest->force, s->across[0]), b = vec3_dot(rest->force, s->across[1]);
@@ -39,6 +39,7 @@ static double find_push(const struct settle *s, const struct rest *rest)
     return sqrt(a * a + b * b);
 }
 
+/* Refuses an equilibrium in which a body would slide. */
 static enum error_code refuse_sliding(const struct settle *s, const struct rest *rest,
                                       struct error *error)
 {
@@ -77,13 +78,14 @@ static enum error_code check_search_bounds(const struct settle *s, struct error 
     return ERROR_NONE;
 }
 
-/* The contact engine's failure as the error. */
+/* Makes the contact engine's failure the error. */
 static enum error_code engine_failed(const struct settle *s, enum error_code code,
                                      struct error *error)
 {
     return error_set(error, code, "%s", s->plant->failure);
 }
 
+/* Refuses an equilibrium that is not stable. */
 static enum error_code refuse_toppling(const struct settle *s, struct error *error)
 {
     return error_set(error, ERROR_INPUT,
@@ -92,6 +94,8 @@ static enum error_code refuse_toppling(const struct settle *s, struct error *err
                      s->rest[s->weak].name);
 }
 
+/* Iterates to rest by damped Newton steps. ERROR_INPUT when there is no equilibrium within the
+ * bounds. */
 static enum error_code iterate_to_rest(struct settle *s, struct settled *settled,
                                        struct error *error)
 {
@@ -127,7 +131,7 @@ static enum error_code iterate_to_rest(struct settle *s, struct settled *settled
         }
     }
 
-    /* What stays out of equilibrium is told apart */
+    /* No equilibrium: tell what is wrong */
     if (settled->residual <= ACCEPTED) {
         return ERROR_NONE;
     }
@@ -147,8 +151,8 @@ fail:
     return engine_failed(s, code, error);
 }
 
-/* Refuses what the iteration does not see: an unstable equilibrium, and forces across gravity that
- * are not unknowns. */
+/* Refuses what the iteration does not see: an unstable equilibrium, and forces across gravity
+ * that are not unknowns. */
 static enum error_code check_equilibrium(struct settle *s, struct settled *settled,
                                          struct error *error)
 {
@@ -182,7 +186,7 @@ static enum error_code check_equilibrium(struct settle *s, struct settled *settl
 
 /* ---- the robot's drives ---- */
 
-/* Torque of the couplings of joint j, N m, at rest. */
+/* Returns the torque of the couplings of joint j, N m, at rest. */
 static double coupling_torque(const struct plant *plant, size_t j)
 {
     const struct robot *robot = plant->config.robot;
@@ -199,7 +203,7 @@ static double coupling_torque(const struct plant *plant, size_t j)
     return torque;
 }
 
-/* What the drive of joint j has to give, N m. */
+/* Returns the torque that the drive of joint j has to give, N m. */
 static double drive_torque(const struct settle *s, size_t j)
 {
     const struct plant *plant = s->plant;
@@ -217,9 +221,9 @@ static double drive_torque(const struct settle *s, size_t j)
                              plant_joint_depth(plant, plant->state, j), 0.0);
 }
 
-/* Lets joints that follow others give way until their couplings, with the stops that they press,
- * carry what is left over; expects drive_torque to be that of the rest. True when some joint has
- * moved. */
+/* Moves joints that follow others until their couplings, with the stops that they press, carry
+ * what is left over; expects drive_torque to be that of the rest. Returns true when some joint
+ * has moved. */
 static bool lean_on_couplings(struct settle *s, double least)
 {
     struct plant *plant = s->plant;
@@ -242,9 +246,9 @@ static bool lean_on_couplings(struct settle *s, double least)
     return moved;
 }
 
-/* Lets joints without a drive that stand at a limit give way until the stop there carries what is
- * left over, and those that follow others likewise; expects plant->ext to be that of the rest. True
- * when some joint has moved. */
+/* Moves joints without a drive that stand at a limit until the stop there carries what is left
+ * over, and those that follow others likewise; expects plant->ext to be that of the rest.
+ * Returns true when some joint has moved. */
 static bool lean_on_stops(struct settle *s)
 {
     struct plant *plant = s->plant;
@@ -276,7 +280,8 @@ static bool lean_on_stops(struct settle *s)
     return moved;
 }
 
-/* A joint without a drive must carry nothing, a motor must not need more than the supply gives. */
+/* Checks that a joint without a drive carries nothing, and that a motor needs no more than the
+ * supply gives. */
 static enum error_code check_joint_load(const struct settle *s, size_t j, double tau,
                                         struct error *error)
 {
@@ -297,9 +302,9 @@ static enum error_code check_joint_load(const struct settle *s, size_t j, double
     return ERROR_NONE;
 }
 
-/* Deflects the springs and lets the motors carry what eqs (2) to (4) need at rest, and presses the
- * oil; expects
- * plant->ext to be that of the equilibrium. */
+/* Loads the drives with what they carry at rest: deflects the springs, sets currents and
+ * voltages by eqs (2) to (4), and pressurizes the oil; expects plant->ext to be that of the
+ * equilibrium. */
 static enum error_code load_drives(struct settle *s, struct error *error)
 {
     struct plant *plant = s->plant;
@@ -346,7 +351,8 @@ static enum error_code load_drives(struct settle *s, struct error *error)
 
 /* ---- all of it ---- */
 
-/* Radius of gyration of the robot with its joints locked, about its center of mass, m. */
+/* Returns the radius of gyration of the robot with its joints locked, about its center of mass,
+ * m. */
 static double gyration_radius(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -367,8 +373,8 @@ static double gyration_radius(struct plant *plant)
     return sqrt(sum / robot->total_mass);
 }
 
-/* Lists the bodies that have to find their rest: a floating robot, and what starts without
- * velocity. */
+/* Lists the bodies that have to find their rest: a floating robot, and free bodies that start
+ * without velocity. */
 static void list_resting_bodies(struct settle *s)
 {
     struct plant *plant = s->plant;
@@ -402,6 +408,7 @@ static void list_resting_bodies(struct settle *s)
         ok = ok && (pointer);                                                                      \
     } while (0)
 
+/* Allocates the scratch of the search. Returns false when the arena is used up. */
 static bool allocate_settle(struct settle *s, struct arena *arena)
 {
     const struct robot *robot = s->plant->config.robot;
@@ -420,13 +427,13 @@ static bool allocate_settle(struct settle *s, struct arena *arena)
     return ok;
 }
 
-/* With friction that holds or without friction. */
+/* Finds the equilibrium with friction that holds or without friction. */
 static enum error_code find_equilibrium(struct settle *s, bool holds, struct settled *settled,
                                         struct error *error)
 {
     enum error_code code;
 
-    /* What leans on stops shifts the weight, by less each time */
+    /* Joints that lean on stops shift the weight, by less each time */
     settle_begin(s, holds);
     for (int k = 0; k < LEANINGS; k++) {
         if ((code = iterate_to_rest(s, settled, error)) ||
@@ -447,10 +454,11 @@ static enum error_code find_equilibrium(struct settle *s, bool holds, struct set
     return ERROR_NONE;
 }
 
-/* Says which body would slide when no equilibrium with friction was found: the search fails in many
- * ways once a body slides, with forces that mean nothing. Where the bodies rest without friction
- * but for what pushes them sideways, the slope that each stands on is known, and the steepest that
- * friction holds it on can be measured. Leaves the error where no body is on a steeper one. */
+/* Says which body would slide when no equilibrium with friction was found. The search fails in
+ * many ways once a body slides, with forces that mean nothing; but where the bodies rest without
+ * friction but for what pushes them sideways, the slope that each stands on is known, and the
+ * steepest that friction holds it on can be measured. Leaves the error where no body is on a
+ * steeper one. */
 static void find_sliding_body(struct settle *s, const double *start, struct error *error)
 {
     struct settled unused = {0};
@@ -483,8 +491,8 @@ static void find_sliding_body(struct settle *s, const double *start, struct erro
     }
 }
 
-/* Without friction where that is an equilibrium, so that legs do not push against each other; where
- * it is not, and friction holds at rest, with it. */
+/* Finds the rest without friction where that is an equilibrium, so that legs do not push against
+ * each other; with friction where it is not, and friction holds at rest. */
 static enum error_code find_rest(struct settle *s, const double *start, struct settled *settled,
                                  struct error *error)
 {

@@ -31,8 +31,8 @@ struct settled {
     size_t iterations;
     double residual; /* largest force left over on a body, part of its weight */
     double sideways; /* the same across gravity, with what turns it */
-    double rise_m;   /* of the base, along up; 0 with a fixed base */
-    double tilt_rad; /* of the base */
+    double rise_m;   /* rise of the base along up, m; 0 with a fixed base */
+    double tilt_rad; /* tilt of the base, rad */
 };
 
 /* Puts the plant, as plant_reset left it, into equilibrium; energies count from there, the sensors

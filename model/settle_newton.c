@@ -17,13 +17,13 @@
 #include <math.h>
 #include <string.h>
 
-enum { HALVINGS = 40 }; /* of a step, at most */
+enum { HALVINGS = 40 }; /* most halvings of a step */
 
 #define DAMPING_LENGTH 2e-3
-#define LONGEST_STEP 5e-3 /* m, tilts times the radius of gyration */
-#define DIFFERENCE 1e-7   /* m, for the tangent */
+#define LONGEST_STEP 5e-3 /* longest Newton step, m; tilts times the radius of gyration */
+#define DIFFERENCE 1e-7   /* step of the differences for the tangent, m */
 #define AHEAD_S 1e6
-#define DRAGGED 5e-3 /* m: further than bristles bend */
+#define DRAGGED 5e-3 /* way, m: further than bristles bend */
 
 /* ---- geometry ---- */
 
@@ -46,7 +46,8 @@ void settle_choose_axes(const double gravity[3], struct settle *s)
     vec3_cross(s->across[1], s->up, s->across[0]);
 }
 
-/* quaternion <- rotation by the vector angle (world frame) after quaternion. */
+/* Rotates a quaternion in the world: quaternion <- rotation by the vector angle (world frame)
+ * after quaternion. */
 static void turn_quaternion_in_world(const double angle[3], double quaternion[4])
 {
     double size = sqrt(vec3_dot(angle, angle));
@@ -62,7 +63,8 @@ static void turn_quaternion_in_world(const double angle[3], double quaternion[4]
     plant_normalize_quaternion(quaternion);
 }
 
-/* The velocities of a motion, world frame, in the state y of the robot or of a free body. */
+/* Writes the velocities of a motion, world frame, into the state y of the robot or of a free
+ * body. */
 static void set_velocity(const struct plant *plant, const struct rest *rest, const double v[3],
                          const double w[3], double *y)
 {
@@ -94,9 +96,11 @@ static void move_bodies(struct settle *s, double scale, const double *x)
         for (size_t k = 0; k < s->unknowns; k++) {
             part[k] = scale * x[k];
         }
+        /* The way that each body has come so far */
         rest->risen += part[UNKNOWN_UP];
         rest->moved[0] += part[UNKNOWN_FIRST_ACROSS];
         rest->moved[1] += part[UNKNOWN_SECOND_ACROSS];
+        /* Unknowns to a translation and a rotation in the world */
         for (int i = 0; i < 3; i++) {
             way[i] = part[UNKNOWN_UP] * s->up[i] + part[UNKNOWN_FIRST_ACROSS] * s->across[0][i] +
                      part[UNKNOWN_SECOND_ACROSS] * s->across[1][i];
@@ -117,7 +121,7 @@ static void move_bodies(struct settle *s, double scale, const double *x)
     }
 }
 
-/* Ends the motion that was weighed last: bristles where it has bent them to, and rest. */
+/* Ends the motion that was weighed last: keeps the bristles as it has bent them, and stops. */
 static void stop_bodies(struct settle *s)
 {
     static const double none[3];
@@ -171,6 +175,7 @@ void settle_weigh_robot(struct settle *s, struct rest *rest)
     }
 }
 
+/* Computes force and moment left over on a free body about its center of mass, world frame. */
 static void weigh_free_body(const struct settle *s, struct rest *rest)
 {
     const struct plant *plant = s->plant;
@@ -272,9 +277,11 @@ bool settle_factorize(struct settle *s, double damping)
     double *L = s->factor;
 
     memcpy(L, s->K, n * n * sizeof *L);
+    /* The damping on the diagonal: one weight per length */
     for (size_t i = 0; i < n; i++) {
         L[i * n + i] += damping * s->rest[i / s->unknowns].weight / DAMPING_LENGTH;
     }
+    /* Cholesky factorization; a pivot that is not positive names the body that would topple */
     for (size_t column = 0; column < n; column++) {
         for (size_t row = column; row < n; row++) {
             double sum = L[row * n + column];
@@ -322,6 +329,7 @@ void settle_solve(struct settle *s)
 
 /* ---- the step ---- */
 
+/* Returns by *stored the potential energy of the present state, J. */
 static enum error_code stored_potential(struct settle *s, double *stored)
 {
     struct plant_energy energy;
@@ -351,6 +359,7 @@ enum error_code settle_advance(struct settle *s, bool *moved)
         if (!code) {
             code = stored_potential(s, &stored);
         }
+        /* Better: less is left over, or it is lower */
         if (!code && (settle_residual(s, s->ahead, &worst) < norm || stored < start)) {
             memcpy(s->g, s->ahead, s->n * sizeof *s->g);
             *moved = true;

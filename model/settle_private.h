@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the parts of the static equilibrium share: settle.c (what is looked for, and what is
- * refused) and settle_newton.c (a step of the iteration, described there). World frame, SI units.
- * Memory is the caller's arena's. Functions with an error code return the contact engine's failure,
- * with plant->failure set. Not RT-safe.
+ * Declarations that the parts of the static equilibrium share: settle.c (what is looked for, and
+ * what is refused) and settle_newton.c (a step of the iteration, described there). World frame, SI
+ * units. Memory is the caller's arena's. Functions with an error code return the contact engine's
+ * failure, with plant->failure set. Not RT-safe.
  */
 #ifndef MODEL_SETTLE_PRIVATE_H
 #define MODEL_SETTLE_PRIVATE_H
@@ -67,14 +67,14 @@ enum error_code settle_weigh(struct settle *s, double *g);
  * base when rest is not NULL. */
 void settle_weigh_robot(struct settle *s, struct rest *rest);
 
-/* Largest part of its weight that is left over on a body; *worst says on which. */
+/* Returns the largest part of its weight that is left over on a body; *worst says on which. */
 double settle_residual(const struct settle *s, const double *g, size_t *worst);
 
 /* Fills K by central differences. */
 enum error_code settle_differentiate(struct settle *s);
 
-/* Cholesky factor of K + damping; false when that is not positive definite, for a body that s->weak
- * then names. */
+/* Computes the Cholesky factor of K + damping; returns false when that is not positive definite,
+ * for a body that s->weak then names. */
 bool settle_factorize(struct settle *s, double damping);
 
 /* Fills step: (K + damping)^-1 g by the factor, cut to the longest that is allowed. */

@@ -22,7 +22,7 @@ struct spatial_inertia {
     double M[6];
 };
 
-/* The motion at a point that is arm away from where x is the motion. */
+/* Returns the motion at a point that is arm away from where x is the motion. */
 static inline struct spatial spatial_motion_at(const struct spatial *x, const double arm[3])
 {
     struct spatial y = *x;
@@ -31,7 +31,7 @@ static inline struct spatial spatial_motion_at(const struct spatial *x, const do
     return y;
 }
 
-/* sum += scale times the wrench f, moved by -arm: from a point at arm to the origin. */
+/* Adds scale times the wrench f, moved by -arm: from a point at arm to the origin. */
 static inline void spatial_add_wrench(double scale, const struct spatial *f, const double arm[3],
                                       struct spatial *sum)
 {
@@ -44,7 +44,7 @@ static inline void spatial_add_wrench(double scale, const struct spatial *f, con
     }
 }
 
-/* R x and R^T x: both parts in other axes. */
+/* Return R x and R^T x: both parts in other axes. */
 static inline struct spatial spatial_turn(const double R[9], const struct spatial *x)
 {
     struct spatial y;
@@ -63,8 +63,8 @@ static inline struct spatial spatial_turn_back(const double R[9], const struct s
     return y;
 }
 
-/* To and from the upper triangle by rows, linear part first, as of struct added_inertia and struct
- * contact_tangent. */
+/* Convert from and to the upper triangle by rows, linear part first, as of struct added_inertia
+ * and struct contact_tangent. */
 static inline void spatial_inertia_unpack(const double S[21], struct spatial_inertia *A)
 {
     const double M[6] = {S[0], S[1], S[2], S[6], S[7], S[11]};
@@ -85,7 +85,8 @@ static inline void spatial_inertia_pack(const struct spatial_inertia *A, double 
     memcpy(S + 15, A->J, sizeof A->J);
 }
 
-/* The 6x6 inertia about a body's origin of a mass whose tensor I is about its center com. */
+/* Computes the 6x6 inertia about a body's origin of a mass whose tensor I is about its center
+ * com. */
 static inline void spatial_inertia_rigid(double mass, const double com[3], const double I[6],
                                          struct spatial_inertia *A)
 {
@@ -103,8 +104,8 @@ static inline void spatial_inertia_rigid(double mass, const double com[3], const
     memcpy(A->M, M, sizeof M);
 }
 
-/* A's reference point moves by -r: from a frame at r to the origin (axes unchanged).
- * H' = H + [r] M and J' = J - H [r] + [r] H'^T with [r] the cross-product matrix. */
+/* Moves A's reference point by -r: from a frame at r to the origin (axes unchanged). H' = H +
+ * [r] M and J' = J - H [r] + [r] H'^T with [r] the cross-product matrix. */
 static inline void spatial_inertia_shift(const double r[3], struct spatial_inertia *A)
 {
     double H[9];
@@ -129,7 +130,7 @@ static inline void spatial_inertia_shift(const double r[3], struct spatial_inert
     memcpy(A->H, H, sizeof H);
 }
 
-/* A <- R A R^T, every block. */
+/* Rotates an inertia: A <- R A R^T, every block. */
 static inline void spatial_inertia_rotate(const double R[9], struct spatial_inertia *A)
 {
     double T[9], Rt[9];
@@ -159,7 +160,8 @@ static inline void spatial_inertia_apply(const struct spatial_inertia *A, const 
     }
 }
 
-/* v = A^-1 f, A positive definite: Cholesky factorization A = L L^T in the order angular, linear */
+/* Solves A v = f, A positive definite: Cholesky factorization A = L L^T in the order angular,
+ * linear. */
 static inline void spatial_inertia_solve(const struct spatial_inertia *A, const struct spatial *f,
                                          struct spatial *v)
 {

@@ -19,13 +19,13 @@
 
 #include <stdbool.h>
 
-/* How far x is past the range, with a sign; 0 within it. */
+/* Returns how far x is past the range, with a sign; 0 within it. */
 double stop_depth(double lower, double upper, double x);
 
-/* Torque of the stop at that depth and rate of the coordinate. */
+/* Returns the torque of the stop at that depth and rate of the coordinate. */
 double stop_torque(const struct robot_stop *stop, double depth, double rate);
 
-/* Energy in the stop, J, and what its damper turns into heat, W. */
+/* Return the energy in the stop, J, and the loss of its damper, W. */
 double stop_energy(const struct robot_stop *stop, double depth);
 double stop_loss(const struct robot_stop *stop, double depth, double rate);
 

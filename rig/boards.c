@@ -5,19 +5,21 @@
 #include "base/text.h"
 #include "boards/described/protocol.h"
 #include "boards/protocols.h"
-#include "model/hydraulic.h"
+#include "model/hydraulics/hydraulic.h"
 #include "rig/builder_private.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
+/* Returns the protocol of a bus: its own, or the rig's. */
 static const struct protocol *raw_bus_protocol(const struct rig_builder *b,
                                                const struct raw_bus *bus)
 {
     return protocol_at((size_t)(bus->personality_given ? bus->personality : b->raw->personality));
 }
 
+/* Refuses a full scale that is not whole. */
 static enum error_code board_check_full_scale(struct rig_builder *b, const struct yaml_mark *mark,
                                               double value)
 {
@@ -30,6 +32,7 @@ static enum error_code board_check_full_scale(struct rig_builder *b, const struc
     return ERROR_NONE;
 }
 
+/* Checks that a board has the keys of its kind and no others. */
 static enum error_code board_check_keys(struct rig_builder *b, const struct raw_board *raw)
 {
     static const char *const what[] = {"a motor board", "an F/T board", "a torque board",
@@ -49,8 +52,8 @@ static enum error_code board_check_keys(struct rig_builder *b, const struct raw_
     return rig_check_keys(b, &raw->mark, what[raw->kind], raw->kind, keys, ARRAY_COUNT(keys));
 }
 
-/* The period of a STRAIN or inertial board: whole milliseconds, the unit of the command that sets
- * it. */
+/* Reads the period of a STRAIN or inertial board: whole milliseconds, the unit of the command
+ * that sets it. */
 static enum error_code board_read_period(struct rig_builder *b, const struct raw_board *raw,
                                          struct board_config *board)
 {
@@ -61,6 +64,7 @@ static enum error_code board_read_period(struct rig_builder *b, const struct raw
     return ERROR_NONE;
 }
 
+/* Builds a force-torque board: its sensor and full scales. */
 static enum error_code board_build_ft(struct rig_builder *b, const struct raw_board *raw,
                                       struct board_config *board)
 {
@@ -86,6 +90,7 @@ static enum error_code board_build_ft(struct rig_builder *b, const struct raw_bo
     return code ? code : board_read_period(b, raw, board);
 }
 
+/* Builds a torque board: the joints of its channels. */
 static enum error_code board_build_torque(struct rig_builder *b, const struct raw_board *raw,
                                           struct board_config *board)
 {
@@ -123,6 +128,7 @@ static enum error_code board_build_torque(struct rig_builder *b, const struct ra
     return board_read_period(b, raw, board);
 }
 
+/* Builds the inertial board, of which a rig has at most one. */
 static enum error_code board_build_inertial(struct rig_builder *b, const struct raw_board *raw,
                                             struct board_config *board)
 {
@@ -139,6 +145,7 @@ static enum error_code board_build_inertial(struct rig_builder *b, const struct 
     return board_read_period(b, raw, board);
 }
 
+/* Builds an axis of a motor board, or a spare one. */
 static enum error_code board_build_axis(struct rig_builder *b, const struct raw_board *raw,
                                         const struct yaml_name *name,
                                         struct board_axis_config *axis)
@@ -147,7 +154,7 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     const struct robot_joint *joint;
     enum error_code code;
 
-    /* What all axes have in common, spare ones too */
+    /* Values that all axes have in common, spare ones too */
     axis->joint_ticks_per_rad = motors->joint_ticks_per_rev / (2.0 * M_PI);
     axis->motor_ticks_per_rad = motors->motor_ticks_per_link_rev / (2.0 * M_PI);
     axis->current_limit_a = raw->current_given ? raw->current_limit_a : motors->current_limit_a;
@@ -176,7 +183,7 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     }
     b->driver[axis->joint] = raw;
 
-    /* What the board knows of its drive */
+    /* Values of the drive that the board knows */
     axis->lower_rad = joint->lower;
     axis->upper_rad = joint->upper;
     axis->valve = joint->hydraulic.present;
@@ -191,7 +198,59 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     return ERROR_NONE;
 }
 
-/* Our host must be able to switch a valve on. */
+/* Places the switches of an axis's joint, which its board must know. */
+static enum error_code board_place_switches(struct rig_builder *b, const struct protocol *protocol,
+                                            const struct robot_joint *joint,
+                                            struct board_axis_config *axis)
+{
+    const struct raw_motors *motors = &b->raw->motors;
+    char list[RIG_LIST];
+
+    for (size_t i = 0; i < motors->nswitches; i++) {
+        const struct raw_switches *raw = &motors->switches[i];
+
+        if (strcmp(raw->joint, joint->name) != 0) {
+            continue;
+        }
+
+        /* A board that knows them, and angles in their order */
+        if (!protocol->switches) {
+            return yaml_error(
+                b->error, &raw->mark,
+                "found switches of joint \"%s\" on a board of personality %s, "
+                "expected them with personality %s only",
+                raw->joint, protocol->name,
+                protocols_list(offsetof(struct protocol, switches), list, sizeof list));
+        }
+        if (raw->home_given && !(raw->home_rad[0] < raw->home_rad[1])) {
+            return yaml_error(b->error, &raw->home_mark,
+                              "found a home switch that is on from %g to %g rad, expected the "
+                              "smaller angle first",
+                              raw->home_rad[0], raw->home_rad[1]);
+        }
+        if (raw->negative_given && raw->positive_given &&
+            !(raw->negative_rad < raw->positive_rad)) {
+            return yaml_error(b->error, &raw->negative_mark,
+                              "found negative_limit_rad %g, expected it below positive_limit_rad, "
+                              "%g",
+                              raw->negative_rad, raw->positive_rad);
+        }
+
+        /* The index pulse comes once a revolution of the rotor */
+        axis->switches = (struct board_switches){
+            .negative = raw->negative_given,
+            .positive = raw->positive_given,
+            .home = raw->home_given,
+            .negative_rad = raw->negative_rad,
+            .positive_rad = raw->positive_rad,
+            .home_rad = {raw->home_rad[0], raw->home_rad[1]},
+            .index_rad = raw->index_pulse ? 2.0 * M_PI / axis->gear : 0.0,
+        };
+    }
+    return ERROR_NONE;
+}
+
+/* Checks that our host can switch a valve on. */
 static enum error_code board_check_valve(struct rig_builder *b, const struct described_protocol *of,
                                          const struct yaml_name *name)
 {
@@ -204,6 +263,7 @@ static enum error_code board_check_valve(struct rig_builder *b, const struct des
                       name->name, of->name);
 }
 
+/* Builds a motor board: its axes, each with its checks. */
 static enum error_code board_build_motor(struct rig_builder *b, const struct raw_board *raw,
                                          const struct protocol *protocol,
                                          struct board_config *board)
@@ -212,6 +272,7 @@ static enum error_code board_build_motor(struct rig_builder *b, const struct raw
     const size_t most = protocol->axes_max;
     char list[RIG_LIST];
 
+    /* As many axes as the protocol has */
     if (raw->naxis < 1 || raw->naxis > most) {
         return most == 1
                    ? yaml_error(b->error, &raw->axis_mark, "found %zu axes, expected 1", raw->naxis)
@@ -221,10 +282,15 @@ static enum error_code board_build_motor(struct rig_builder *b, const struct raw
     for (size_t i = 0; i < BOARD_AXES_MAX; i++) {
         enum error_code code;
 
+        /* Axes beyond the listed ones are spare */
         board->axis[i].joint = -1;
         code = board_build_axis(b, raw, i < raw->naxis ? &raw->axis[i] : &spare, &board->axis[i]);
         if (!code && board->axis[i].valve && b->bus[board->bus].described) {
             code = board_check_valve(b, b->bus[board->bus].described, &raw->axis[i]);
+        }
+        if (!code && board->axis[i].joint >= 0) {
+            code = board_place_switches(b, protocol, &b->robot->joint[board->axis[i].joint],
+                                        &board->axis[i]);
         }
         if (!code && board->axis[i].joint >= 0) {
             code = rig_check_external_axis(b, raw, &raw->axis[i],
@@ -243,6 +309,7 @@ static enum error_code board_build_motor(struct rig_builder *b, const struct raw
     return ERROR_NONE;
 }
 
+/* Returns the name of a board: its own, or its bus and address. */
 static const char *board_make_name(struct rig_builder *b, const struct raw_bus *bus,
                                    const struct raw_board *raw)
 {
@@ -255,6 +322,7 @@ static const char *board_make_name(struct rig_builder *b, const struct raw_bus *
     return arena_strdup(b->arena, text);
 }
 
+/* Checks the address and the kind of a board by its protocol. */
 static enum error_code board_check_address(struct rig_builder *b, const struct raw_board *raw,
                                            const struct protocol *protocol)
 {
@@ -274,7 +342,7 @@ static enum error_code board_check_address(struct rig_builder *b, const struct r
     return ERROR_NONE;
 }
 
-/* What a described protocol has of a board: its address, its axes, frames of its kind. */
+/* Checks that a described protocol knows a board: its address, its axes, frames of its kind. */
 static enum error_code board_check_described(struct rig_builder *b, const struct raw_board *raw,
                                              const struct described_protocol *protocol)
 {
@@ -305,6 +373,7 @@ static enum error_code board_check_described(struct rig_builder *b, const struct
                               protocol->name);
 }
 
+/* Builds a board: common values, then those of its kind. */
 static enum error_code rig_build_board(struct rig_builder *b, int bus, const struct raw_board *raw,
                                        struct board_config *board)
 {
@@ -332,7 +401,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
         }
     }
 
-    /* What all kinds have in common, then what this kind has */
+    /* Values that all kinds have in common, then those of this kind */
     *board = (struct board_config){
         .name = board_make_name(b, raw_bus, raw),
         .kind = (enum board_kind)raw->kind,
@@ -374,6 +443,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
     }
 }
 
+/* Checks the names of a bus, CAN FD, and the settings of its interface. */
 static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus *bus)
 {
     const struct protocol *protocol = raw_bus_protocol(b, bus);
@@ -431,7 +501,7 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
     return code ? code : rig_check_name(b, &bus->interface_mark, "interface", bus->interface);
 }
 
-/* The file of a protocol: a path from the rig's folder, or a name alone. */
+/* Finds the file of a protocol: a path from the rig's folder, or a name alone. */
 static enum error_code rig_find_protocol(struct rig_builder *b, const struct yaml_mark *mark,
                                          const char *file, const char **path)
 {
@@ -443,7 +513,7 @@ static enum error_code rig_find_protocol(struct rig_builder *b, const struct yam
                : ERROR_NONE;
 }
 
-/* A bus carries CAN FD frames only when it is one. */
+/* Checks that a protocol with CAN FD frames is on a CAN FD bus. */
 static enum error_code rig_check_format(struct rig_builder *b, const struct raw_bus *raw,
                                         const struct described_protocol *protocol)
 {
@@ -458,7 +528,7 @@ static enum error_code rig_check_format(struct rig_builder *b, const struct raw_
     return ERROR_NONE;
 }
 
-/* The protocol of a described bus: its own, or the rig's. */
+/* Loads the protocol of a described bus: its own, or the rig's. */
 static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw_bus *raw,
                                          const struct described_protocol **protocol)
 {
@@ -485,7 +555,7 @@ static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw
             raw_bus_protocol(b, raw)->name, raw->name);
     }
 
-    /* Buses that have the rig's share one table */
+    /* Buses with the rig's protocol share one table */
     for (const struct raw_bus *other = b->raw->bus; other < raw && !raw->protocol; other++) {
         if (!other->protocol && raw_bus_protocol(b, other)->needs_file) {
             *protocol = b->bus[other - b->raw->bus].described;
@@ -497,6 +567,7 @@ static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw
     return code ? code : rig_check_format(b, raw, *protocol);
 }
 
+/* Makes the bus of a rig from its section. */
 static struct rig_bus rig_make_bus(const struct rig_builder *b, const struct raw_bus *raw)
 {
     return (struct rig_bus){.name = raw->name,
@@ -582,7 +653,25 @@ enum error_code rig_check_drives(struct rig_builder *b)
 {
     const struct raw_rig *raw = b->raw;
 
-    /* What is listed as undriven has no board */
+    /* A joint with switches is driven by a board */
+    for (size_t i = 0; i < raw->motors.nswitches; i++) {
+        const struct raw_switches *switches = &raw->motors.switches[i];
+        int joint;
+        enum error_code code = rig_find(b, &switches->mark, "joint", switches->joint,
+                                        RIG_NAMES(b->robot->joint, b->robot->njoint), &joint);
+
+        if (code) {
+            return code;
+        }
+        if (!b->driver[joint]) {
+            return yaml_error(b->error, &switches->mark,
+                              "found switches of joint \"%s\", which no board drives, expected one "
+                              "that a board drives",
+                              switches->joint);
+        }
+    }
+
+    /* A joint that is listed as undriven has no board */
     for (size_t i = 0; i < raw->nundriven; i++) {
         int joint;
         enum error_code code = rig_find(b, &raw->undriven[i].mark, "joint", raw->undriven[i].name,
@@ -599,7 +688,7 @@ enum error_code rig_check_drives(struct rig_builder *b)
         }
     }
 
-    /* What has no board is listed */
+    /* A driven joint without a board is listed */
     for (size_t j = 0; j < b->robot->njoint; j++) {
         const struct robot_joint *joint = &b->robot->joint[j];
         bool listed = !robot_joint_is_driven(joint) || b->driver[j];

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Builds the bodies of a rig's scene, free and static, and the list of what a surface may be
- * fixed to. */
+/* Builds the bodies of a rig's scene, free and static, and the list of places that surfaces may
+ * be fixed to. */
 #include "base/count.h"
 #include "model/spatial.h"
 #include "rig/builder_private.h"
@@ -9,7 +9,7 @@
 
 enum { FREE, STATIC };
 
-/* Its name must be unique among all that carries surfaces. */
+/* Checks the name of a body, unique among all that carries surfaces. */
 static enum error_code scene_check_body_name(struct rig_builder *b, const struct raw_body *raw)
 {
     enum error_code code = rig_check_name(b, &raw->name_mark, "body", raw->name);
@@ -26,6 +26,7 @@ static enum error_code scene_check_body_name(struct rig_builder *b, const struct
     return code;
 }
 
+/* Checks that a body has the keys of its kind; a free one has one kind of inertia. */
 static enum error_code scene_check_body_keys(struct rig_builder *b, const struct raw_body *raw)
 {
     const struct rig_key keys[] = {
@@ -51,7 +52,7 @@ static enum error_code scene_check_body_keys(struct rig_builder *b, const struct
     return code;
 }
 
-/* The inertia as given, or that of a box or a ball of uniform density. */
+/* Sets the inertia as given, or that of a box or a ball of uniform density. */
 static void scene_set_inertia(const struct raw_body *raw, struct robot_inertia *inertia)
 {
     const double m = raw->mass_kg, r = raw->sphere_radius_m;
@@ -69,6 +70,7 @@ static void scene_set_inertia(const struct raw_body *raw, struct robot_inertia *
            sizeof inertia->I);
 }
 
+/* Builds a free body: its inertia, pose and velocity. */
 static enum error_code scene_build_free_body(struct rig_builder *b, const struct raw_body *raw,
                                              struct plant_free_body *body)
 {
@@ -98,6 +100,7 @@ static struct rig_place *scene_add_place(struct rig_builder *b, const char *name
     return place;
 }
 
+/* Builds a body and adds it to the places for surfaces. */
 static enum error_code scene_build_body(struct rig_builder *b, const struct raw_body *raw,
                                         struct plant_free_body *free_body)
 {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the parts of the rig reader share while they make a struct rig of a struct raw_rig. SI
- * units. Not RT-safe.
+ * Shared by the parts of the rig reader while they make a struct rig of a struct raw_rig. SI units.
+ * Not RT-safe.
  */
 #ifndef RIG_BUILDER_PRIVATE_H
 #define RIG_BUILDER_PRIVATE_H
@@ -43,7 +43,7 @@ struct rig_builder {
     size_t nplace;
 };
 
-/* The parts, in the order in which they need each other. */
+/* Build the parts, in the order in which they need each other. */
 enum error_code rig_build_robot(struct rig_builder *b);
 enum error_code rig_build_pose(struct rig_builder *b);
 enum error_code rig_build_bodies(struct rig_builder *b);
@@ -60,25 +60,25 @@ enum error_code rig_build_sensors(struct rig_builder *b);
 enum error_code rig_override_gains(struct rig_builder *b, const struct raw_gains *other,
                                    size_t nother, struct servo_gains *gains);
 
-/* Part of rig_build_host, when the axes are known: what tasks may know of the robot's body. */
+/* Builds the body of the robot for tasks, when the axes are known (part of rig_build_host). */
 enum error_code rig_build_task_body(struct rig_builder *b);
 
-/* Parts of rig_build_scene. Index of a body of the plant among the contact bodies, to which it is
- * added when it is new; a material, a pair by their names. */
+/* Parts of rig_build_scene: return the index of a body of the plant among the contact bodies, to
+ * which it is added when it is new; find a material, build a pair by their names. */
 int rig_add_contact_body(struct rig_builder *b, int *bodies, int body);
 enum error_code rig_find_material(struct rig_builder *b, const struct yaml_mark *mark,
                                   const char *name, struct contact_material *material);
 enum error_code rig_build_pair(struct rig_builder *b, const struct raw_pair *raw,
                                struct contact_pair *pair);
 
-/* The robot's capsules behind the surfaces of the file; its pairs behind those of the file, npair
- * of them before and after. There is room for all. */
+/* Add the robot's capsules behind the surfaces of the file, and its pairs behind those of the
+ * file, npair of them before and after. There is room for all. */
 enum error_code rig_add_robot_surfaces(struct rig_builder *b, struct contact_surface *surface,
                                        int *bodies);
 enum error_code rig_add_robot_pairs(struct rig_builder *b, struct contact_pair *pair,
                                     size_t *npair);
 
-/* Whether a board may be external, and one with such an axis. */
+/* Check whether a board may be external, and one with such an axis. */
 enum error_code rig_check_external(struct rig_builder *b, const struct raw_board *raw,
                                    const struct protocol *protocol);
 enum error_code rig_check_external_axis(struct rig_builder *b, const struct raw_board *raw,
@@ -90,7 +90,7 @@ enum error_code rig_check_drives(struct rig_builder *b);
 
 enum error_code rig_no_memory(struct rig_builder *b);
 
-/* An array of structs that have a name. */
+/* Array of structs that have a name. */
 struct rig_names {
     const void *array;
     size_t count, stride, offset;
@@ -119,10 +119,10 @@ enum error_code rig_check_keys(struct rig_builder *b, const struct yaml_mark *ma
                                const char *what, int kind, const struct rig_key *keys,
                                size_t count);
 
-/* Quaternion (w, x, y, z) of fixed-axis angles: Rz(yaw) Ry(pitch) Rx(roll). */
+/* Computes the quaternion (w, x, y, z) of fixed-axis angles: Rz(yaw) Ry(pitch) Rx(roll). */
 void rig_quaternion_of_rpy(const double rpy[3], double q[4]);
 
-/* Whether seconds are a whole number of nanoseconds, which goes to *ns. */
+/* Returns whether seconds are a whole number of nanoseconds, which goes to *ns. */
 bool rig_whole_ns(double seconds, int64_t *ns);
 
 #endif

@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Worst-case load of a bus in percent, with commands at a period. */
+/* Returns the worst-case load of a bus in percent, with commands at a period. */
 static double bus_demand(const struct rig *rig, size_t bus, int64_t command_ns)
 {
     double telemetry, commands;
@@ -15,7 +15,7 @@ static double bus_demand(const struct rig *rig, size_t bus, int64_t command_ns)
     return 100.0 * (telemetry + commands) / (double)rig->bus[bus].bitrate;
 }
 
-/* The same at another bit rate; with CAN FD the ratio of the two rates stays. */
+/* Returns the worst-case load at another bit rate; with CAN FD the ratio of the two rates stays. */
 static double bus_demand_at(const struct rig *rig, size_t bus, int64_t bitrate)
 {
     const struct rig_bus *of = &rig->bus[bus];
@@ -38,6 +38,7 @@ static void bus_advise(const struct rig *rig, size_t bus, double percent, char *
     int times = 2;
 
     snprintf(text, size, "split it over %d buses", (int)(percent / 100.0) + 1);
+    /* The shortest multiple of the period that fits */
     while (times <= 10 && bus_demand(rig, bus, period * times) > 100.0) {
         times++;
     }
@@ -46,6 +47,7 @@ static void bus_advise(const struct rig *rig, size_t bus, double percent, char *
         snprintf(text + used, size - used, ", or command every %g ms (%.1f %%)",
                  (double)(period * times) * 1e-6, bus_demand(rig, bus, period * times));
     }
+    /* The lowest bit rate that fits */
     for (size_t i = 0; i < ARRAY_COUNT(rates); i++) {
         double at = rates[i] > rig->bus[bus].bitrate ? bus_demand_at(rig, bus, rates[i]) : 1e9;
 

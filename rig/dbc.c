@@ -10,12 +10,13 @@
 
 /* ---- messages ---- */
 
-/* The identifier as the format writes it. */
+/* Returns the identifier as the format writes it. */
 static uint32_t dbc_id(const struct message *message)
 {
     return message->id | (message->extended ? DBC_EXTENDED : 0);
 }
 
+/* Adds a message without its signals. */
 static struct dbc_message *dbc_export_message(struct dbc_exporter *e, const struct message *message)
 {
     char name[NAME_SIZE];
@@ -35,7 +36,7 @@ static struct dbc_message *dbc_export_message(struct dbc_exporter *e, const stru
     return added;
 }
 
-/* Byte 0, which says what the rest is. */
+/* Adds the signal of byte 0, which selects the others. */
 static void dbc_export_multiplexor(struct dbc_exporter *e, struct dbc_message *to,
                                    const struct message *message)
 {
@@ -53,6 +54,7 @@ static void dbc_export_multiplexor(struct dbc_exporter *e, struct dbc_message *t
     e->code = dbc_add_signal(e->dbc, to, &signal, &added, e->error);
 }
 
+/* Adds a command to the message of its class, once for each axis. */
 static void dbc_export_command(struct dbc_exporter *e, const struct message *message)
 {
     int axes = message->axis_bit ? 2 : 1;
@@ -90,14 +92,16 @@ static void dbc_comment_message(struct dbc_exporter *e, struct dbc_message *to,
     }
 }
 
-/* Of messages with one identifier and no code, which a DBC cannot tell apart, it has the first, and
- * one that carries values rather than one that does not. */
+/* Returns whether a message is left out: of those with one identifier and no code, which a DBC
+ * cannot tell apart, it has the first, and one that carries values rather than one that does
+ * not. */
 static bool dbc_leaves_out(const struct dbc_exporter *e, const struct message *message)
 {
     return message->constant != e->constants ||
            (message->code == MESSAGE_NO_CODE && dbc_find_message(e->dbc, dbc_id(message)));
 }
 
+/* Adds a message of the boards, or a command to its class. */
 static bool dbc_visit_message(void *context, const struct message *message)
 {
     struct dbc_exporter *e = context;
@@ -120,6 +124,7 @@ static bool dbc_visit_message(void *context, const struct message *message)
     return !e->code;
 }
 
+/* Notes the longest frame of an identifier. */
 static bool dbc_visit_length(void *context, const struct message *message)
 {
     struct dbc_exporter *e = context;
@@ -130,6 +135,7 @@ static bool dbc_visit_length(void *context, const struct message *message)
     return true;
 }
 
+/* Adds a frame of the lockstep clock. */
 static void dbc_export_lockstep_frame(struct dbc_exporter *e, const char *name, uint32_t id,
                                       int sender, int receiver, const char *second)
 {
@@ -153,6 +159,7 @@ static void dbc_export_lockstep_frame(struct dbc_exporter *e, const char *name, 
     }
 }
 
+/* Adds STEP on its bus, and DONE on every bus. */
 static void dbc_export_lockstep(struct dbc_exporter *e)
 {
     const struct loop_lockstep *lockstep = &e->rig->lockstep;
@@ -167,6 +174,7 @@ static void dbc_export_lockstep(struct dbc_exporter *e)
 
 /* ---- nodes ---- */
 
+/* Writes the comment of a board: its address, kind, and joints or sensor. */
 static void dbc_describe_board(const struct dbc_exporter *e, const struct board_config *board,
                                char *text, size_t size)
 {
@@ -194,6 +202,7 @@ static void dbc_describe_board(const struct dbc_exporter *e, const struct board_
     }
 }
 
+/* Adds a node with a comment. */
 static void dbc_export_node(struct dbc_exporter *e, const char *name, const char *comment)
 {
     e->code = dbc_add_node(e->dbc, name, e->error);
@@ -203,6 +212,7 @@ static void dbc_export_node(struct dbc_exporter *e, const char *name, const char
     }
 }
 
+/* Adds the host, the simulator and the boards of the bus. */
 static void dbc_export_nodes(struct dbc_exporter *e)
 {
     const struct boards_config *boards = &e->rig->boards;
@@ -222,6 +232,7 @@ static void dbc_export_nodes(struct dbc_exporter *e)
     }
 }
 
+/* Sets the bit rates and the comment of the database. */
 static void dbc_describe_bus(struct dbc_exporter *e)
 {
     const struct rig_bus *bus = &e->rig->bus[e->bus];
@@ -260,6 +271,7 @@ enum error_code rig_dbc(const struct rig *rig, size_t bus, struct arena *arena, 
         dbc_export_nodes(&e);
     }
     if (!e.code) {
+        /* Lengths, then messages that carry values, then those that do not */
         boards_messages(&rig->boards, (int)bus, dbc_visit_length, &e);
         boards_messages(&rig->boards, (int)bus, dbc_visit_message, &e);
     }

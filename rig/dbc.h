@@ -15,7 +15,7 @@
 #include "canbus/dbc.h"
 #include "rig/rig.h"
 
-/* Everything lives in arena. */
+/* Makes the database of a bus; everything lives in arena. */
 enum error_code rig_dbc(const struct rig *rig, size_t bus, struct arena *arena, struct dbc **dbc,
                         struct error *error);
 

@@ -6,9 +6,10 @@
 
 enum { NODE_LETTERS = 14 };
 
-static const char everyone[] = "ALL"; /* in the place of the board, when all are meant */
+static const char everyone[] = "ALL"; /* instead of the board, when all are meant */
 
-/* Joins before, so many letters of each of the words, and after; false when that is too long. */
+/* Joins before, so many letters of each of the words, and after; returns false when the name is
+ * too long. */
 static bool dbc_try_name(char name[NAME_SIZE], const char *before, const char *words,
                          const char *after, int letters)
 {
@@ -26,6 +27,7 @@ static bool dbc_try_name(char name[NAME_SIZE], const char *before, const char *w
     return snprintf(name, NAME_SIZE, "%s%s%s", before, cut, after) < NAME_SIZE;
 }
 
+/* Makes a name with as many letters of each word as fit. */
 static void dbc_fit_name(char name[NAME_SIZE], const char *before, const char *words,
                          const char *after)
 {
@@ -41,6 +43,7 @@ void dbc_make_node_name(const struct dbc *dbc, const char *board, char name[NAME
     char clean[NODE_LETTERS + 2];
     size_t size = 0;
 
+    /* Only letters, digits and _ are legal */
     if (*board >= '0' && *board <= '9') {
         clean[size++] = '_';
     }
@@ -52,6 +55,7 @@ void dbc_make_node_name(const struct dbc *dbc, const char *board, char name[NAME
     }
     clean[size] = '\0';
     snprintf(name, NAME_SIZE, "%s", clean);
+    /* A number makes it unique */
     for (unsigned n = 2;
          !dbc_is_name(name) || !strcmp(name, everyone) || dbc_find_node(dbc, name) != DBC_NO_NODE;
          n++) {
@@ -77,6 +81,7 @@ int dbc_board_node(const struct dbc_exporter *e, int board)
     return node;
 }
 
+/* Returns the node of a board; without one, the word for all. */
 static const char *dbc_board_name(const struct dbc_exporter *e, const struct board_config *board)
 {
     return board ? e->dbc->node[dbc_board_node(e, (int)(board - e->rig->boards.board))].name
@@ -104,8 +109,8 @@ void dbc_make_message_name(const struct dbc_exporter *e, const struct message *m
     dbc_fit_name(name, before, message->name, after);
 }
 
-/* JOINT_QUANTITY. The digit that ends a field's name, as in position0 or target1, says which axis
- * of the board or the bus it is: the joint says that better. */
+/* Makes the name JOINT_QUANTITY. The digit that ends a field's name, as in position0 or target1,
+ * is the axis of the board or the bus; it is left out, for the joint is clearer. */
 static void dbc_make_joint_name(const struct dbc_field *p, char name[NAME_SIZE])
 {
     char words[256];
@@ -128,7 +133,7 @@ static void dbc_make_joint_name(const struct dbc_field *p, char name[NAME_SIZE])
     dbc_fit_name(name, "", words, "");
 }
 
-/* A name as the boards' tables have it. */
+/* Makes a name as the boards' tables have it. */
 static void dbc_make_table_name(const struct dbc_exporter *e, const struct dbc_field *p,
                                 char name[NAME_SIZE])
 {
@@ -169,7 +174,7 @@ void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_message
         dbc_make_joint_name(p, name);
     }
 
-    /* Long names that were cut alike */
+    /* Long names that became equal get a number */
     snprintf(made, sizeof made, "%s", name);
     for (unsigned n = 2; dbc_find_signal(to, name); n++) {
         snprintf(name, NAME_SIZE, "%.*s_%u", DBC_NAME_MAX - 5, made, n % 1000);

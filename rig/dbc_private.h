@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the parts of the exporter of a rig's DBC database share: dbc.c writes nodes and messages,
+ * Shared by the parts of the exporter of a rig's DBC database: dbc.c writes nodes and messages,
  * dbc_names.c names things, dbc_signals.c writes signals with their units. Not RT-safe.
  */
 #ifndef RIG_DBC_PRIVATE_H
@@ -20,10 +20,10 @@ struct dbc_exporter {
     struct error *error;
     enum error_code code;
     uint8_t longest[IDS]; /* frame of an identifier */
-    bool constants;       /* now those messages that only say which they are */
+    bool constants;       /* in turn now: messages without values */
 };
 
-/* A field that becomes a signal. */
+/* Field that becomes a signal. */
 struct dbc_field {
     struct message_field of;
     struct field_subject subject;
@@ -35,26 +35,26 @@ struct dbc_field {
 
 /* ---- dbc_names.c ---- */
 
-/* The board that a message is from or for; NULL = all. */
+/* Returns the board that a message is from or for; NULL = all. */
 const struct board_config *dbc_message_board(const struct dbc_exporter *e,
                                              const struct message *message);
 
-/* Node of a board, by its index in the rig. */
+/* Returns the node of a board, by its index in the rig. */
 int dbc_board_node(const struct dbc_exporter *e, int board);
 
-/* A board's name as an identifier that no other node has. */
+/* Makes a board's name an identifier that no other node has. */
 void dbc_make_node_name(const struct dbc *dbc, const char *board, char name[NAME_SIZE]);
 void dbc_make_message_name(const struct dbc_exporter *e, const struct message *message,
                            char name[NAME_SIZE]);
-/* A name that no other signal of to has: JOINT_QUANTITY for what a board says of a joint and for
- * what all boards are told of theirs in one frame, the component of a force-torque sensor, else as
- * in the boards' tables. */
+/* Makes a name that no other signal of to has: JOINT_QUANTITY for values of a joint that a board
+ * sends and for targets of all boards in one frame, the component of a force-torque sensor, else
+ * as in the boards' tables. */
 void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_message *to,
                           const struct dbc_field *p, char name[NAME_SIZE]);
 
 /* ---- dbc_signals.c ---- */
 
-/* The nodes that a message is for, as a bit set. */
+/* Returns the nodes that a message is for, as a bit set. */
 uint64_t dbc_message_receivers(const struct dbc_exporter *e, const struct message *message);
 
 /* Writes the fields of a message as signals; command: the value of byte 0 that selects them, or

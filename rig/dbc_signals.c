@@ -54,6 +54,7 @@ uint64_t dbc_message_receivers(const struct dbc_exporter *e, const struct messag
     return nodes;
 }
 
+/* Adds a field as a signal, with its range, named values and comment. */
 static void dbc_export_signal(struct dbc_exporter *e, struct dbc_message *to,
                               const struct dbc_field *p)
 {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Whether the boards that a rig puts on a bus of a described protocol have identifiers of their
- * own. What is wrong on every bus the protocol's file is refused for (boards/described/load_ids.c);
- * here are the numbers that the rig gives: addresses, and the slots of axes.
+ * Checks that the boards of a rig on a bus of a described protocol have identifiers of their own.
+ * Conflicts on every bus are refused with the protocol's file (boards/described/load_ids.c); here
+ * the numbers that the rig gives are checked: addresses, and the slots of axes.
  */
 #include "boards/described/protocol.h"
 #include "boards/messages.h"
@@ -16,7 +16,7 @@ struct id_check {
     enum error_code code;
 };
 
-/* The board that sends a message or is its only receiver; NULL: none. */
+/* Returns the board that sends a message or is its only receiver; NULL: none. */
 static const struct board_config *message_board(const struct id_check *check,
                                                 const struct message *message)
 {
@@ -25,7 +25,8 @@ static const struct board_config *message_board(const struct id_check *check,
     return board == MESSAGE_NO_BOARD ? NULL : &check->b->rig->boards.board[board];
 }
 
-/* Whether two messages of one identifier cannot be told apart, or would meet on the wire. */
+/* Returns whether two messages of one identifier cannot be told apart, or would meet on the
+ * wire. */
 static bool messages_collide(const struct message *x, const struct message *y)
 {
     const struct described_frame *a = x->row, *b = y->row;
@@ -34,7 +35,7 @@ static bool messages_collide(const struct message *x, const struct message *y)
         return false;
     }
 
-    /* Drives that all answer with one identifier say in the data who they are */
+    /* Drives that all answer with one identifier are told apart by the data */
     if (!x->from_host && !y->from_host && x->sender != y->sender) {
         return described_find_field(a, DESCRIBED_ADDRESS) < 0 ||
                described_find_field(b, DESCRIBED_ADDRESS) < 0;
@@ -42,7 +43,7 @@ static bool messages_collide(const struct message *x, const struct message *y)
     return a <= b ? !described_told_apart(a, b) : !described_told_apart(b, a);
 }
 
-/* Where a board stands in the rig's file; the bus itself without one. */
+/* Returns the place of a board in the rig's file; without one, that of the bus. */
 static const struct yaml_mark *board_mark(const struct id_check *check,
                                           const struct board_config *board)
 {
@@ -53,6 +54,7 @@ static const struct yaml_mark *board_mark(const struct id_check *check,
                  : &raw->mark;
 }
 
+/* Compares a message with a later one, up to which the walk runs. */
 static bool check_inner(void *context, const struct message *message)
 {
     struct id_check *check = context;
@@ -75,6 +77,7 @@ static bool check_inner(void *context, const struct message *message)
     return !check->code;
 }
 
+/* Compares a message with all before it. */
 static bool check_outer(void *context, const struct message *message)
 {
     struct id_check *check = context;

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Which boards of a rig file may be external, that is real ones on the same bus. */
+/* Checks which boards of a rig file may be external: real ones on the same bus. */
 #include "boards/protocols.h"
 #include "rig/builder_private.h"
 
-/* Keys that mean something only of an external board. */
+/* Refuses keys that only an external board may have. */
 static enum error_code external_check_keys(struct rig_builder *b, const struct raw_board *raw)
 {
     if (!raw->external && raw->external_timeout_given) {
@@ -17,7 +17,7 @@ static enum error_code external_check_keys(struct rig_builder *b, const struct r
     return ERROR_NONE;
 }
 
-/* A real board is one whose frames the host's codec reads without having configured it. */
+/* Checks an external board: the host's codec must read its frames without having configured it. */
 enum error_code rig_check_external(struct rig_builder *b, const struct raw_board *raw,
                                    const struct protocol *protocol)
 {
@@ -38,7 +38,7 @@ enum error_code rig_check_external(struct rig_builder *b, const struct raw_board
                           "or an F/T board");
     }
 
-    /* What its joints follow */
+    /* What its joints follow: only those of motor boards can */
     if (raw->external_follows_given && raw->kind != BOARD_MOTOR) {
         return yaml_error(b->error, &raw->external_follows_mark,
                           "found external_follows on an F/T board, expected it on a motor board: "

@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Of address space, for the names of a rig. */
+/* Address space for the names of a rig. */
 #define NAMES_ARENA ((size_t)4 << 20)
 
 /* Collects the names of a rig for fault_parse; false when memory is used up. */
@@ -28,7 +28,7 @@ static bool rig_collect_fault_names(const struct rig *rig, const bool *wire, str
         return false;
     }
 
-    /* Of the robot, then of its buses and boards */
+    /* Names of the robot, then of its buses and boards */
     for (size_t j = 0; j < robot->njoint; j++) {
         joint[j] = robot->joint[j].name;
         driven[j] = robot_joint_is_driven(&robot->joint[j]);
@@ -65,7 +65,7 @@ static bool rig_collect_fault_names(const struct rig *rig, const bool *wire, str
     return true;
 }
 
-/* One line; what a real board does nobody here can disturb. */
+/* Parses a line; a real board cannot be disturbed. */
 static enum error_code rig_parse_fault(const struct rig *rig, const char *text,
                                        const struct fault_names *names, struct fault *fault,
                                        struct error *error)
@@ -81,7 +81,7 @@ static enum error_code rig_parse_fault(const struct rig *rig, const char *text,
     return code;
 }
 
-/* The lines of the rig, then those of the command line. */
+/* Parses the lines of the rig, then those of the command line. */
 static enum error_code rig_parse_faults(const struct rig *rig, const struct fault_names *names,
                                         const char *const *extra, size_t nextra,
                                         struct fault *fault, struct error *error)
@@ -118,14 +118,14 @@ enum error_code rig_faults_create(const struct rig *rig, const char *const *extr
     return code ? code : faults_create(fault, count, seed, arena, faults, error);
 }
 
-/* The names of a rig, of whose buses each may be a wire. */
+/* Names of a rig, of whose buses each may be a wire. */
 struct rig_fault_names {
     bool wire[RIG_BUSES_MAX];
     struct fault_names names;
     struct arena arena;
 };
 
-/* Success must be followed by arena_fini of its arena. */
+/* Collects the names in an arena; success must be followed by arena_fini of it. */
 static enum error_code rig_open_fault_names(const struct rig *rig, struct rig_fault_names *open,
                                             struct error *error)
 {
@@ -173,7 +173,7 @@ enum error_code rig_check_fault(const struct rig *rig, const struct yaml_name *l
     return code;
 }
 
-/* Checks the lines of the rig file. Whether a bus is a wire is known only when it is opened: here
+/* Checks the lines of the rig file. A bus is known to be a wire only when it is opened: here
  * every bus may be one. */
 enum error_code rig_build_faults(struct rig_builder *b)
 {

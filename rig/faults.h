@@ -3,7 +3,7 @@
 #ifndef RIG_FAULTS_H
 #define RIG_FAULTS_H
 
-#include "boards/faults.h"
+#include "faults/faults.h"
 #include "rig/rig.h"
 
 /* Reads all lines, extra (nextra) being those of --fault. wire: by bus, whether it is a wire in

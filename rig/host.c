@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a rig tells the host on the other side of its buses. */
+/* Tells the host on the other side of the buses about the rig. */
 #include "rig/rig.h"
 
 #include <math.h>

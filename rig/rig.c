@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Builds a struct rig from the rig file as it is written: names are looked up, contradictions are
- * refused with file, line and column. Here time, the host's side and how it runs; the other
+ * refused with file, line and column. This file builds time, the host's side and the run; the other
  * sections have files of their own.
  */
 #include "rig/rig.h"
@@ -28,6 +28,7 @@ enum error_code rig_no_memory(struct rig_builder *b)
                      b->raw->mark.file);
 }
 
+/* Returns a name of an array. */
 static const char *rig_name_at(const struct rig_names *names, size_t i)
 {
     const unsigned char *entry = (const unsigned char *)names->array + i * names->stride;
@@ -41,6 +42,7 @@ enum error_code rig_find(struct rig_builder *b, const struct yaml_mark *mark, co
     const char *words[MAX_NAMES], *nearest;
     size_t count = 0;
 
+    /* The name, or the nearest one for the message */
     for (size_t i = 0; i < names.count; i++) {
         if (!strcmp(rig_name_at(&names, i), name)) {
             *index = (int)i;
@@ -94,7 +96,7 @@ enum error_code rig_check_keys(struct rig_builder *b, const struct yaml_mark *ma
 
 /* ---- supply ---- */
 
-/* The source, and the bus behind it. */
+/* Builds the supply: the source, and the bus behind it. */
 static enum error_code rig_build_supply(struct rig_builder *b)
 {
     const struct raw_rig *raw = b->raw;
@@ -126,6 +128,7 @@ static enum error_code rig_build_supply(struct rig_builder *b)
 
 /* ---- time ---- */
 
+/* Builds tick, substep, clock, integrator and dynamics. */
 static enum error_code rig_build_time(struct rig_builder *b)
 {
     const struct raw_rig *raw = b->raw;
@@ -149,17 +152,13 @@ static enum error_code rig_build_time(struct rig_builder *b)
     rig->integrator = (enum plant_integrator)raw->integrator;
     rig->tolerance = raw->tolerance;
     rig->dynamics = (enum rig_dynamics)raw->dynamics;
-    if (raw->robot.nmass && rig->dynamics == RIG_DYNAMICS_FASTEST) {
-        /* Code would be compiled for each mass that a sweep draws */
-        rig->dynamics = RIG_DYNAMICS_BUILT_IN;
-    }
     return rig_build_supply(b);
 }
 
 /* ---- the controller's side ---- */
 
-/* One driven joint as the host sees it. The host decodes torque from boards of the axis's own bus
- * only, so a torque board elsewhere is refused. */
+/* Builds a driven joint as the host sees it. The host decodes torque from boards of the axis's
+ * own bus only, so a torque board elsewhere is refused. */
 static enum error_code rig_build_host_axis(struct rig_builder *b, const struct board_config *board,
                                            uint8_t index, struct host_axis *axis)
 {
@@ -204,6 +203,7 @@ static enum error_code rig_build_host_axis(struct rig_builder *b, const struct b
     return ERROR_NONE;
 }
 
+/* Builds the host's list of axes and sensors. */
 static enum error_code rig_build_host(struct rig_builder *b)
 {
     const struct boards_config *boards = &b->rig->boards;
@@ -247,6 +247,7 @@ static enum error_code rig_build_host(struct rig_builder *b)
     return ERROR_NONE;
 }
 
+/* Overrides the gains that a section gives. */
 static void gains_override(struct servo_gains *gains, const struct raw_gains *raw)
 {
     const struct {
@@ -313,7 +314,7 @@ enum error_code rig_override_gains(struct rig_builder *b, const struct raw_gains
     return code;
 }
 
-/* The gains of every axis: the common ones, overridden by "others" for some joints. */
+/* Builds the gains of every axis: the common ones, overridden by "others" for some joints. */
 static enum error_code rig_build_gains(struct rig_builder *b)
 {
     const struct raw_servo *raw = &b->raw->tasks.servo;
@@ -341,6 +342,7 @@ static enum error_code rig_build_gains(struct rig_builder *b)
     return rig_override_gains(b, raw->other, raw->nother, gains);
 }
 
+/* Builds the task of grasping: its path and its conditions. */
 static enum error_code rig_build_grasp(struct rig_builder *b)
 {
     const struct raw_grasp *raw = &b->raw->tasks.grasp;
@@ -366,6 +368,7 @@ static enum error_code rig_build_grasp(struct rig_builder *b)
     return ERROR_NONE;
 }
 
+/* Builds the tasks of squatting and holding, the command period and the gains. */
 static enum error_code rig_build_tasks(struct rig_builder *b)
 {
     const struct raw_servo *servo = &b->raw->tasks.servo;
@@ -397,7 +400,7 @@ static enum error_code rig_build_tasks(struct rig_builder *b)
 
 /* ---- how it runs ---- */
 
-/* Whether an identifier is one that boards send or receive: of a protocol that keeps it from every
+/* Returns whether boards send or receive an identifier: by a protocol that keeps it from every
  * rig, or on a bus of this rig. */
 static bool rig_find_id_owner(const struct rig *rig, uint32_t id, char *text, size_t size)
 {
@@ -417,7 +420,7 @@ static bool rig_find_id_owner(const struct rig *rig, uint32_t id, char *text, si
     return false;
 }
 
-/* The lockstep frames must not have an identifier that a board sends or receives. */
+/* Refuses an identifier of a lockstep frame that a board sends or receives. */
 static enum error_code rig_check_lockstep_id(struct rig_builder *b, const struct yaml_mark *mark,
                                              int64_t id)
 {
@@ -429,6 +432,7 @@ static enum error_code rig_check_lockstep_id(struct rig_builder *b, const struct
                : ERROR_NONE;
 }
 
+/* Builds the lockstep clock: its bus, identifiers and time-out. */
 static enum error_code rig_build_lockstep(struct rig_builder *b)
 {
     const struct raw_lockstep *raw = &b->raw->lockstep;
@@ -453,6 +457,7 @@ static enum error_code rig_build_lockstep(struct rig_builder *b)
     return ERROR_NONE;
 }
 
+/* Builds the time that frames take. */
 static void rig_build_wire(struct rig_builder *b)
 {
     const struct raw_wire *raw = &b->raw->wire;
@@ -467,6 +472,7 @@ static void rig_build_wire(struct rig_builder *b)
     };
 }
 
+/* Builds the scheduling, the recording and the page. */
 static void rig_build_realtime(struct rig_builder *b)
 {
     const struct raw_realtime *raw = &b->raw->realtime;
@@ -486,6 +492,7 @@ static void rig_build_realtime(struct rig_builder *b)
     b->rig->page = (struct rig_page){b->raw->page.listen, b->raw->page.listen_mark};
 }
 
+/* Builds all parts, in the order in which they need each other. */
 static enum error_code rig_build(struct rig_builder *b)
 {
     static enum error_code (*const step[])(struct rig_builder *) = {
@@ -504,7 +511,7 @@ static enum error_code rig_build(struct rig_builder *b)
     return code;
 }
 
-/* What the rig was read from: its own files, the robot's, and the meshes. */
+/* Returns the hash of the rig's sources: its own files, the robot's, and the meshes. */
 static uint64_t rig_hash_sources(const struct rig_builder *b)
 {
     uint64_t hash = hash_bytes(b->raw->hash, &b->robot->source_hash, sizeof b->robot->source_hash);
@@ -520,6 +527,7 @@ static uint64_t rig_hash_sources(const struct rig_builder *b)
     return hash;
 }
 
+/* Makes a rig of a file that was read. */
 static enum error_code rig_make(const struct raw_rig *raw, struct arena *arena,
                                 const struct rig **rig, struct error *error)
 {

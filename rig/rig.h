@@ -10,9 +10,10 @@
 
 #include "base/arena.h"
 #include "base/error.h"
+#include "base/word.h"
 #include "base/yaml.h"
 #include "boards/board.h"
-#include "boards/sensing.h"
+#include "boards/sensing/sensing.h"
 #include "contact/contact.h"
 #include "model/plant.h"
 #include "model/robot.h"
@@ -24,12 +25,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Of a bench; joints are those of the robot that move, contacts bodies that can touch. */
+/* Limits of a bench; joints are those of the robot that move, contacts bodies that can touch. */
 enum { RIG_BUSES_MAX = 32, RIG_JOINTS_MAX = 128, RIG_CONTACTS_MAX = 128 };
 
 enum rig_contact_engine { RIG_CONTACT_NONE, RIG_CONTACT_SIMBODY, RIG_CONTACT_NATIVE };
 
-/* Until when the robot's links are clamped (plant_clamp). */
+/* End of the time in which the robot's links are clamped (plant_clamp). */
 enum rig_hold {
     RIG_HOLD_NONE,    /* free from the start: without a controller it falls */
     RIG_HOLD_ENABLED, /* until every driven axis has its motor on for the first time */
@@ -37,10 +38,13 @@ enum rig_hold {
 };
 
 enum rig_dynamics {
-    RIG_DYNAMICS_FASTEST, /* generated code where available, else generic with a notice */
+    RIG_DYNAMICS_FASTEST, /* generated code where there is some, else generic with a notice */
     RIG_DYNAMICS_GENERIC,
-    RIG_DYNAMICS_BUILT_IN, /* with added masses: as fastest, but nothing is compiled */
 };
+
+/* Words of enums in rig files and options; of the wire: 0 ideal, 1 timed. */
+extern const struct word rig_integrator_words[], rig_dynamics_words[], rig_engine_words[];
+extern const struct word rig_hold_words[], rig_wire_words[];
 
 struct rig_bus {
     const char *name;
@@ -57,10 +61,10 @@ struct rig_bus {
     size_t naxis;                               /* joints driven from this bus */
 };
 
-/* What check and run do about a bus whose periodic traffic cannot fit. */
+/* Reaction of check and run to a bus whose periodic traffic cannot fit. */
 enum rig_budget { RIG_BUDGET_WARN, RIG_BUDGET_REFUSE, RIG_BUDGET_IGNORE };
 
-/* How long frames take. */
+/* Time that frames take. */
 struct rig_wire {
     bool timed;   /* local buses: over a wire in virtual time (canbus/wire/wire.h), not at once */
     bool paced;   /* SocketCAN: the boards' frames leave when such a wire would have carried them */
@@ -148,7 +152,7 @@ struct rig {
 
     uint64_t seed;                 /* of noise and faults */
     struct sensing_config sensing; /* without faults */
-    const struct yaml_name *fault; /* lines (boards/faults.h), in order */
+    const struct yaml_name *fault; /* lines (faults/faults.h), in order */
     size_t nfault;
     double supply_ohm;            /* of the source */
     struct supply_bus supply_bus; /* behind it */
@@ -159,18 +163,19 @@ struct rig {
 enum error_code rig_load(const char *path, struct arena *arena, const struct rig **rig,
                          struct error *error);
 
-/* The same from memory: name stands for the file, what the text refers to is found from there.
- * rig->hash is that of what the text refers to, without the text itself. */
+/* Reads a rig from memory: name stands for the file, files that the text refers to are found
+ * from there. rig->hash is that of these files, without the text itself. */
 enum error_code rig_load_text(const char *name, const char *text, size_t size, struct arena *arena,
                               const struct rig **rig, struct error *error);
 
-/* Name of the body that a contact motion belongs to. */
+/* Returns the name of the body that a contact motion belongs to. */
 const char *rig_contact_name(const struct rig *rig, size_t motion);
 
-/* Index by name or -1. */
+/* Returns the index of a bus by name, or -1. */
 int rig_find_bus(const struct rig *rig, const char *name);
 
-/* A host that knows the boards of the rig, on ports of its own, one a bus; all borrowed. */
+/* Returns the configuration of a host that knows the boards of the rig, on ports of its own, one
+ * a bus; all borrowed. */
 struct host_config rig_host_config(const struct rig *rig, struct can_port **port, bool lockstep);
 
 /* Reads a trajectory (tasks/trajectory.h) for the driven joints: angles within their limits, rates
@@ -181,21 +186,22 @@ enum error_code rig_read_trajectory(const struct rig *rig, const char *path,
                                     struct arena *arena, const struct trajectory **trajectory,
                                     struct error *error);
 
-/* Traffic of a port in both directions, in bit times of the bus's nominal rate, without stuff
- * bits. */
+/* Returns the traffic of a port in both directions, in bit times of the bus's nominal rate,
+ * without stuff bits. */
 double rig_bus_bits(const struct rig_bus *bus, const struct can_counters *counters);
 
-/* Worst-case load of a bus in bit times of its nominal rate a second (so that load / bitrate is
- * the share of its time, also with CAN FD), stuff bits and interframe spaces included. Telemetry:
- * icub motors at the host's default broadcast policy (0x7f), foc, compact and cia402 motors once a
- * tick, described boards as their protocol has it, STRAIN and F/T boards at their periods.
- * Commands: icub a voltage to every axis each command_period_ns, the others all set-points of the
- * bus once a tick, cia402 with a SYNC; these know no period below a millisecond. */
+/* Computes the worst-case load of a bus in bit times of its nominal rate a second (so that load
+ * / bitrate is the share of its time, also with CAN FD), stuff bits and interframe spaces
+ * included. Telemetry: icub motors at the host's default broadcast policy (0x7f), foc, compact
+ * and cia402 motors once a tick, described boards as their protocol has it, STRAIN and F/T
+ * boards at their periods. Commands: icub a voltage to every axis each command_period_ns, the
+ * others all set-points of the bus once a tick, cia402 with a SYNC; these know no period below a
+ * millisecond. */
 void rig_bus_load(const struct rig *rig, size_t bus, int64_t command_period_ns,
                   double *telemetry_bit_s, double *command_bit_s);
 
-/* Whether the periodic traffic of a bus exceeds its bit rate at the worst; text then says so, with
- * remedies. */
+/* Returns whether the periodic traffic of a bus exceeds its bit rate at the worst; text then
+ * says so, with remedies. */
 bool rig_bus_over_budget(const struct rig *rig, size_t bus, char *text, size_t size);
 
 #endif

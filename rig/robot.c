@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The rig's robot: its file, what the rig makes different, and how it stands at the start. */
+/* Builds the rig's robot: its file, the differences that the rig makes, and its pose at the
+ * start. */
 #include "base/portable_math.h"
 #include "model/coupling.h"
 #include "model/spatial.h"
@@ -9,7 +10,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Series springs that the rig gives instead of the robot's. */
+/* Replaces series springs of the robot by those of the rig. */
 static enum error_code rig_replace_springs(struct rig_builder *b)
 {
     const struct raw_robot *raw = &b->raw->robot;
@@ -27,7 +28,7 @@ static enum error_code rig_replace_springs(struct rig_builder *b)
         return code;
     }
 
-    /* Only where there is a spring to be replaced */
+    /* Only a joint with a drive has a spring */
     for (size_t i = 0; i < raw->nspring; i++) {
         const struct raw_spring *spring = &raw->spring[i];
 
@@ -50,7 +51,7 @@ static enum error_code rig_replace_springs(struct rig_builder *b)
     return robot_finish(robot, b->error);
 }
 
-/* A point mass at p, in the frame of the inertia, which is about its center of mass. */
+/* Adds a point mass at p, in the frame of the inertia, which is about its center of mass. */
 static void rig_add_point(struct robot_inertia *inertia, double mass, const double p[3])
 {
     double total = inertia->mass + mass, reduced = inertia->mass * mass / total, d[3];
@@ -66,7 +67,7 @@ static void rig_add_point(struct robot_inertia *inertia, double mass, const doub
     inertia->mass = total;
 }
 
-/* Force-torque sensors of the body carry what is added to it: they weigh it as well. */
+/* Adds a mass to the load of the body's force-torque sensors, which carry it as well. */
 static enum error_code rig_hang_mass(struct rig_builder *b, struct robot *robot, int body,
                                      const struct yaml_real_entry *added)
 {
@@ -91,7 +92,7 @@ static enum error_code rig_hang_mass(struct rig_builder *b, struct robot *robot,
     return ERROR_NONE;
 }
 
-/* Point masses at the centers of mass of bodies. */
+/* Adds point masses at the centers of mass of bodies. */
 static enum error_code rig_add_masses(struct rig_builder *b)
 {
     const struct raw_robot *raw = &b->raw->robot;
@@ -103,6 +104,7 @@ static enum error_code rig_add_masses(struct rig_builder *b)
         return ERROR_NONE;
     }
     code = robot_copy(b->robot, b->arena, &robot, b->error);
+    /* Every mass, positive or negative, leaves the body some */
     for (size_t i = 0; i < raw->nmass && !code; i++) {
         const struct yaml_real_entry *added = &raw->mass[i];
         struct robot_inertia *inertia;
@@ -125,6 +127,7 @@ static enum error_code rig_add_masses(struct rig_builder *b)
     if (code) {
         return code;
     }
+    /* Derived quantities and the hash follow */
     b->robot = robot;
     return robot_finish(robot, b->error)
                ? error_prefix(b->error, "%s:%d:%d: with the masses that are added",
@@ -133,7 +136,7 @@ static enum error_code rig_add_masses(struct rig_builder *b)
                : ERROR_NONE;
 }
 
-/* The robot's file: a path from the rig's folder, or a name alone. */
+/* Finds the robot's file: a path from the rig's folder, or a name alone. */
 static enum error_code rig_find_robot(struct rig_builder *b, const char **path)
 {
     const struct raw_robot *raw = &b->raw->robot;
@@ -168,7 +171,7 @@ enum error_code rig_build_robot(struct rig_builder *b)
     return b->torque && b->driver && b->ft ? ERROR_NONE : rig_no_memory(b);
 }
 
-/* Followers stand where their leaders want them, with the joints where the rig puts them. */
+/* Sets followers to the angles that their leaders give them. */
 static enum error_code rig_align_followers(struct rig_builder *b, double *joint)
 {
     const struct robot *robot = b->robot;
@@ -190,7 +193,7 @@ static enum error_code rig_align_followers(struct rig_builder *b, double *joint)
     return ERROR_NONE;
 }
 
-/* The joints of the pose with those that the rig puts elsewhere. */
+/* Builds the joints: those of the pose, with the angles that the rig gives instead. */
 static enum error_code rig_build_joints(struct rig_builder *b, const struct robot_pose *pose)
 {
     const struct raw_initial *raw = &b->raw->initial;

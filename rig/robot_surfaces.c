@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The robot's capsules as surfaces of a scene, and the pairs that follow from them: the robot
+ * Adds the robot's capsules as surfaces of a scene, and the pairs that follow from them: the robot
  * against everything that is not the robot, and against itself. Of the robot's own pairs those are
  * left out that belong together: surfaces of one body, of bodies with none in between on the tree,
- * and those that overlap where the robot stands in one of its poses, which is how its parts are
- * drawn and no contact.
+ * and those that overlap in one of the robot's poses, because the parts are drawn so and do not
+ * touch.
  */
 #include "rig/builder_private.h"
 
@@ -28,6 +28,7 @@ enum error_code rig_add_robot_surfaces(struct rig_builder *b, struct contact_sur
         const struct robot_capsule *capsule = &b->robot->capsule[c];
         struct contact_surface *s = &surface[contact->nsurface];
 
+        /* A capsule has a name that no surface of the file has */
         for (size_t i = 0; i < contact->nsurface; i++) {
             if (!strcmp(surface[i].name, capsule->name)) {
                 return yaml_error(b->error, &scene->surface[i].name_mark,
@@ -36,6 +37,7 @@ enum error_code rig_add_robot_surfaces(struct rig_builder *b, struct contact_sur
                                   capsule->name);
             }
         }
+        /* It moves with its body */
         *s = (struct contact_surface){
             .name = capsule->name,
             .body = rig_add_contact_body(b, bodies, capsule->body),
@@ -53,7 +55,7 @@ enum error_code rig_add_robot_surfaces(struct rig_builder *b, struct contact_sur
 
 /* ---- which of the robot's own pairs belong together ---- */
 
-/* The body of the robot that a surface is on; -1 when it is another's or the world's. */
+/* Returns the body of the robot that a surface is on; -1 when it is another's or the world's. */
 static int surface_robot_body(const struct rig_builder *b, int surface)
 {
     int contact_body = b->rig->contact.surface[surface].body;
@@ -62,7 +64,7 @@ static int surface_robot_body(const struct rig_builder *b, int surface)
     return body < (int)b->robot->nbody ? body : -1;
 }
 
-/* The nearest body up the tree that carries a surface; -1 when there is none. */
+/* Returns the nearest body up the tree that carries a surface; -1 when there is none. */
 static int body_find_carrier(const struct rig_builder *b, int body)
 {
     const struct contact_config *contact = &b->rig->contact;
@@ -77,6 +79,7 @@ static int body_find_carrier(const struct rig_builder *b, int body)
     return -1;
 }
 
+/* Returns whether no body with a surface is between two bodies on the tree. */
 static bool bodies_are_neighbors(const struct rig_builder *b, int first, int second)
 {
     int above[2] = {body_find_carrier(b, first), body_find_carrier(b, second)};
@@ -85,7 +88,7 @@ static bool bodies_are_neighbors(const struct rig_builder *b, int first, int sec
            (above[0] < 0 && above[1] < 0);
 }
 
-/* The pairs from somewhere on in a list, in an engine of their own. */
+/* Pairs of a list in an engine of their own. */
 struct pair_trial {
     struct contact_world *world;
     struct contact_patch *patch; /* one a pair */
@@ -95,6 +98,7 @@ struct pair_trial {
     bool *touches; /* by pair: in some pose */
 };
 
+/* Makes an engine with some pairs of the scene. */
 static enum error_code trial_make(const struct rig_builder *b, const struct contact_pair *pair,
                                   size_t count, struct arena *arena, struct pair_trial *trial)
 {
@@ -116,7 +120,7 @@ static enum error_code trial_make(const struct rig_builder *b, const struct cont
     return contact_native_create(&config, arena, &trial->world, b->error);
 }
 
-/* Notes the pairs that touch when the robot stands so. */
+/* Notes the pairs that touch in a pose of the robot. */
 static enum error_code trial_note_touching(struct pair_trial *trial, const struct rig_builder *b,
                                            const double *joint)
 {
@@ -144,7 +148,7 @@ static enum error_code trial_note_touching(struct pair_trial *trial, const struc
     return ERROR_NONE;
 }
 
-/* Keeps those of the pairs that never touch: in every pose of the robot and in that of the rig. */
+/* Keeps the pairs that never touch: in every pose of the robot and in that of the rig. */
 static enum error_code scene_drop_overlaps(struct rig_builder *b, struct contact_pair *pair,
                                            size_t *count, struct arena *arena)
 {
@@ -167,12 +171,14 @@ static enum error_code scene_drop_overlaps(struct rig_builder *b, struct contact
 
 /* ---- pairs ---- */
 
+/* Returns whether a pair consists of two surfaces, in whichever order. */
 static bool pairs_are_same(const struct contact_pair *p, int a, int b)
 {
     return (p->a == a && p->b == b) || (p->a == b && p->b == a);
 }
 
-/* Whether two surfaces make a pair of the scene already, or are said not to make one. */
+/* Returns whether two surfaces make a pair of the scene already, or are excluded from making
+ * one. */
 static bool scene_has_pair(const struct rig_builder *b, int first, int second,
                            const struct contact_pair *pair, size_t npair,
                            const struct contact_pair *excluded)

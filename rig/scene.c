@@ -19,7 +19,8 @@ int rig_add_contact_body(struct rig_builder *b, int *bodies, int body)
     return (int)i;
 }
 
-/* The plant computes the pose of a body of the robot only when a frame is on it. */
+/* Checks that the robot file has a frame or capsule on a body: only then the plant computes its
+ * pose. */
 static enum error_code scene_check_observed(struct rig_builder *b, const struct yaml_mark *mark,
                                             int body)
 {
@@ -32,7 +33,7 @@ static enum error_code scene_check_observed(struct rig_builder *b, const struct 
     return ERROR_NONE;
 }
 
-/* Finds what the surface is fixed to: a body, a named frame of one, or the world. */
+/* Finds the place that a surface is fixed to: a body, a named frame of one, or the world. */
 static enum error_code surface_find_place(struct rig_builder *b, const struct raw_surface *raw,
                                           struct rig_place *place)
 {
@@ -65,6 +66,7 @@ static enum error_code surface_find_place(struct rig_builder *b, const struct ra
     return ERROR_NONE;
 }
 
+/* Sets the body, position and rotation of a surface. */
 static enum error_code surface_set_place(struct rig_builder *b, const struct raw_surface *raw,
                                          int *bodies, struct contact_surface *surface)
 {
@@ -85,6 +87,7 @@ static enum error_code surface_set_place(struct rig_builder *b, const struct raw
     return ERROR_NONE;
 }
 
+/* Sets the shape of a surface and reads its mesh. */
 static enum error_code surface_set_shape(struct rig_builder *b, const struct raw_surface *raw,
                                          struct contact_surface *surface)
 {
@@ -145,6 +148,7 @@ enum error_code rig_find_material(struct rig_builder *b, const struct yaml_mark 
     return ERROR_NONE;
 }
 
+/* Builds the surfaces of the file, then those of the robot. */
 static enum error_code scene_build_surfaces(struct rig_builder *b)
 {
     const struct raw_scene *scene = &b->raw->scene;
@@ -231,7 +235,7 @@ static enum error_code scene_set_friction(struct rig_builder *b)
     return ERROR_NONE;
 }
 
-/* The pairs that the file lists, each once, in whichever order. */
+/* Builds the pairs that the file lists, each once, in whichever order. */
 static enum error_code scene_build_pairs(struct rig_builder *b, struct contact_pair *pair)
 {
     const struct raw_scene *scene = &b->raw->scene;
@@ -255,7 +259,7 @@ static enum error_code scene_build_pairs(struct rig_builder *b, struct contact_p
     return ERROR_NONE;
 }
 
-/* What no engine can work with, with the place in the file. */
+/* Refuses a scene that no engine can work with, with the place in the file. */
 static enum error_code scene_check(struct rig_builder *b)
 {
     const struct raw_scene *scene = &b->raw->scene;

@@ -8,43 +8,40 @@
 #include "canbus/lockstep.h"
 #include "base/config.h"
 #include "rig/rig.h"
-#include "rt/recorder.h"
+#include "rt/recording/recorder.h"
 
 #include <float.h>
 
 #define AT(member) offsetof(struct STRUCT, member)
 
-static const struct yaml_enum clock_names[] = {
-    {"real", LOOP_CLOCK_REAL},
-    {"lockstep", LOOP_CLOCK_LOCKSTEP},
-    {"free", LOOP_CLOCK_FREE},
-    {NULL, 0},
-};
-static const struct yaml_enum record_format_names[] = {{"csv", RECORDER_CSV},
-                                                       {"mcap", RECORDER_MCAP},
-                                                       {"both", RECORDER_CSV | RECORDER_MCAP},
-                                                       {NULL, 0}};
-static const struct yaml_enum integrator_names[] = {
+const struct word rig_integrator_words[] = {
     {"rk4", PLANT_RK4}, {"implicit", PLANT_IMPLICIT}, {"dopri5", PLANT_DOPRI5}, {NULL, 0}};
-static const struct yaml_enum dynamics_names[] = {
+const struct word rig_dynamics_words[] = {
     {"fastest", RIG_DYNAMICS_FASTEST}, {"generic", RIG_DYNAMICS_GENERIC}, {NULL, 0}};
-static const struct yaml_enum engine_names[] = {
+const struct word rig_engine_words[] = {
     {"none", RIG_CONTACT_NONE},
     {"native", RIG_CONTACT_NATIVE},
     {"simbody", RIG_CONTACT_SIMBODY},
     {NULL, 0},
 };
-static const struct yaml_enum mesh_law_names[] = {
+const struct word rig_hold_words[] = {
+    {"none", RIG_HOLD_NONE},
+    {"until_enabled", RIG_HOLD_ENABLED},
+    {"always", RIG_HOLD_ALWAYS},
+    {NULL, 0},
+};
+const struct word rig_wire_words[] = {{"ideal", 0}, {"wire", 1}, {NULL, 0}};
+static const struct word mesh_law_names[] = {
     {"pressure_field", CONTACT_PRESSURE_FIELD},
     {"elastic_foundation", CONTACT_ELASTIC_FOUNDATION},
     {NULL, 0},
 };
-static const struct yaml_enum friction_names[] = {
+static const struct word friction_names[] = {
     {"sticking", CONTACT_FRICTION_STICKING},
     {"regularized", CONTACT_FRICTION_REGULARIZED},
     {NULL, 0},
 };
-static const struct yaml_enum shape_names[] = {
+static const struct word shape_names[] = {
     {"half_space", CONTACT_HALF_SPACE},
     {"sphere", CONTACT_SPHERE},
     {"box", CONTACT_BOX},
@@ -52,31 +49,18 @@ static const struct yaml_enum shape_names[] = {
     {"capsule", CONTACT_CAPSULE},
     {NULL, 0},
 };
-static const struct yaml_enum kind_names[] = {
+static const struct word kind_names[] = {
     {"motor", BOARD_MOTOR},       {"ft", BOARD_FT}, {"torque", BOARD_TORQUE},
     {"inertial", BOARD_INERTIAL}, {NULL, 0},
 };
-static const struct yaml_enum follows_names[] = {{"position", 0}, {"torque", 1}, {NULL, 0}};
-static const struct yaml_enum overrun_names[] = {
-    {"skip", LOOP_OVERRUN_SKIP},
-    {"slip", LOOP_OVERRUN_SLIP},
-    {"stop", LOOP_OVERRUN_STOP},
-    {NULL, 0},
-};
+static const struct word follows_names[] = {{"position", 0}, {"torque", 1}, {NULL, 0}};
 
-static const struct yaml_enum wire_mode_names[] = {{"ideal", 0}, {"wire", 1}, {NULL, 0}};
-static const struct yaml_enum wire_pace_names[] = {{"none", 0}, {"wire", 1}, {NULL, 0}};
-static const struct yaml_enum wire_order_names[] = {{"priority", 0}, {"fifo", 1}, {NULL, 0}};
-static const struct yaml_enum budget_names[] = {
+static const struct word wire_pace_names[] = {{"none", 0}, {"wire", 1}, {NULL, 0}};
+static const struct word wire_order_names[] = {{"priority", 0}, {"fifo", 1}, {NULL, 0}};
+static const struct word budget_names[] = {
     {"warn", RIG_BUDGET_WARN},
     {"refuse", RIG_BUDGET_REFUSE},
     {"ignore", RIG_BUDGET_IGNORE},
-    {NULL, 0},
-};
-static const struct yaml_enum hold_names[] = {
-    {"none", RIG_HOLD_NONE},
-    {"until_enabled", RIG_HOLD_ENABLED},
-    {"always", RIG_HOLD_ALWAYS},
     {NULL, 0},
 };
 
@@ -122,7 +106,7 @@ static const struct yaml_field initial_fields[] = {
     {"base_rpy_rad", YAML_REALS, false, AT(base_rpy_rad), .count = 3, .min = -7.0, .max = 7.0,
      .given_offset = AT(rpy_given)},
     {"joints_rad", YAML_REAL_DICT, false, AT(joint), .count_offset = AT(njoint)},
-    {"hold", YAML_ENUM, false, AT(hold), .names = hold_names},
+    {"hold", YAML_ENUM, false, AT(hold), .names = rig_hold_words},
     {"settle", YAML_BOOL, false, .offset = AT(settle)},
 };
 #undef STRUCT
@@ -242,7 +226,7 @@ static const struct yaml_schema robot_surfaces_schema = {
 
 #define STRUCT raw_scene
 static const struct yaml_field scene_fields[] = {
-    {"engine", YAML_ENUM, true, AT(engine), .names = engine_names},
+    {"engine", YAML_ENUM, true, AT(engine), .names = rig_engine_words},
     {"friction", YAML_ENUM, false, AT(friction), .mark_offset = AT(friction_mark),
      .given_offset = AT(friction_given), .names = friction_names},
     {"transition_velocity_m_s", YAML_REAL, false, AT(transition_velocity_m_s), .min = 1e-6,
@@ -324,7 +308,8 @@ static const struct yaml_field bus_fields[] = {
      .mark_offset = AT(sample_point_mark), .given_offset = AT(sample_point_given)},
     {"restart_ms", YAML_INT, false, AT(restart_ms), .min = 0, .max = 60000,
      .mark_offset = AT(restart_mark), .given_offset = AT(restart_given)},
-    {"boards", YAML_LIST, true, AT(board), AT(nboard), .schema = &board_schema},
+    {"boards", YAML_LIST, true, AT(board), AT(nboard), .schema = &board_schema,
+     .entry_key = "address"},
 };
 #undef STRUCT
 static const struct raw_bus bus_defaults = {.bitrate = 1000000};
@@ -334,6 +319,25 @@ static const struct yaml_schema bus_schema = {
     .fields = bus_fields,
     .field_count = ARRAY_COUNT(bus_fields),
     .defaults = &bus_defaults,
+};
+
+#define STRUCT raw_switches
+static const struct yaml_field switches_fields[] = {
+    {"negative_limit_rad", YAML_REAL, false, AT(negative_rad), .min = -1e3, .max = 1e3,
+     .mark_offset = AT(negative_mark), .given_offset = AT(negative_given)},
+    {"positive_limit_rad", YAML_REAL, false, AT(positive_rad), .min = -1e3, .max = 1e3,
+     .given_offset = AT(positive_given)},
+    {"home_rad", YAML_REALS, false, AT(home_rad), .count = 2, .min = -1e3, .max = 1e3,
+     .mark_offset = AT(home_mark), .given_offset = AT(home_given)},
+    {"index_pulse", YAML_BOOL, false, .offset = AT(index_pulse)},
+};
+#undef STRUCT
+static const struct yaml_schema switches_schema = {
+    .what = "the switches of a joint",
+    .size = sizeof(struct raw_switches),
+    .fields = switches_fields,
+    .field_count = ARRAY_COUNT(switches_fields),
+    .name_offset = offsetof(struct raw_switches, joint),
 };
 
 #define STRUCT raw_motors
@@ -354,6 +358,7 @@ static const struct yaml_field motors_fields[] = {
      .mark_offset = AT(require_calibration_mark)},
     {"keep_firmware", YAML_BOOL, false, .offset = AT(keep_firmware)},
     {"discovery_stops_motors", YAML_BOOL, false, .offset = AT(discovery_stops_motors)},
+    {"switches", YAML_DICT, false, AT(switches), AT(nswitches), .schema = &switches_schema},
 };
 #undef STRUCT
 static const struct raw_motors motors_defaults = {
@@ -368,7 +373,7 @@ static const struct yaml_schema motors_schema = {
 
 #define STRUCT raw_wire
 static const struct yaml_field wire_fields[] = {
-    {"mode", YAML_ENUM, false, AT(mode), .names = wire_mode_names},
+    {"mode", YAML_ENUM, false, AT(mode), .names = rig_wire_words},
     {"pace", YAML_ENUM, false, AT(pace), .names = wire_pace_names},
     {"order", YAML_ENUM, false, AT(order), .names = wire_order_names},
     {"queue", YAML_INT, false, AT(queue), .min = 1, .max = 4096},
@@ -408,7 +413,7 @@ static const struct yaml_field realtime_fields[] = {
     {"priority", YAML_INT, false, AT(priority), .min = 0, .max = 99},
     {"cpu", YAML_INT, false, AT(cpu), .min = -1, .max = 1023},
     {"lock_memory", YAML_BOOL, false, .offset = AT(lock_memory)},
-    {"overrun", YAML_ENUM, false, AT(overrun), .names = overrun_names},
+    {"overrun", YAML_ENUM, false, AT(overrun), .names = loop_overrun_words},
     {"stop_after", YAML_INT, false, AT(stop_after), .min = 1, .max = 1e9},
 };
 #undef STRUCT
@@ -426,7 +431,7 @@ static const struct yaml_schema realtime_schema = {
 static const struct yaml_field record_fields[] = {
     {"directory", YAML_STRING, false, AT(directory), .min = 1, .max = 4000,
      .mark_offset = AT(directory_mark)},
-    {"format", YAML_ENUM, false, AT(format), .names = record_format_names},
+    {"format", YAML_ENUM, false, AT(format), .names = recorder_format_words},
 };
 #undef STRUCT
 static const struct raw_record record_defaults = {.format = RECORDER_CSV};
@@ -598,13 +603,13 @@ static const struct yaml_field rig_fields[] = {
     {"name", YAML_STRING, true, AT(name), .min = 1, .max = 63},
     {"description", YAML_STRING, false, AT(description), .min = 1, .max = 400},
     {"robot", YAML_MAP, true, AT(robot), .schema = &robot_schema},
-    {"clock", YAML_ENUM, false, AT(clock), .names = clock_names},
+    {"clock", YAML_ENUM, false, AT(clock), .names = loop_clock_words},
     {"tick_s", YAML_REAL, false, AT(tick_s), .min = 1e-5, .max = 0.1, .mark_offset = AT(tick_mark)},
     {"substep_s", YAML_REAL, false, AT(substep_s), .min = 1e-7, .max = 1.0,
      .mark_offset = AT(substep_mark)},
-    {"integrator", YAML_ENUM, false, AT(integrator), .names = integrator_names},
+    {"integrator", YAML_ENUM, false, AT(integrator), .names = rig_integrator_words},
     {"tolerance", YAML_REAL, false, AT(tolerance), .min = 1e-13, .max = 0.1},
-    {"dynamics", YAML_ENUM, false, AT(dynamics), .names = dynamics_names},
+    {"dynamics", YAML_ENUM, false, AT(dynamics), .names = rig_dynamics_words},
     {"personality", YAML_ENUM, false, AT(personality), .names = protocol_words},
     {"protocol", YAML_STRING, false, AT(protocol), .min = 1, .max = 400,
      .mark_offset = AT(protocol_mark)},
@@ -612,7 +617,7 @@ static const struct yaml_field rig_fields[] = {
     {"initial", YAML_MAP, true, AT(initial), .schema = &initial_schema},
     {"scene", YAML_MAP, false, AT(scene), .schema = &scene_schema},
     {"motors", YAML_MAP, true, AT(motors), .schema = &motors_schema},
-    {"buses", YAML_LIST, true, AT(bus), AT(nbus), .schema = &bus_schema},
+    {"buses", YAML_LIST, true, AT(bus), AT(nbus), .schema = &bus_schema, .entry_key = "name"},
     {"undriven", YAML_NAME_LIST, false, .offset = AT(undriven), .count_offset = AT(nundriven)},
     {"wire", YAML_MAP, false, AT(wire), .schema = &wire_schema},
     {"lockstep", YAML_MAP, false, AT(lockstep), .schema = &lockstep_schema},

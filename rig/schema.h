@@ -86,7 +86,7 @@ struct raw_pair {
     struct yaml_mark between_mark;
 };
 
-/* The robot's capsules as surfaces. */
+/* Surfaces from the robot's capsules. */
 struct raw_robot_surfaces {
     struct yaml_mark mark;
     const char *material;
@@ -169,7 +169,15 @@ struct raw_bus {
     size_t nboard;
 };
 
-/* What all motor boards share. */
+/* Switches of a joint. */
+struct raw_switches {
+    struct yaml_mark mark, home_mark, negative_mark;
+    const char *joint;
+    double negative_rad, positive_rad, home_rad[2];
+    bool negative_given, positive_given, home_given, index_pulse;
+};
+
+/* Values that all motor boards share. */
 struct raw_motors {
     struct yaml_mark mark;
     double joint_ticks_per_rev, motor_ticks_per_link_rev;
@@ -180,6 +188,8 @@ struct raw_motors {
     double status_period_s, boot_s;
     bool strict, require_calibration, keep_firmware, discovery_stops_motors;
     struct yaml_mark require_calibration_mark;
+    struct raw_switches *switches;
+    size_t nswitches;
 };
 
 struct raw_wire {
@@ -215,7 +225,7 @@ struct raw_page {
     const char *listen;
 };
 
-/* Of the servo's loops, or of some joints that differ. */
+/* Gains of the servo's loops, or of some joints that differ. */
 struct raw_gains {
     struct yaml_mark mark;
     struct yaml_name *joint; /* that differ */
@@ -259,7 +269,7 @@ struct raw_hold {
     double duration_s, tolerance_rad;
 };
 
-/* The numbers go straight to where the task wants them (rig/schema_walk.c). */
+/* Numbers of a walk, which go directly into the task's configuration (rig/schema_walk.c). */
 struct raw_walk {
     struct yaml_mark mark;
     struct walk_config config;
@@ -311,7 +321,7 @@ struct raw_rig {
     struct raw_page page;
     struct raw_tasks tasks;
     struct raw_sensors sensors;
-    struct yaml_name *fault; /* a line each (boards/faults.h) */
+    struct yaml_name *fault; /* a line each (faults/faults.h) */
     size_t nfault;
     int64_t seed;
     double supply_ohm, supply_capacitance_f;
@@ -319,7 +329,7 @@ struct raw_rig {
     bool chopper_given;
 };
 
-/* The schema of a whole file: fills a struct raw_rig. */
+/* Schema of a whole file: fills a struct raw_rig. */
 extern const struct yaml_schema rig_file_schema;
 
 #endif

@@ -24,7 +24,7 @@
     {                                                                                              \
 #key, YAML_REAL, true, AT(config.balance.gait.key), .min = low, .max = high                \
     }
-/* Of what a walk does without when it is not given: 0 */
+/* Number of a feature that a walk lacks when it is not given: 0 */
 #define CATCH(key, low, high)                                                                      \
     {                                                                                              \
 #key, YAML_REAL, false, AT(config.balance.gait.key), .min = low, .max = high               \

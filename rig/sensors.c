@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The section `sensors` of a rig: its schema, and what the boards' sensors become of it. */
+/* Reads the section `sensors` of a rig: its schema, and the errors of the boards' sensors. */
 #include "rig/sensors.h"
 
 #include "base/count.h"
@@ -121,6 +121,7 @@ const struct yaml_schema rig_sensors_schema = {
 
 /* ---- building ---- */
 
+/* Returns the errors of a channel. */
 static struct sensor_error sensor_error_of(const struct raw_channel *raw)
 {
     return (struct sensor_error){
@@ -168,6 +169,7 @@ static void sensors_apply_joint(const struct raw_joint_sensors *raw, const struc
     to->incremental = raw->incremental_given ? raw->incremental : to->incremental;
 }
 
+/* Replaces the errors of a force-torque sensor that raw gives. */
 static void sensors_apply_ft(const struct raw_ft_sensors *raw, struct sensor_ft *to)
 {
     to->force = raw->force_given ? sensor_error_of(&raw->force) : to->force;
@@ -175,6 +177,7 @@ static void sensors_apply_ft(const struct raw_ft_sensors *raw, struct sensor_ft 
     to->crosstalk = raw->crosstalk_given ? raw->crosstalk : to->crosstalk;
 }
 
+/* Checks that a sensor with crosstalk has full scales. */
 static enum error_code sensors_check_crosstalk(struct rig_builder *b, const struct yaml_mark *mark,
                                                const struct sensor_ft *ft)
 {

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a rig tells its tasks about the robot's body, and how it is to walk. */
+/* Tells the tasks of a rig about the robot's body, and the parameters of its walk. */
 #include "rig/builder_private.h"
 
 #include <math.h>
 #include <string.h>
 
+/* Returns a frame of the robot; without one, its link is -1. */
 static struct body_frame task_body_frame(const struct robot *robot, int index)
 {
     struct body_frame frame = {.link = -1};
@@ -17,6 +18,7 @@ static struct body_frame task_body_frame(const struct robot *robot, int index)
     return frame;
 }
 
+/* Returns the axis of a joint; -1 = none. */
 static int task_body_axis(const struct rig *rig, const char *joint)
 {
     for (size_t i = 0; i < rig->naxis; i++) {
@@ -27,6 +29,7 @@ static int task_body_axis(const struct rig *rig, const char *joint)
     return -1;
 }
 
+/* Builds a link of the body from a body of the robot and the joint that carries it. */
 static void task_body_link(const struct rig_builder *b, size_t i, struct body_link *link)
 {
     const struct robot_body *body = &b->robot->body[i];
@@ -46,7 +49,7 @@ static void task_body_link(const struct rig_builder *b, size_t i, struct body_li
     }
 }
 
-/* How it is to walk: the gains of all axes, then the exceptions. */
+/* Builds the configuration of the walk: the gains of all axes, then the exceptions. */
 static enum error_code task_body_walk(struct rig_builder *b)
 {
     const struct raw_walk *raw = &b->raw->tasks.walk;
@@ -76,6 +79,7 @@ enum error_code rig_build_task_body(struct rig_builder *b)
     if (!link) {
         return rig_no_memory(b);
     }
+    /* Links, and frames of sensors and soles */
     for (size_t i = 0; i < robot->nbody; i++) {
         task_body_link(b, i, &link[i]);
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* CLOCK_MONOTONIC behind the clock's interface. */
+/* Implements the clock's interface by CLOCK_MONOTONIC. */
 #include "rt/clock.h"
 
 #include <time.h>

@@ -29,7 +29,7 @@ struct clock {
     const struct clock_ops *ops;
 };
 
-/* CLOCK_MONOTONIC with absolute sleeps; shared by all threads. */
+/* Returns the clock CLOCK_MONOTONIC with absolute sleeps; shared by all threads. */
 struct clock *clock_monotonic(void);
 
 static inline int64_t clock_now(struct clock *clock)

@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Log-linear buckets. The writer stores each field as an atomic, which costs nothing more than a
- * plain store, and the bucket last. */
+/* A histogram with log-linear buckets. The writer stores each field as an atomic, which costs no
+ * more than a plain store, and the bucket last. */
 #include "rt/histogram.h"
 
 #include <math.h>
 
 enum { SUB = 1 << HISTOGRAM_SUB_BITS };
 
-/* Values below 2 SUB have a bucket each; above, the leading SUB_BITS + 1 bits choose it. */
+/* Returns the bucket of a value: values below 2 SUB have one each; above, the leading SUB_BITS +
+ * 1 bits choose it. */
 static unsigned histogram_bucket_of(uint64_t value)
 {
     unsigned shift, index;

@@ -22,19 +22,20 @@ struct histogram {
     uint64_t bucket[HISTOGRAM_BUCKETS];
 };
 
-/* Zero memory is an empty histogram. Negative values count as 0. */
+/* Adds a duration; zero memory is an empty histogram, and negative values count as 0. */
 void histogram_add(struct histogram *histogram, int64_t ns);
 
-/* A copy from any thread while another adds. Every sample in its buckets is within its min and max,
- * and its count is that of the buckets; of samples that are being added right now it has some, and
- * its sum may differ by them. */
+/* Copies a histogram from any thread while another adds. Every sample in the copy's buckets is
+ * within its min and max, and its count is that of the buckets; of samples that are being added
+ * right now it has some, and its sum may differ by them. */
 void histogram_copy(const struct histogram *from, struct histogram *to);
 
-/* The greatest value that falls into a bucket; the last takes in all above its own too. */
+/* Returns the greatest value that falls into a bucket, ns; the last bucket takes in all above
+ * its own too. */
 int64_t histogram_edge(unsigned index);
 
-/* The smallest value that at least fraction (0-1) of the samples do not exceed, rounded up to its
- * bucket's upper edge, never above the greatest sample; 0 when empty. */
+/* Returns the smallest value that at least fraction (0-1) of the samples do not exceed, rounded
+ * up to its bucket's upper edge, never above the greatest sample; 0 when empty. */
 int64_t histogram_percentile(const struct histogram *histogram, double fraction);
 
 #endif

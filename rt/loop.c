@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The tick: its phases in their order, each stamped with the time that it took, and the run around
- * them. */
+/* Runs the ticks: the phases of a tick in their order, each stamped with the time that it took,
+ * and the run around them. */
 #include "rt/loop_private.h"
 #include "rt/probes.h"
 
@@ -8,6 +8,8 @@
 
 /* ---- creation and what others may ask ---- */
 
+/* Allocates the loop's frame buffers, the states of its buses and the ring of events; false = no
+ * memory. */
 static bool loop_allocate(struct loop *loop, struct arena *arena)
 {
     const struct loop_config *config = &loop->config;
@@ -41,8 +43,8 @@ enum error_code loop_create(const struct loop_config *config, struct arena *aren
     if (!loop_complete_config(&loop->config, arena) || !loop_allocate(loop, arena)) {
         return error_set(error, ERROR_MEMORY, "no memory left for the loop");
     }
-    if (config->steering && !loop_steering_create(loop, arena)) {
-        return error_set(error, ERROR_MEMORY, "no memory left for the steering of the loop");
+    if (config->requests && !loop_requests_create(loop, arena)) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the requests of the loop");
     }
     lockstep =
         (struct lockstep_config){loop->config.lockstep.step_id, loop->config.lockstep.done_id,
@@ -96,7 +98,8 @@ bool loop_step_controller(struct loop *loop)
 
 /* ---- frames ---- */
 
-/* Whether the loop is to record a frame: all, or only those that no wire carries. */
+/* Checks whether the loop records a frame: all of them, or only those that no wire carries and
+ * records itself. */
 static bool loop_records_frame(const struct loop *loop, const struct bus_frame *frame)
 {
     const struct loop_lockstep *lockstep = &loop->config.lockstep;
@@ -127,6 +130,8 @@ LOOP_NOINLINE size_t loop_take_frames(struct loop *loop, size_t bus, struct bus_
     return count;
 }
 
+/* Receives all that waits on a bus, at most LOOP_RECEIVE_MAX frames, and hands it to the
+ * machine. */
 static void loop_drain_bus(struct loop *loop, size_t bus)
 {
     size_t count, total = 0;
@@ -140,7 +145,7 @@ static void loop_drain_bus(struct loop *loop, size_t bus)
     } while (count == BATCH && total < LOOP_RECEIVE_MAX);
 }
 
-/* Sends the first count of the outgoing frames, and records those that the port has accepted. */
+/* Sends the first `count` of the outgoing frames, and records those that the port has accepted. */
 static LOOP_NOINLINE void loop_send_frames(struct loop *loop, size_t bus, size_t count)
 {
     size_t sent = count ? can_send(loop->config.port[bus], loop->outgoing, count) : 0;
@@ -158,7 +163,8 @@ void loop_send_done(struct loop *loop, uint16_t flags)
     const size_t last = (size_t)loop->config.lockstep.bus;
     struct bus_frame done = lockstep_done(&loop->lockstep, flags);
 
-    /* Batches of their own: they pass also where the boards' frames are lost */
+    /* DONE goes out in batches of its own, so that it passes even where the boards' frames are
+     * lost */
     done.time_ns = loop->stats.time_ns;
     for (size_t b = 0; b < loop->config.nbus; b++) {
         if (b != last) {
@@ -181,6 +187,7 @@ void loop_count_lost(const struct loop *loop, uint64_t *rx, uint64_t *tx)
 
 /* ---- the phases of a tick ---- */
 
+/* Ends a phase: notes the time that it took, for the overrun accounts and the phase's histogram. */
 static LOOP_NOINLINE void loop_phase_end(struct loop *loop, enum loop_phase phase)
 {
     int64_t now = clock_now(loop->config.time);
@@ -192,16 +199,16 @@ static LOOP_NOINLINE void loop_phase_end(struct loop *loop, enum loop_phase phas
     histogram_add(&loop->stats.phase[phase], spent);
 }
 
-/* What is due at the tick's time, then the requests of other threads, then the wait. False when no
- * tick is to be run now: there are requests to be carried out first, or the run has ended. */
+/* Begins what is due at the tick's time, carries out requests of other threads, then waits.
+ * False = no tick is to run now: requests have to be carried out first, or the run has ended. */
 static bool loop_wait(struct loop *loop)
 {
     const struct loop_machine *machine = &loop->config.machine;
     bool go;
 
-    /* Before the wait, for in lockstep that receives frames already */
+    /* Before the wait, because in lockstep the wait already receives frames */
     machine->begin(machine->context, loop->stats.time_ns);
-    go = (!loop->config.steering || loop_steering_carry_out(loop)) && loop_wait_by_clock(loop);
+    go = (!loop->config.requests || loop_requests_carry_out(loop)) && loop_wait_by_clock(loop);
     if (!go && loop->end == LOOP_RUNNING) {
         return false;
     }
@@ -215,6 +222,8 @@ static bool loop_wait(struct loop *loop)
     return go;
 }
 
+/* Receives all buses in their order. In lockstep the STEP's own bus gives what came before the
+ * STEP. */
 static LOOP_NOINLINE void loop_receive(struct loop *loop)
 {
     bool lockstep = loop->config.clock == LOOP_CLOCK_LOCKSTEP;
@@ -232,7 +241,7 @@ static LOOP_NOINLINE void loop_receive(struct loop *loop)
     loop_phase_end(loop, PHASE_RECEIVE);
 }
 
-/* Moves virtual time to the tick's end; true when DONE is due there. */
+/* Moves virtual time to the tick's end; returns whether DONE is due there. */
 static bool loop_advance_time(struct loop *loop)
 {
     const struct loop_machine *machine = &loop->config.machine;
@@ -244,6 +253,7 @@ static bool loop_advance_time(struct loop *loop)
     if (loop->config.clock != LOOP_CLOCK_LOCKSTEP) {
         return false;
     }
+    /* DONE reports frames lost since the last DONE, and boards in fault */
     loop_count_lost(loop, &rx, &tx);
     flags |= rx + tx > loop->lost_at_done ? LOCKSTEP_OVERRUN : 0;
     flags |= machine->fault(machine->context) ? LOCKSTEP_FAULT : 0;
@@ -251,13 +261,14 @@ static bool loop_advance_time(struct loop *loop)
     return lockstep_advance(&loop->lockstep, flags);
 }
 
+/* Sends what the machine has for each bus at the tick's end, then DONE where one is due. */
 static LOOP_NOINLINE void loop_transmit(struct loop *loop)
 {
     const struct loop_machine *machine = &loop->config.machine;
     bool done_due = loop_advance_time(loop);
     int64_t now_ns = loop->stats.time_ns;
 
-    /* What was on its way during the tick arrives before what the tick's end sends */
+    /* Frames that were on their way during the tick arrive before those that are sent at its end */
     if (machine->advance) {
         machine->advance(machine->context, now_ns);
     }
@@ -273,7 +284,7 @@ static LOOP_NOINLINE void loop_transmit(struct loop *loop)
     loop_phase_end(loop, PHASE_TRANSMIT);
 }
 
-/* Tells the log what has changed about the buses: their states, and frames lost. */
+/* Emits events for what has changed about the buses: their states, and lost frames. */
 static void loop_watch_buses(struct loop *loop)
 {
     uint64_t rx, tx;
@@ -295,6 +306,7 @@ static void loop_watch_buses(struct loop *loop)
     }
 }
 
+/* Publishes state and accounts to other threads and ends the tick's work. */
 static LOOP_NOINLINE void loop_publish(struct loop *loop)
 {
     const struct loop_machine *machine = &loop->config.machine;
@@ -308,21 +320,22 @@ static LOOP_NOINLINE void loop_publish(struct loop *loop)
 
 /* ---- the run ---- */
 
+/* Runs one tick, or returns early when the wait before it was interrupted. */
 static void loop_run_tick(struct loop *loop)
 {
     const struct loop_machine *machine = &loop->config.machine;
     int64_t begin_ns, end_ns;
     bool sane;
 
-    /* Until the tick may begin; a request may set time back meanwhile */
+    /* Wait until the tick may begin; a request may set time back meanwhile */
     if (!loop_wait(loop)) {
         return;
     }
     begin_ns = loop->stats.time_ns;
     end_ns = begin_ns + loop->config.tick_ns;
     PROBE2(tick_begin, loop->stats.ticks, begin_ns);
-    if (loop->config.steering) {
-        loop_steering_tick_begins(loop);
+    if (loop->config.requests) {
+        loop_requests_tick_begins(loop);
     }
 
     /* From frames to motor voltages to motion to measured values to frames */
@@ -336,18 +349,18 @@ static void loop_run_tick(struct loop *loop)
     loop_transmit(loop);
     loop_publish(loop);
 
-    /* Was it in time, and when is the next? */
+    /* Account for the deadline, and set the next one */
     if (loop->config.clock == LOOP_CLOCK_REAL) {
         overrun_account_tick(loop, loop->mark_ns);
     } else if (loop_is_paced(loop)) {
         overrun_pace_tick(loop, loop->mark_ns);
     }
-    if (loop->config.steering) {
-        loop_steering_tick_ended(loop);
+    if (loop->config.requests) {
+        loop_requests_tick_ended(loop);
     }
     PROBE2(tick_end, loop->stats.ticks - 1, loop->mark_ns - loop->work_begin_ns);
 
-    /* Was it the last? */
+    /* A failed model or the configured length ends the run */
     if (!sane) {
         loop->end = LOOP_END_MODEL;
     } else if (loop->end == LOOP_RUNNING && loop->stats.ticks == loop->config.ticks) {
@@ -355,6 +368,7 @@ static void loop_run_tick(struct loop *loop)
     }
 }
 
+/* Returns the page faults of the calling thread until now, minor and major. */
 static uint64_t thread_page_faults(void)
 {
     struct rusage usage = {0};
@@ -368,8 +382,8 @@ enum loop_end loop_run(struct loop *loop)
     const struct loop_machine *machine = &loop->config.machine;
     uint64_t faults = thread_page_faults();
 
-    if (loop->config.steering) {
-        loop_steering_begin(loop);
+    if (loop->config.requests) {
+        loop_requests_begin(loop);
     }
 
     /* The grid of deadlines begins now */
@@ -385,9 +399,9 @@ enum loop_end loop_run(struct loop *loop)
     PROBE2(run_end, loop->end, loop->stats.ticks);
     loop->stats.page_faults = thread_page_faults() - faults;
 
-    /* Requests are refused, motors are switched off, and a lockstep controller hears of the end */
-    if (loop->config.steering) {
-        loop_steering_end(loop);
+    /* The end: refuse requests, switch the motors off, and tell a lockstep controller */
+    if (loop->config.requests) {
+        loop_requests_end(loop);
     }
     machine->shut_down(machine->context, loop->stats.time_ns);
     if (loop->config.clock == LOOP_CLOCK_LOCKSTEP) {

@@ -41,7 +41,7 @@
  *
  * Free run. No waiting at all.
  *
- * Requests of other threads are carried out between two ticks (rt/steering.h): the loop may be
+ * Requests of other threads are carried out between two ticks (rt/requests.h): the loop may be
  * paused, run at another speed and go back in time; the deadlines are then D + k T / speed, with a
  * new D wherever one of these begins or ends.
  */
@@ -52,8 +52,8 @@
 #include "canbus/port.h"
 #include "rt/clock.h"
 #include "rt/histogram.h"
-#include "rt/recorder.h"
-#include "rt/steering.h"
+#include "rt/recording/recorder.h"
+#include "rt/requests.h"
 #include "rt/timing.h"
 
 #include <stdbool.h>
@@ -75,7 +75,7 @@ enum loop_phase {
 
 enum { LOOP_RECEIVE_MAX = 16384 }; /* frames taken from a bus in one tick */
 
-/* Accounts of a run. Written by the loop's thread. */
+/* The accounts of a run, written by the loop's thread. */
 struct loop_stats {
     uint64_t ticks;
     int64_t time_ns;          /* virtual: ticks * T */
@@ -84,7 +84,7 @@ struct loop_stats {
     uint64_t late_ticks;          /* ended late because an earlier tick did (slip) */
     uint64_t lost_ticks;          /* deadlines dropped by skip and stop */
     uint64_t pauses, pause_ticks; /* deadlines that the pauses dropped */
-    uint64_t events_lost;         /* found the event ring full */
+    uint64_t events_lost;         /* events that found their ring full */
     uint64_t page_faults;         /* of the loop's thread while it ran */
     struct lockstep_counters lockstep;
     struct histogram phase[PHASE_COUNT];
@@ -150,7 +150,7 @@ struct loop_config {
     struct loop_machine machine;
     struct recorder *recorder; /* NULL = none */
     enum loop_recording recording;
-    struct steering *steering; /* requests of another thread (rt/steering.h); NULL = none */
+    struct requests *requests; /* requests of another thread (rt/requests.h); NULL = none */
 };
 
 enum loop_end {
@@ -171,7 +171,7 @@ enum loop_event_kind {
     LOOP_EVENT_BACK,           /* STEP again after a ns */
     LOOP_EVENT_STEP_MISMATCH,  /* a = expected by the host, b = tick that we are at */
     LOOP_EVENT_STEP_MALFORMED, /* a = length */
-    /* Of requests carried out */
+    /* Events of requests that were carried out */
     LOOP_EVENT_PAUSED,     /* a = tick */
     LOOP_EVENT_RESUMED,    /* a = tick */
     LOOP_EVENT_SPEED,      /* a = millionths of virtual seconds a second, 0 = as fast as possible */
@@ -192,7 +192,8 @@ struct loop_event {
 
 struct loop;
 
-/* Memory from arena; borrows ports, clock, recorder and steering. ERROR_MEMORY. Not RT-safe. */
+/* Creates a loop in memory from arena; borrows ports, clock, recorder and requests.
+ * ERROR_MEMORY. Not RT-safe. */
 enum error_code loop_create(const struct loop_config *config, struct arena *arena,
                             struct loop **loop, struct error *error);
 
@@ -202,24 +203,21 @@ enum loop_end loop_run(struct loop *loop);
 /* Asks for a clean end; from any thread or signal handler. RT-safe. */
 void loop_stop(struct loop *loop);
 
-/* A count that moves while the loop is alive, also while it waits for a STEP; from any thread.
- * RT-safe. */
+/* Returns a count that changes while the loop is alive, also while it waits for a STEP; from any
+ * thread. RT-safe. */
 uint64_t loop_beat(const struct loop *loop);
 
-/* The accounts; others than the loop's thread read them after the run, but for the histograms
- * (histogram_copy). */
+/* Returns the accounts of the run; other threads than the loop's read them after the run, except
+ * the histograms (histogram_copy). */
 const struct loop_stats *loop_stats(const struct loop *loop);
 
-/* From one other thread: takes one event, false when none waits; writes it as text for a line of
- * the log, with its zero. RT-safe to take, not to format. */
+/* Takes one event, false = none waits; writes an event as text for a line of the log, with its
+ * zero. From one other thread. RT-safe to take, not to format. */
 bool loop_next_event(struct loop *loop, struct loop_event *event);
 void loop_event_format(const struct loop *loop, const struct loop_event *event, char *text,
                        size_t size);
 
-/* "wait", "receive", ... */
+/* Returns the name of a phase: "wait", "receive", ... */
 const char *loop_phase_name(enum loop_phase phase);
-
-/* "real", "lockstep", "free". */
-const char *loop_clock_name(enum loop_clock clock);
 
 #endif

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Defaults of a loop's configuration, and what a machine does that leaves a function out: nothing.
- * With them in place the loop calls every phase without asking whether it is there. */
+/* Completes a loop's configuration with its defaults, and a machine with functions that do
+ * nothing where it has none. With them in place the loop calls every phase without checking for
+ * NULL. */
 #include "rt/loop_private.h"
 
 /* ---- a machine that does nothing ---- */
@@ -44,6 +45,7 @@ static void idle_wait(void *context)
     (void)context;
 }
 
+/* Puts a function that does nothing in the place of each one that the machine lacks. */
 static void complete_machine(struct loop_machine *machine)
 {
     machine->begin = machine->begin ? machine->begin : idle_phase;
@@ -60,6 +62,7 @@ static void complete_machine(struct loop_machine *machine)
 
 /* ---- the configuration ---- */
 
+/* Sets the default identifiers (equal ones mean unset) and the default time-out of lockstep. */
 static void complete_lockstep(struct loop_lockstep *lockstep)
 {
     if (lockstep->step_id == lockstep->done_id) {

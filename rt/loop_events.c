@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The events of the loop, and their text for the log. */
+/* Queues the events of the loop and writes their text for the log. */
 #include "rt/loop_private.h"
 
 #include <stdio.h>
@@ -17,14 +17,6 @@ bool loop_next_event(struct loop *loop, struct loop_event *event)
     return ring_pop(&loop->events, event);
 }
 
-const char *loop_clock_name(enum loop_clock clock)
-{
-    static const char *const names[] = {
-        [LOOP_CLOCK_REAL] = "real", [LOOP_CLOCK_LOCKSTEP] = "lockstep", [LOOP_CLOCK_FREE] = "free"};
-
-    return names[clock];
-}
-
 const char *loop_phase_name(enum loop_phase phase)
 {
     static const char *const names[PHASE_COUNT] = {
@@ -34,17 +26,19 @@ const char *loop_phase_name(enum loop_phase phase)
     return names[phase];
 }
 
-/* Of requests that were carried out. */
+/* Writes the text of an event that a request has caused; the units of a and b are those of enum
+ * loop_event_kind. */
 static void loop_format_request(const struct loop *loop, const struct loop_event *event, char *text,
                                 size_t size)
 {
-    const struct steering *steering = loop->config.steering;
-    const struct steering_machine *machine = steering_machine(steering);
+    const struct requests *requests = loop->config.requests;
+    const struct request_machine *machine = requests_machine(requests);
     const struct tunable *tunable;
     long long a = event->a, b = event->b;
     double value;
 
     switch (event->kind) {
+    /* Time: pause, speed, checkpoints */
     case LOOP_EVENT_PAUSED:
         snprintf(text, size, "control: paused at tick %lld", a);
         break;
@@ -63,6 +57,7 @@ static void loop_format_request(const struct loop *loop, const struct loop_event
                  a ? "control: restored checkpoint %lld, tick %lld" : "control: reset to the start",
                  a, b);
         break;
+    /* The machine: pushes (mN to N) and tunables */
     case LOOP_EVENT_PUSH:
         snprintf(text, size, "control: body %s pushed with %.1f N",
                  machine->body(machine->context, (size_t)a), (double)b * 1e-3);
@@ -72,7 +67,7 @@ static void loop_format_request(const struct loop *loop, const struct loop_event
                  machine->body(machine->context, (size_t)a), (double)b * 1e-3);
         break;
     case LOOP_EVENT_SET:
-        tunable = steering_tunable(steering, (size_t)a);
+        tunable = requests_tunable(requests, (size_t)a);
         memcpy(&value, &event->b, sizeof value);
         snprintf(text, size, "control: %s is %g%s%s", tunable->name, value,
                  tunable->unit[0] ? " " : "", tunable->unit);
@@ -90,6 +85,7 @@ void loop_event_format(const struct loop *loop, const struct loop_event *event, 
     long long a = event->a, b = event->b;
 
     switch (event->kind) {
+    /* Deadlines of the real clock */
     case LOOP_EVENT_OVERRUN:
         snprintf(text, size, "overrun by %.3f ms in phase %s", (double)b * 1e-6,
                  loop_phase_name((enum loop_phase)a));
@@ -98,6 +94,7 @@ void loop_event_format(const struct loop *loop, const struct loop_event *event, 
         snprintf(text, size, "%.1f s behind: counted as a pause, goes on at the next deadline",
                  (double)a * 1e-9);
         break;
+    /* Buses */
     case LOOP_EVENT_BUS_STATE:
         snprintf(text, size, "bus %s is %s (was %s)", bus,
                  can_port_state_name((enum can_port_state)b),
@@ -106,6 +103,7 @@ void loop_event_format(const struct loop *loop, const struct loop_event *event, 
     case LOOP_EVENT_FRAMES_LOST:
         snprintf(text, size, "lost %lld frames on receiving and %lld on sending", a, b);
         break;
+    /* Lockstep */
     case LOOP_EVENT_SILENT:
         snprintf(text, size, "no STEP frame on %s for %.1f s: still waiting for the controller",
                  bus, (double)a * 1e-9);

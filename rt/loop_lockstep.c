@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Waiting for the STEP frame of lockstep, and the frames of its bus that are held back meanwhile:
- * what stands before the STEP belongs to its first tick, what follows it does not. Whether a STEP
- * fits is judged by the protocol, canbus/lockstep.c. */
+/* Waits for the STEP frame of lockstep and holds back the frames of its bus meanwhile: those
+ * before the STEP belong to its first tick, those behind it do not. The protocol,
+ * canbus/lockstep.c, decides whether a STEP fits. */
 #include "rt/loop_private.h"
 
 #include <string.h>
@@ -39,8 +39,8 @@ void loop_drain_step_bus(struct loop *loop)
 
 /* ---- the STEP ---- */
 
-/* Examines one held frame; true when it is a STEP that is to run. One that does not fit is
- * answered or reported. */
+/* Examines one held frame; returns whether it is a STEP that is to run. A STEP that does not fit
+ * is answered or reported. */
 static bool step_accept_frame(struct loop *loop, const struct bus_frame *frame)
 {
     int bus = loop->config.lockstep.bus;
@@ -51,7 +51,8 @@ static bool step_accept_frame(struct loop *loop, const struct bus_frame *frame)
     case LOCKSTEP_REFUSED:
         loop_emit_event(loop, LOOP_EVENT_STEP_MISMATCH, bus, loop->lockstep.expected,
                         loop->lockstep.tick);
-        loop->stats.lockstep = loop->lockstep.counters; /* no tick comes that would */
+        /* no tick follows that would publish them */
+        loop->stats.lockstep = loop->lockstep.counters;
         loop_send_done(loop, LOCKSTEP_MISMATCH);
         break;
     case LOCKSTEP_MALFORMED:
@@ -63,7 +64,7 @@ static bool step_accept_frame(struct loop *loop, const struct bus_frame *frame)
     return false;
 }
 
-/* Reads the STEP's bus up to a STEP; false when none has come. */
+/* Reads the STEP's bus up to a STEP; false = none has come. */
 static bool step_find_frame(struct loop *loop)
 {
     size_t bus = (size_t)loop->config.lockstep.bus;
@@ -76,7 +77,7 @@ static bool step_find_frame(struct loop *loop)
             }
         }
 
-        /* That much traffic without a STEP: the boards get it now */
+        /* The buffer is full without a STEP: its frames go to the boards now */
         if (loop->held_count == HELD_MAX) {
             loop_deliver_held(loop);
         }
@@ -104,17 +105,18 @@ static void step_sleep(struct loop *loop, int64_t now_ns)
     if (loop->lockstep.report_at_ns < until) {
         until = loop->lockstep.report_at_ns;
     }
-    if (loop->config.steering) {
-        loop_steering_sleep(loop, fd.fd >= 0 ? &fd : NULL, until);
+    if (loop->config.requests) {
+        loop_requests_sleep(loop, fd.fd >= 0 ? &fd : NULL, until);
         return;
     }
     clock_wait_readable(loop->config.time, &fd, fd.fd >= 0, until);
 }
 
-/* STEER_STEP plays the part of a STEP frame, unless an inline controller sends its own. */
+/* Checks whether a REQUEST_STEP stands for a STEP frame, and takes its ticks; not with an inline
+ * controller, which sends STEPs of its own. */
 static bool step_was_requested(struct loop *loop)
 {
-    uint64_t left = loop->config.steering ? loop->steering.step_left : 0;
+    uint64_t left = loop->config.requests ? loop->requests.step_left : 0;
 
     loop->step_asked = left > 0 && !loop->config.machine.controller;
     if (loop->step_asked) {
@@ -134,6 +136,7 @@ bool loop_wait_for_step(struct loop *loop)
         return !loop_stop_requested(loop);
     }
 
+    /* The silence is measured from the first wait, also across interruptions by requests */
     if (!loop->awaiting) {
         lockstep_wait_begin(&loop->lockstep, now);
         loop->awaiting = true;
@@ -149,7 +152,7 @@ bool loop_wait_for_step(struct loop *loop)
             break;
         }
 
-        /* None yet: reports a long silence once, then sleeps */
+        /* No STEP yet: report a long silence, then sleep */
         now = clock_now(loop->config.time);
         if (lockstep_wait_check(&loop->lockstep, now, &silent)) {
             loop_emit_event(loop, LOOP_EVENT_SILENT, bus, silent, 0);
@@ -161,6 +164,7 @@ bool loop_wait_for_step(struct loop *loop)
         }
     }
 
+    /* The STEP is here: report the end of a silence */
     loop->awaiting = false;
     if (lockstep_wait_end(&loop->lockstep, now, &silent)) {
         loop_emit_event(loop, LOOP_EVENT_BACK, bus, silent, 0);

@@ -2,7 +2,7 @@
 /*
  * What the parts of the loop share. loop.c runs the tick, loop_wait.c waits for its time,
  * loop_lockstep.c for its STEP frame, overrun.c keeps the accounts of the real clock,
- * loop_steering.c carries out requests between two ticks, loop_events.c words the log and
+ * loop_requests.c carries out requests between two ticks, loop_events.c words the log and
  * loop_defaults.c completes a configuration. All of it runs in the loop's thread and is RT-safe
  * unless it says otherwise.
  */
@@ -11,12 +11,12 @@
 
 #include "base/ring.h"
 #include "rt/loop.h"
-#include "rt/steering_private.h"
+#include "rt/requests_private.h"
 
 #include <stdatomic.h>
 
-/* Never inlined: one place for a probe, a line of its own in a profile, and what the test of the
- * budget (rt/phase_budget.h) counts. */
+/* Keeps a function from being inlined: one place for a probe, a line of its own in a profile,
+ * and what the test of the budget (rt/phase_budget.h) counts. */
 #define LOOP_NOINLINE __attribute__((noinline))
 
 enum {
@@ -27,7 +27,7 @@ enum {
     POLL_SLICE_NS = 10000000,  /* the same when the port is gone and has no descriptor to poll */
 };
 
-/* What a checkpoint slot keeps of the loop, beside the frames of the STEP's bus that it held. */
+/* The state of the loop in a checkpoint slot, with the held frames of the STEP's bus. */
 struct loop_moment {
     bool kept;
     uint64_t ticks;
@@ -37,22 +37,22 @@ struct loop_moment {
     struct bus_frame *held;   /* HELD_MAX; NULL but in lockstep */
 };
 
-/* What requests have made of the loop. */
-/* The last push: one that goes on, as that of a hand, is told once and at its end. */
+/* The last push. One that is renewed until it ends, as that of a hand on the page, is reported
+ * once and at its end. */
 struct loop_push {
     size_t body;
-    int64_t until_ns; /* virtual; that it acts */
+    int64_t until_ns; /* virtual time until which it acts */
     int64_t told_mn;  /* the force of its last event */
     int64_t most_mn;  /* its greatest force */
 };
 
-struct loop_steering {
+struct loop_requests {
     bool paused;
     double speed;         /* virtual seconds a second; 0 = as fast as possible */
-    uint64_t step_left;   /* ticks of the STEER_STEP under way; 0 = none is */
+    uint64_t step_left;   /* ticks of the REQUEST_STEP under way; 0 = none is */
     uint64_t step_ticket; /* of it */
     struct loop_push push;
-    struct loop_moment moment[STEERING_SLOTS];
+    struct loop_moment moment[CHECKPOINT_SLOTS];
 };
 
 struct loop {
@@ -76,7 +76,7 @@ struct loop {
     /* Lockstep */
     struct lockstep lockstep;
     bool step_begins; /* this tick is the first of its STEP */
-    bool step_asked;  /* the present STEP is one of STEER_STEP */
+    bool step_asked;  /* the present STEP is one of REQUEST_STEP */
     bool awaiting;    /* the wait for a STEP has begun */
     struct bus_frame *held;
     size_t held_count; /* frames in held */
@@ -89,12 +89,12 @@ struct loop {
     uint64_t lost_at_done;
     struct ring events;
 
-    struct loop_steering steering; /* with config.steering */
+    struct loop_requests requests; /* with config.requests */
 };
 
 /* ---- loop_defaults.c ---- */
 
-/* Puts defaults where the configuration is zero or NULL. Memory from arena; false when it is used
+/* Puts defaults where the configuration is zero or NULL. Memory from arena; false = it is used
  * up. Not RT-safe. */
 bool loop_complete_config(struct loop_config *config, struct arena *arena);
 
@@ -105,7 +105,7 @@ void loop_emit_event(struct loop *loop, enum loop_event_kind kind, int bus, int6
 
 /* ---- loop.c ---- */
 
-/* At each wake-up: moves the beat; true when the run is to end. */
+/* Moves the beat, at each wake-up; returns whether the run is to end. */
 bool loop_stop_requested(struct loop *loop);
 
 /* Steps the inline controller, if there is one; false when it has finished. */
@@ -117,7 +117,7 @@ size_t loop_take_frames(struct loop *loop, size_t bus, struct bus_frame *frames,
 /* Records a received frame and hands it to the machine. */
 void loop_deliver_frame(struct loop *loop, size_t bus, const struct bus_frame *frame);
 
-/* Frames received and to be sent that all ports have lost until now. */
+/* Counts the frames that all ports have lost until now, on receiving and on sending. */
 void loop_count_lost(const struct loop *loop, uint64_t *rx, uint64_t *tx);
 
 /* Sends DONE on every bus, on that of the STEP last: it says that all the others are there. */
@@ -129,16 +129,16 @@ void loop_send_done(struct loop *loop, uint16_t flags);
  * request has to be carried out first (loop->end tells). */
 bool loop_wait_by_clock(struct loop *loop);
 
-/* Free run that has been given a speed. */
+/* Checks whether the loop runs freely at a given speed, on a grid of deadlines. */
 static inline bool loop_is_paced(const struct loop *loop)
 {
-    return loop->config.clock == LOOP_CLOCK_FREE && loop->steering.speed > 0.0;
+    return loop->config.clock == LOOP_CLOCK_FREE && loop->requests.speed > 0.0;
 }
 
-/* A request waits to be carried out between two ticks. */
+/* Checks whether a request waits to be carried out between two ticks. */
 static inline bool loop_request_waits(const struct loop *loop)
 {
-    return loop->config.steering && steering_waits(loop->config.steering);
+    return loop->config.requests && requests_waits(loop->config.requests);
 }
 
 /* ---- loop_lockstep.c ---- */
@@ -162,29 +162,29 @@ void overrun_account_tick(struct loop *loop, int64_t now_ns);
 /* After a pause of the process: goes on at the next deadline of the grid, and counts the pause. */
 void overrun_skip_pause(struct loop *loop, int64_t now_ns);
 
-/* The next deadline of a paced free run, which has no account: what is late stays late. */
+/* Sets the next deadline of a paced free run, which has no accounts: what is late stays late. */
 void overrun_pace_tick(struct loop *loop, int64_t now_ns);
 
-/* ---- loop_steering.c; only with config.steering ---- */
+/* ---- loop_requests.c; only with config.requests ---- */
 
-/* Memory from arena; false when it is used up. Not RT-safe. */
-bool loop_steering_create(struct loop *loop, struct arena *arena);
+/* Allocates the state of requests in memory from arena; false = it is used up. Not RT-safe. */
+bool loop_requests_create(struct loop *loop, struct arena *arena);
 
-/* Before the first tick: keeps the start as checkpoint 0. */
-void loop_steering_begin(struct loop *loop);
+/* Saves the start as checkpoint 0, before the first tick. */
+void loop_requests_begin(struct loop *loop);
 
-/* Between two ticks: carries out the requests, and waits while the loop is paused. False when the
+/* Carries out the requests between two ticks, and waits while the loop is paused. False = the
  * run is to end. */
-bool loop_steering_carry_out(struct loop *loop);
+bool loop_requests_carry_out(struct loop *loop);
 
 /* Sleeps until a request comes, fd (NULL = none) can be read or until_ns has come. */
-void loop_steering_sleep(struct loop *loop, struct pollfd *fd, int64_t until_ns);
+void loop_requests_sleep(struct loop *loop, struct pollfd *fd, int64_t until_ns);
 
-/* Before and after a tick. */
-void loop_steering_tick_begins(struct loop *loop);
-void loop_steering_tick_ended(struct loop *loop);
+/* Moves requests on at the beginning of a tick; counts down a REQUEST_STEP at its end. */
+void loop_requests_tick_begins(struct loop *loop);
+void loop_requests_tick_ended(struct loop *loop);
 
-/* After the last tick: no request is carried out any more. */
-void loop_steering_end(struct loop *loop);
+/* Ends the requests after the last tick: those that wait are refused. */
+void loop_requests_end(struct loop *loop);
 
 #endif

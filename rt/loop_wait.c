@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Waiting for the time of a tick: its deadline (real clock, paced free run), its STEP frame
+/* Waits for the time of a tick: its deadline (real clock, paced free run), its STEP frame
  * (lockstep, loop_lockstep.c) or not at all (free run). */
 #include "rt/loop_private.h"
 
-/* When to look for requests again while the deadline is far off. */
+/* Returns when to look for requests again while the deadline is far off (ns of the clock). */
 static int64_t wait_next_look(const struct loop *loop, int64_t now_ns)
 {
     int64_t slice = now_ns + WAIT_SLICE_NS, before = loop->deadline_ns - POLL_SLICE_NS;
@@ -11,12 +11,14 @@ static int64_t wait_next_look(const struct loop *loop, int64_t now_ns)
     return slice < before ? slice : before;
 }
 
+/* Sleeps until the tick's deadline. False = the run ends, or a request has to be carried out
+ * first. */
 static bool wait_for_deadline(struct loop *loop)
 {
     int64_t now = clock_now(loop->config.time);
     bool slept = false;
 
-    /* As fast as possible: the deadline is always now */
+    /* Speed 0: as fast as possible, the deadline is always now */
     if (loop->period_ns == 0) {
         loop->deadline_ns = now;
     }
@@ -32,10 +34,10 @@ static bool wait_for_deadline(struct loop *loop)
             break;
         }
 
-        /* Far from the deadline requests interrupt the sleep, close to it nothing does */
-        if (loop->config.steering && loop->deadline_ns - now > 2 * POLL_SLICE_NS) {
+        /* Far from the deadline requests interrupt the sleep; close to it nothing does */
+        if (loop->config.requests && loop->deadline_ns - now > 2 * POLL_SLICE_NS) {
             loop->config.machine.idle(loop->config.machine.context);
-            loop_steering_sleep(loop, NULL, wait_next_look(loop, now));
+            loop_requests_sleep(loop, NULL, wait_next_look(loop, now));
             if (loop_request_waits(loop)) {
                 return false;
             }
@@ -46,7 +48,8 @@ static bool wait_for_deadline(struct loop *loop)
         now = clock_now(loop->config.time);
     }
 
-    /* From here on the tick is charged for its time */
+    /* From its reference time on the tick is charged for its time; how late the sleep ended is
+     * counted */
     loop->reference_ns =
         loop->deadline_ns > loop->last_end_ns ? loop->deadline_ns : loop->last_end_ns;
     if (slept) {

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The accounts of the real clock: deadlines met, missed and dropped, and the phase to which an
- * overrun is charged. rt/loop.h says the rules. */
+/* Keeps the accounts of the real clock: deadlines met, missed and dropped, and the phase to
+ * which an overrun is charged. rt/loop.h states the rules. */
 #include "rt/loop_private.h"
 #include "rt/probes.h"
 
-/* Deadlines that have passed at now_ns, not counting one at now_ns itself. */
+/* Returns how many deadlines have passed at now_ns, not counting one at now_ns itself. */
 static uint64_t overrun_missed_deadlines(const struct loop *loop, int64_t now_ns)
 {
     int64_t behind = now_ns - loop->deadline_ns;
@@ -12,6 +12,7 @@ static uint64_t overrun_missed_deadlines(const struct loop *loop, int64_t now_ns
     return (uint64_t)((behind + loop->period_ns - 1) / loop->period_ns);
 }
 
+/* Skips deadlines of the grid. */
 static void overrun_drop_deadlines(struct loop *loop, uint64_t count)
 {
     loop->deadline_ns += (int64_t)count * loop->period_ns;
@@ -50,12 +51,12 @@ void overrun_account_tick(struct loop *loop, int64_t now_ns)
     loop->last_end_ns = now_ns;
     loop->deadline_ns += loop->period_ns;
 
-    /* In time, or no grid to be late on */
+    /* In time, or no grid of deadlines (speed 0) */
     if (now_ns <= loop->deadline_ns || loop->period_ns == 0) {
         return;
     }
 
-    /* So far behind that the process must have been stopped */
+    /* So far behind that the process must have been stopped: a pause, no overrun */
     if (now_ns - loop->deadline_ns > LOOP_PAUSE_NS) {
         overrun_skip_pause(loop, now_ns);
         return;
@@ -68,7 +69,7 @@ void overrun_account_tick(struct loop *loop, int64_t now_ns)
         loop->stats.late_ticks++;
     }
 
-    /* But for slip, the deadlines that have passed are dropped */
+    /* All policies but slip drop the deadlines that have passed */
     if (loop->config.overrun != LOOP_OVERRUN_SLIP) {
         uint64_t missed = overrun_missed_deadlines(loop, now_ns);
 

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A clock scaled to another. */
+/* A clock that runs at a settable rate of another. */
 #include "rt/pace.h"
 
 #include "rt/snapshot.h"
 
-/* A sleeping thread checks this often whether the rate has changed. */
+/* A sleeping thread checks after this many ns whether the rate has changed. */
 #define LOOK_NS (5 * CLOCK_MS)
 
-/* now = own_ns + rate (behind - behind_ns) */
+/* The present relation of the clocks: now = own_ns + rate (behind - behind_ns). */
 struct line {
     int64_t behind_ns, own_ns;
     double rate;
@@ -19,6 +19,7 @@ struct pace {
     struct snapshot *line; /* struct line */
 };
 
+/* Returns the time of the scaled clock at a time of the clock behind it, ns. */
 static int64_t line_at(const struct line *line, int64_t behind_ns)
 {
     return line->own_ns + (int64_t)(line->rate * (double)(behind_ns - line->behind_ns));
@@ -33,7 +34,8 @@ static int64_t pace_now(struct clock *clock)
     return line_at(&line, clock_now(pace->behind));
 }
 
-/* When to look again, on the clock behind: at the deadline if that is soon. */
+/* Returns when to look again, on the clock behind: at the deadline if that is soon, else after
+ * LOOK_NS. */
 static int64_t line_next_look(const struct line *line, int64_t now_ns, int64_t deadline_ns)
 {
     double left = (double)(deadline_ns - line_at(line, now_ns));
@@ -42,6 +44,7 @@ static int64_t line_next_look(const struct line *line, int64_t now_ns, int64_t d
                                                : now_ns + LOOK_NS;
 }
 
+/* Sleeps until a time of the scaled clock, while its rate may change. */
 static void pace_sleep_until(struct clock *clock, int64_t deadline_ns)
 {
     const struct pace *pace = (struct pace *)clock;
@@ -58,8 +61,8 @@ static void pace_sleep_until(struct clock *clock, int64_t deadline_ns)
     }
 }
 
-/* Returns early at the latest when the rate has to be checked again; the caller looks at the time.
- * */
+/* Waits for a readable descriptor; returns early, at the latest when the rate has to be checked
+ * again, and the caller looks at the time. */
 static void pace_wait_readable(struct clock *clock, struct pollfd *fds, size_t count,
                                int64_t deadline_ns)
 {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The budget of a tick. */
+/* What each phase of a tick does and may cost (see the header). */
 #include "rt/phase_budget.h"
 
 const struct phase_budget phase_budgets[PHASE_COUNT] = {

@@ -18,7 +18,7 @@ struct phase_budget {
     double typical_us, worst_us; /* in real time on a virtual machine of two cores: median, 99 % */
 };
 
-/* By enum loop_phase. */
+/* The budget of each phase, by enum loop_phase. */
 extern const struct phase_budget phase_budgets[PHASE_COUNT];
 
 #endif

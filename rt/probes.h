@@ -11,11 +11,10 @@
  *   tick_begin(tick, time_ns)       the wait is over; tick from 0, virtual time at which it begins
  *   received(bus, frames)           one batch taken from a bus, in wait and receive
  *   sent(bus, frames, accepted)     one batch for a bus; accepted by its port
- *   phase_end(phase, ns)            a phase has ended; enum loop_phase, 0 wait to 6 publish, and
- *   what
- *                                   it took
- *   overrun(phase, ns)              an overrun, the phase it is charged to, how far past the
- *   deadline
+ *   phase_end(phase, ns)            a phase has ended; enum loop_phase (0 wait to 6 publish) and
+ *                                   the time that it took
+ *   overrun(phase, ns)              an overrun: the phase that it is charged to, and how far past
+ *                                   the deadline
  *   tick_end(tick, work_ns)         accounts are done; the tick without the wait
  *   run_end(end, ticks)             enum loop_end; before the motors are switched off
  *

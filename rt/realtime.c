@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* SCHED_FIFO, mlockall, affinity. */
+/* Applies SCHED_FIFO, mlockall, processor affinity and the idle-state limit to the calling
+ * thread. */
 #include "rt/realtime.h"
 
 #include <errno.h>
@@ -16,8 +17,10 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+/* Bytes of stack that are touched in advance, more than the loop uses. */
 enum { STACK_TOUCHED = 256 * 1024 };
 
+/* Adds a warning to the report, if there is room. */
 __attribute__((format(printf, 2, 3))) static void realtime_warn(struct realtime_report *report,
                                                                 const char *format, ...)
 {
@@ -30,6 +33,7 @@ __attribute__((format(printf, 2, 3))) static void realtime_warn(struct realtime_
     }
 }
 
+/* Binds the thread to one processor, or warns that it runs on any. */
 static void realtime_pin_processor(int cpu, struct realtime_report *report)
 {
     cpu_set_t set;
@@ -48,6 +52,7 @@ static void realtime_pin_processor(int cpu, struct realtime_report *report)
     }
 }
 
+/* Sets SCHED_FIFO, or warns with the limit that forbids it. */
 static void realtime_set_priority(int priority, struct realtime_report *report)
 {
     struct sched_param param = {.sched_priority = priority};
@@ -75,11 +80,13 @@ static void realtime_set_priority(int priority, struct realtime_report *report)
     }
 }
 
+/* Locks all present and future memory, or warns with the limit that forbids it. */
 static void realtime_lock_memory(struct realtime_report *report)
 {
     struct rlimit limit = {0};
 
-    /* On fault: the arena reserves far more address space than it touches */
+    /* Pages are locked when they are touched: the arena reserves far more address space than it
+     * uses */
     if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0) {
         report->locked = true;
         return;
@@ -92,8 +99,9 @@ static void realtime_lock_memory(struct realtime_report *report)
         strerror(errno), (unsigned long long)limit.rlim_cur / 1024);
 }
 
-/* The kernel honors it as long as the file is open, which is until the process ends; the loop's
- * thread and the task's may get here at once. */
+/* Keeps processors out of deep idle states. The kernel honors it as long as the file is open,
+ * which is until the process ends; the threads of the loop and of the task may get here at the
+ * same time. */
 static void realtime_avoid_idle_states(struct realtime_report *report)
 {
     static _Atomic int shared = -1;
@@ -111,6 +119,7 @@ static void realtime_avoid_idle_states(struct realtime_report *report)
                     write(descriptor, &latency_us, sizeof latency_us) == (ssize_t)sizeof latency_us;
 }
 
+/* Touches the thread's stack, so that the loop's use of it causes no page fault. */
 __attribute__((noinline)) static void realtime_touch_stack(void)
 {
     volatile unsigned char stack[STACK_TOUCHED];
@@ -120,8 +129,8 @@ __attribute__((noinline)) static void realtime_touch_stack(void)
     }
 }
 
-/* Maps all pages with one call, or on kernels before 5.14 by reading each, with the padding between
- * variables, which a sanitizer would object to. */
+/* Maps all pages of a range with one call, or on kernels before 5.14 by reading each. That also
+ * reads the padding between variables, which a sanitizer would object to. */
 __attribute__((no_sanitize("address", "thread"))) static void
 realtime_touch_pages(uintptr_t begin, uintptr_t end, size_t page)
 {
@@ -133,13 +142,14 @@ realtime_touch_pages(uintptr_t begin, uintptr_t end, size_t page)
     }
 }
 
-/* The segments of the program or of one library. */
+/* Maps the readable segments of the program or of one library; a callback of dl_iterate_phdr. */
 static int realtime_touch_object(struct dl_phdr_info *info, size_t size, void *context)
 {
     const size_t *page = context;
-    uintptr_t constant = 0; /* end of what is read-only after relocation */
+    uintptr_t constant = 0; /* end of the part that is read-only after relocation */
 
     (void)size;
+    /* Find what becomes read-only after relocation: it cannot be written */
     for (int i = 0; i < info->dlpi_phnum; i++) {
         const ElfW(Phdr) *part = &info->dlpi_phdr[i];
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The sequence lock; the orders follow Boehm, Can Seqlocks Get Along with Programming Language
- * Memory Models?, 2012, with a read-modify-write free reader. */
+/* Implements a sequence lock; the memory orders follow Boehm, Can Seqlocks Get Along with
+ * Programming Language Memory Models?, 2012, with a reader that makes no read-modify-write. */
 #include "rt/snapshot.h"
 
 #include <sched.h>
@@ -26,6 +26,7 @@ void snapshot_write(struct snapshot *snapshot, const void *value)
     const size_t words = snapshot->words;
     _Atomic uint64_t *to = snapshot->word;
 
+    /* Odd while the words are written, even when they are whole */
     atomic_store_explicit(&snapshot->sequence, sequence + 1, memory_order_relaxed);
     for (size_t i = 0; i < words; i++) {
         uint64_t word;

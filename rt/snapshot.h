@@ -23,7 +23,7 @@ struct snapshot {
 enum error_code snapshot_create(size_t size, struct arena *arena, struct snapshot **snapshot,
                                 struct error *error);
 
-/* RT-safe. One thread only. */
+/* Publishes a value. From one thread only. RT-safe. */
 void snapshot_write(struct snapshot *snapshot, const void *value);
 
 /* Copies the last whole value; repeats while a write is under way, so not RT-safe for a reader with

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A ring of rows with a period that the reader sets. */
+/* A ring of signal rows whose period the reader sets. */
 #include "rt/stream.h"
 
 #include "base/ring.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What others may see of a simulator, and its parts for those that know them. */
+/* Gives access to what others may see of a simulator, and to its parts. */
 #include "sim/simulator_private.h"
 
 enum error_code simulator_join(struct simulator *simulator, struct bus_ports *ports,
@@ -110,14 +110,14 @@ const struct wire *simulator_wire(const struct simulator *simulator, size_t bus)
     return simulator->buses.wire[bus];
 }
 
-struct steering *simulator_steering(const struct simulator *simulator)
+struct requests *simulator_requests(const struct simulator *simulator)
 {
-    return simulator->steering;
+    return simulator->requests;
 }
 
 size_t simulator_checkpoint_size(const struct simulator *simulator)
 {
-    return simulator->robot_steering ? robot_steering_checkpoint_size(simulator->robot_steering)
+    return simulator->robot_requests ? robot_requests_checkpoint_size(simulator->robot_requests)
                                      : 0;
 }
 

@@ -1,12 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes the parts of a simulator from its configuration, each from those before it. */
+/* Creates the parts of a simulator from its configuration, each from those before it. */
 #include "base/count.h"
 #include "base/ring.h"
 #include "canbus/replay_port.h"
 #include "rig/faults.h"
-#include "sim/module_cache.h"
+#include "sim/robot_dynamics.h"
 #include "sim/simulator_private.h"
 
+/* Checks that the rig fits the status, that rows fall on ticks, and that an energy account is
+ * possible. */
 static enum error_code simulator_check_config(const struct simulator_config *config,
                                               struct error *error)
 {
@@ -37,6 +39,7 @@ static enum error_code simulator_check_config(const struct simulator_config *con
 
 /* ---- buses ---- */
 
+/* Opens the buses and joins them for the boards, the task and the gateway. */
 static enum error_code simulator_create_buses(struct simulator *simulator, char notice[256],
                                               struct error *error)
 {
@@ -51,6 +54,7 @@ static enum error_code simulator_create_buses(struct simulator *simulator, char 
     if (code) {
         return code;
     }
+    /* Nobody outside this process can send a STEP on a local bus */
     if (simulator->buses.local && config->clock == LOOP_CLOCK_LOCKSTEP && !guests &&
         !config->stimulus) {
         return error_set(
@@ -63,7 +67,7 @@ static enum error_code simulator_create_buses(struct simulator *simulator, char 
                         simulator->buses.state, &interface_kernel);
     }
 
-    /* The boards first: participants are numbered in the order in which they join */
+    /* The boards join first: participants are numbered in the order in which they join */
     code = buses_join_boards(&simulator->buses, simulator->arena, &simulator->ports, error);
     if (!code && config->task) {
         code = buses_join(&simulator->buses, simulator->arena, &simulator->task_ports, error);
@@ -76,7 +80,8 @@ static enum error_code simulator_create_buses(struct simulator *simulator, char 
 
 /* ---- a recorded controller ---- */
 
-/* Reads its frames, which no checkpoint has to hold: before all that moves in virtual time. */
+/* Reads the frames of a recorded controller, which no checkpoint has to hold: before all that
+ * changes in virtual time. The length of the log is the default length of the run. */
 static enum error_code simulator_load_stimulus(struct simulator *simulator, struct error *error)
 {
     struct simulator_config *config = &simulator->config;
@@ -100,8 +105,8 @@ static enum error_code simulator_load_stimulus(struct simulator *simulator, stru
     return code;
 }
 
-/* Puts its frames in front of what the boards receive, behind the faults of the buses: those have
- * acted on them already. */
+/* Puts the recorded frames in front of what the boards receive, behind the fault ports: the
+ * faults have acted on these frames already. */
 static enum error_code simulator_play_stimulus(struct simulator *simulator, struct error *error)
 {
     enum error_code code = ERROR_NONE;
@@ -121,6 +126,7 @@ static enum error_code simulator_play_stimulus(struct simulator *simulator, stru
 
 /* ---- the robot ---- */
 
+/* Creates the contact engine that the rig names. */
 static enum error_code simulator_create_contact(struct simulator *simulator, struct error *error)
 {
     const struct contact_config *config = &simulator->config.rig->contact;
@@ -130,36 +136,13 @@ static enum error_code simulator_create_contact(struct simulator *simulator, str
                : contact_simbody_create(config, &simulator->contact, error);
 }
 
-/* The clock by which the plant measures its contact engine. */
+/* Returns the clock by which the plant measures the time spent in its contact engine, ns. */
 static int64_t simulator_wall_time_ns(void *clock)
 {
     return clock_now(clock);
 }
 
-static enum error_code simulator_create_dynamics(struct simulator *simulator, struct error *error)
-{
-    const struct rig *rig = simulator->config.rig;
-    const struct dynamics_compiling compiling = {
-        .when = simulator->config.compile,
-        .progress = simulator->config.compiling,
-        .loop_cpu = rig->realtime.cpu,
-    };
-    char folder[4096];
-
-    if (rig->dynamics == RIG_DYNAMICS_GENERIC) {
-        error_set(&simulator->dynamics_notice, ERROR_NONE, "numeric dynamics, as the rig says");
-        return dynamics_generic(rig->robot, simulator->arena, &simulator->dynamics, error);
-    }
-    if (rig->dynamics == RIG_DYNAMICS_BUILT_IN) {
-        return dynamics_built_in(rig->robot, simulator->arena, &simulator->dynamics,
-                                 &simulator->dynamics_notice, error);
-    }
-    return dynamics_fastest(rig->robot, module_cache_folder(folder, sizeof folder) ? folder : NULL,
-                            &compiling, simulator->arena, &simulator->dynamics, &simulator->library,
-                            &simulator->dynamics_notice, error);
-}
-
-/* Clamps the robot where the rig holds it, puts it into its pose and lets it settle. */
+/* Clamps the robot as the rig says, puts it into its pose and lets it settle. */
 static enum error_code simulator_place_robot(struct simulator *simulator, struct error *error)
 {
     const struct rig *rig = simulator->config.rig;
@@ -180,6 +163,7 @@ static enum error_code simulator_place_robot(struct simulator *simulator, struct
     return ERROR_NONE;
 }
 
+/* Creates dynamics, contact engine and plant, and places the robot. */
 static enum error_code simulator_create_plant(struct simulator *simulator, struct error *error)
 {
     const struct rig *rig = simulator->config.rig;
@@ -201,7 +185,9 @@ static enum error_code simulator_create_plant(struct simulator *simulator, struc
         .now_ns = simulator_wall_time_ns,
         .clock = simulator->time,
     };
-    enum error_code code = simulator_create_dynamics(simulator, error);
+    enum error_code code =
+        robot_dynamics_create(simulator->config.rig, simulator->arena, &simulator->dynamics,
+                              &simulator->library, &simulator->dynamics_notice, error);
 
     if (!code && rig->contact_engine != RIG_CONTACT_NONE) {
         code = simulator_create_contact(simulator, error);
@@ -219,13 +205,14 @@ static enum error_code simulator_create_plant(struct simulator *simulator, struc
 
 /* ---- faults, sensors, boards ---- */
 
-/* The table of faults and what carries them out: the ports of the boards may be replaced. */
+/* Creates the table of faults and their injection, which may put fault ports in front of the
+ * boards' ports. */
 static enum error_code simulator_create_faults(struct simulator *simulator, struct error *error)
 {
     const struct simulator_config *config = &simulator->config;
-    struct injection_config injection = {.rig = config->rig,
-                                         .command = plant_command(simulator->plant),
-                                         .wire = simulator->buses.wire};
+    struct fault_injection_config injection = {.rig = config->rig,
+                                               .command = plant_command(simulator->plant),
+                                               .wire = simulator->buses.wire};
     uint64_t seed = config->seed_given ? config->seed : config->rig->seed;
     bool *wire = arena_alloc(simulator->arena, config->rig->nbus + 1, sizeof *wire);
     enum error_code code;
@@ -242,17 +229,18 @@ static enum error_code simulator_create_faults(struct simulator *simulator, stru
         return code;
     }
     injection.faults = simulator->faults;
-    code = injection_create(&injection, simulator->arena, &simulator->ports, &simulator->injection,
-                            error);
+    code = fault_injection_create(&injection, simulator->arena, &simulator->ports,
+                                  &simulator->injection, error);
     if (code) {
         return code;
     }
 
-    /* Those that begin at time 0 already disturb the first sample */
-    injection_step(simulator->injection, 0);
+    /* Faults that begin at time 0 already disturb the first sample */
+    fault_injection_step(simulator->injection, 0);
     return ERROR_NONE;
 }
 
+/* Creates the sensors, and takes their first sample. */
 static enum error_code simulator_create_sensing(struct simulator *simulator, struct error *error)
 {
     struct sensing_config config = simulator->config.rig->sensing;
@@ -271,6 +259,7 @@ static enum error_code simulator_create_sensing(struct simulator *simulator, str
     return ERROR_NONE;
 }
 
+/* Restarts a joint's incremental encoder; called when its board restarts. */
 static void simulator_restart_counter(void *context, int joint)
 {
     const struct simulator *simulator = context;
@@ -278,6 +267,8 @@ static void simulator_restart_counter(void *context, int joint)
     sensing_restart_counter(simulator->sensing, (size_t)joint);
 }
 
+/* Creates the boards with their first measured values, and the bounds of what they send in a
+ * tick. */
 static enum error_code simulator_create_boards(struct simulator *simulator, struct error *error)
 {
     const struct rig *rig = simulator->config.rig;
@@ -303,12 +294,14 @@ static enum error_code simulator_create_boards(struct simulator *simulator, stru
     return ERROR_NONE;
 }
 
+/* Creates the listener to external boards; it stays NULL if the rig has none. */
 static enum error_code simulator_create_external(struct simulator *simulator, struct error *error)
 {
     return external_create(simulator->config.rig, simulator->boards, simulator->plant,
                            simulator->arena, &simulator->external, error);
 }
 
+/* Creates the watch over the robot's mechanics (limits, stops, falls). */
 static enum error_code simulator_create_watch(struct simulator *simulator, struct error *error)
 {
     return watch_create(simulator->config.rig, simulator->plant, simulator->arena,
@@ -317,6 +310,7 @@ static enum error_code simulator_create_watch(struct simulator *simulator, struc
 
 /* ---- the other side: task, requests, gateway ---- */
 
+/* Creates the task, inline in the loop's thread or with a clock for a thread of its own. */
 static enum error_code simulator_create_task(struct simulator *simulator, struct error *error)
 {
     const struct simulator_config *config = &simulator->config;
@@ -328,9 +322,9 @@ static enum error_code simulator_create_task(struct simulator *simulator, struct
         return ERROR_NONE;
     }
 
-    /* With the real clock it has a thread, and a clock that follows the simulator's speed */
+    /* With the real clock the task has a thread, and a clock that follows the simulator's speed */
     simulator->task_inline = config->clock != LOOP_CLOCK_REAL;
-    if (config->steering && !simulator->task_inline) {
+    if (config->requests && !simulator->task_inline) {
         code = pace_create(simulator->time, simulator->arena, &simulator->pace, error);
         if (code) {
             return code;
@@ -349,6 +343,7 @@ static enum error_code simulator_create_task(struct simulator *simulator, struct
                 : task_set_all(simulator->task->task, config->setting, config->nsetting, error);
 }
 
+/* Makes the task's clock follow the simulator's speed and its pauses. */
 static void simulator_set_task_pace(void *context, double speed, bool paused)
 {
     const struct simulator *simulator = context;
@@ -356,16 +351,17 @@ static void simulator_set_task_pace(void *context, double speed, bool paused)
     pace_set(simulator->pace, paused ? 0.0 : speed);
 }
 
-static enum error_code simulator_create_steering(struct simulator *simulator, struct error *error)
+/* Creates what carries out requests, with the spans of memory that a checkpoint saves. */
+static enum error_code simulator_create_requests(struct simulator *simulator, struct error *error)
 {
     struct task_runner *task = simulator->task_inline ? simulator->task : NULL;
-    /* What a checkpoint saves: the part of the arena that moves in virtual time */
+    /* A checkpoint saves the part of the arena that changes in virtual time */
     const struct span moving[] = {
         {simulator->arena->memory + simulator->moves_from,
          simulator->moves_to - simulator->moves_from},
         {&simulator->release, sizeof simulator->release},
     };
-    /* But not what other threads read in it meanwhile */
+    /* except what other threads read or write in it meanwhile */
     const struct ring *events = watch_event_ring(simulator->watch);
     const struct span hole[] = {
         {(void *)(uintptr_t)events, sizeof *events},
@@ -373,7 +369,7 @@ static enum error_code simulator_create_steering(struct simulator *simulator, st
         {task ? task->published : NULL, task ? sizeof *task->published : 0},
         {task ? task->published->word : NULL, task ? 8 * task->published->words : 0},
     };
-    const struct robot_steering_config config = {
+    const struct robot_requests_config config = {
         .rig = simulator->config.rig,
         .plant = simulator->plant,
         .boards = simulator->boards,
@@ -393,14 +389,13 @@ static enum error_code simulator_create_steering(struct simulator *simulator, st
         .pace = simulator->pace ? simulator_set_task_pace : NULL,
     };
 
-    return simulator->config.steering
-               ? robot_steering_create(&config, simulator->arena, &simulator->robot_steering,
-                                       &simulator->steering, error)
+    return simulator->config.requests
+               ? robot_requests_create(&config, simulator->arena, &simulator->robot_requests,
+                                       &simulator->requests, error)
                : ERROR_NONE;
 }
 
-/* The buses of the rig, each by its name and by that of its interface, for clients of the gateway.
- * */
+/* Starts the gateway, which offers each bus of the rig by its name and by that of its interface. */
 static enum error_code simulator_create_gateway(struct simulator *simulator, struct error *error)
 {
     const struct simulator_config *config = &simulator->config;
@@ -411,9 +406,12 @@ static enum error_code simulator_create_gateway(struct simulator *simulator, str
         return ERROR_NONE;
     }
     for (size_t b = 0; b < config->rig->nbus; b++) {
-        bus[b] = (struct gateway_bus){.name = config->rig->bus[b].name,
-                                      .alias = simulator->buses.interface[b],
-                                      .port = simulator->gateway_ports.port[b]};
+        bus[b] = (struct gateway_bus){
+            .name = config->rig->bus[b].name,
+            .alias = simulator->buses.interface[b],
+            .port = simulator->gateway_ports.port[b],
+            .bitrate = config->rig->bus[b].bitrate,
+            .data_bitrate = config->rig->bus[b].fd ? config->rig->bus[b].data_bitrate : 0};
     }
     gateway = *config->gateway;
     gateway.nbus = config->rig->nbus;
@@ -430,6 +428,7 @@ static enum error_code simulator_create_gateway(struct simulator *simulator, str
 
 /* ---- the loop ---- */
 
+/* Creates the published status and the loop. */
 static enum error_code simulator_create_loop(struct simulator *simulator, struct error *error)
 {
     const struct simulator_config *config = &simulator->config;
@@ -447,7 +446,7 @@ static enum error_code simulator_create_loop(struct simulator *simulator, struct
         .machine = simulator_machine(simulator),
         .recorder = simulator->recorder,
         .recording = simulator->buses.timed ? LOOP_RECORD_UNCARRIED : LOOP_RECORD_ALL,
-        .steering = simulator->steering,
+        .requests = simulator->requests,
     };
     enum error_code code = snapshot_create(sizeof(struct simulator_status), simulator->arena,
                                            &simulator->published, error);
@@ -469,10 +468,10 @@ enum error_code simulator_assemble(struct simulator *simulator, char notice[256]
         simulator_create_watch,
         simulator_play_stimulus,
         simulator_create_task,
-        simulator_create_steering,
+        simulator_create_requests,
         simulator_create_signals,
         simulator_create_view,
-        /* The recorder late: it leaves files behind when another part fails */
+        /* The recorder comes late: it leaves files behind when another part fails */
         simulator_create_recorder,
         simulator_create_loop,
         simulator_create_gateway,

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Opens a rig's buses and joins them. */
+/* Opens a rig's buses, joins them as a participant, and moves those with a time of their own. */
 #include "sim/buses.h"
 
 #include "base/text.h"
@@ -18,6 +18,7 @@ enum {
     SEEK_NS = 1000000000,
 };
 
+/* Refuses a --bus option whose bus the rig does not have, and suggests the nearest name. */
 static enum error_code bus_refuse_name(const struct rig *rig, const char *item, const char *name,
                                        struct error *error)
 {
@@ -38,7 +39,7 @@ static enum error_code bus_refuse_name(const struct rig *rig, const char *item, 
         nearest ? "\"?" : "");
 }
 
-/* "NAME=INTERFACE" */
+/* Applies a --bus option, "NAME=INTERFACE", to the interface of a bus. */
 static enum error_code bus_apply_override(struct buses *buses, const char *item,
                                           struct error *error)
 {
@@ -66,7 +67,8 @@ static enum error_code bus_apply_override(struct buses *buses, const char *item,
     return ERROR_NONE;
 }
 
-/* Two buses on one interface would mix their boards' addresses. */
+/* Checks that each bus has an interface of its own: two on one would mix their boards'
+ * addresses. */
 static enum error_code buses_check_distinct(const struct buses *buses, struct error *error)
 {
     for (size_t b = 0; b < buses->rig->nbus; b++) {
@@ -82,12 +84,13 @@ static enum error_code buses_check_distinct(const struct buses *buses, struct er
     return ERROR_NONE;
 }
 
-/* CAN controllers of the simulator on a bus: one a board. */
+/* Returns how many CAN controllers the simulator has on a bus: one a board, at least one. */
 static size_t bus_count_controllers(const struct rig_bus *bus)
 {
     return bus->nboard ? bus->nboard : 1;
 }
 
+/* Creates a local bus for each bus of the rig, with or without a wire. */
 static enum error_code buses_create_local(struct buses *buses, size_t guests, bool apart,
                                           struct arena *arena, struct error *error)
 {
@@ -150,7 +153,7 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
     if (code) {
         return code;
     }
-    /* A named interface asks for SocketCAN: the error says why there is none */
+    /* The rig names an interface, so it needs SocketCAN: report why there is none */
     if (transport == TRANSPORT_AUTO && noverride == 0 && !socketcan_available()) {
         snprintf(notice, 256,
                  "this kernel has no CAN: the buses are local to this process; only "
@@ -162,6 +165,7 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
                         : interfaces_prepare(rig, buses->interface, &interface_kernel, error);
 }
 
+/* Joins a bus as one participant, or for all its boards; opens the port. */
 static enum error_code bus_join(struct buses *buses, size_t bus, bool boards, struct arena *arena,
                                 struct can_port **port, struct error *error)
 {
@@ -207,6 +211,7 @@ static enum error_code bus_add_pacing(struct buses *buses, size_t b, struct aren
     return ERROR_NONE;
 }
 
+/* Joins all buses or none, for the boards or as one more participant. */
 static enum error_code buses_join_all(struct buses *buses, bool boards, struct arena *arena,
                                       struct bus_ports *ports, struct error *error)
 {

@@ -18,7 +18,7 @@ enum bus_transport {
     TRANSPORT_LOCAL,
 };
 
-/* One participant's ports, one a bus. */
+/* The ports of one participant, one for each bus. */
 struct bus_ports {
     size_t count;
     struct can_port *port[RIG_BUSES_MAX];
@@ -34,14 +34,13 @@ struct buses {
     struct wire *wire[RIG_BUSES_MAX];          /* when timed */
     struct can_state_box state[RIG_BUSES_MAX]; /* of CAN controllers (sim/interfaces.h) */
     struct can_port *sought[RIG_BUSES_MAX];    /* the simulator's on SocketCAN, for buses_seek */
-    int64_t seek_ns;                           /* not before this time */
+    int64_t seek_ns;                           /* no search before this time */
 };
 
-/* Chooses the transport and creates the local buses. overrides has "NAME=INTERFACE" entries, as of
- * --bus; borrowed. guests: how often buses_join will be called; apart: not all of
- * them in the simulator's thread. notice receives one line when auto
- * falls back on local buses, else "". Memory from arena. ERROR_INPUT, ERROR_MEMORY, ERROR_SYSTEM.
- * */
+/* Chooses the transport and creates the local buses. overrides has "NAME=INTERFACE" entries, as
+ * of --bus; borrowed. guests: how often buses_join will be called; apart: not all of them are in
+ * the simulator's thread. notice receives one line when auto falls back on local buses, else "".
+ * Memory from arena. ERROR_INPUT, ERROR_MEMORY, ERROR_SYSTEM. */
 enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
                            const char *const *overrides, size_t noverride, size_t guests,
                            bool apart, struct arena *arena, struct buses *buses, char notice[256],
@@ -59,8 +58,8 @@ enum error_code buses_join(struct buses *buses, struct arena *arena, struct bus_
 /* Moves timed buses to a virtual time; from the simulator's thread, RT-safe. */
 void buses_advance(const struct buses *buses, int64_t now_ns);
 
-/* Has tap called with every frame that the wire of a timed bus has carried, in the simulator's
- * thread. To be set before the first frame. */
+/* Sets a function that is called with every frame that the wire of a timed bus has carried, in
+ * the simulator's thread. To be set before the first frame. */
 void buses_tap(const struct buses *buses, size_t bus,
                void (*tap)(void *context, const struct bus_frame *frame), void *context);
 
@@ -70,7 +69,7 @@ void buses_seek(struct buses *buses, int64_t now_ns);
 
 void bus_ports_close(struct bus_ports *ports);
 
-/* After all ports are closed. */
+/* Closes the buses, after all ports are closed. */
 void buses_close(struct buses *buses);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Copies spans of memory, and puts them back. */
+/* Copies spans of memory to a checkpoint, and puts them back. */
 #include "sim/checkpoint.h"
 
 #include <stdint.h>
@@ -13,12 +13,13 @@ struct checkpoint {
     unsigned char *copy;
 };
 
+/* Returns the address behind a span. */
 static unsigned char *span_end(const struct span *span)
 {
     return (unsigned char *)span->memory + span->size;
 }
 
-/* The first hole, by address, that begins in [from, to) or reaches into it; NULL = none. */
+/* Returns the first hole, by address, that overlaps [from, to); NULL = none. */
 static const struct span *span_first_hole(const struct span *hole, size_t nhole,
                                           const unsigned char *from, const unsigned char *to)
 {
@@ -35,7 +36,7 @@ static const struct span *span_first_hole(const struct span *hole, size_t nhole,
     return first;
 }
 
-/* Cuts a span at the holes: at most one span more for every hole. */
+/* Cuts a span at the holes and adds its parts; each hole makes at most one span more. */
 static void checkpoint_cut_span(struct checkpoint *c, const struct span *moving,
                                 const struct span *hole, size_t nhole)
 {
@@ -90,7 +91,8 @@ void checkpoint_save(struct checkpoint *c, size_t copy)
     }
 }
 
-/* Writes the words that differ. */
+/* Restores a block word by word, and writes only words that differ: other threads may read the
+ * rest. */
 static void checkpoint_restore_words(unsigned char *to, const unsigned char *from, size_t size)
 {
     size_t at = 0;
@@ -111,7 +113,7 @@ static void checkpoint_restore_words(unsigned char *to, const unsigned char *fro
     }
 }
 
-/* Compares in blocks first, since most of it does not differ. */
+/* Restores a span, comparing in blocks first, since most of the memory does not differ. */
 static void checkpoint_restore_span(unsigned char *to, const unsigned char *from, size_t size)
 {
     for (size_t at = 0; at < size; at += BLOCK) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The events of a run, of all its parts, as lines of the log. */
+/* Collects the events of all parts of a run as lines of the log. */
 #include "sim/simulator_private.h"
 
 #include <stdio.h>
@@ -13,16 +13,18 @@ enum event_source {
     EVENT_RELEASE,
     EVENT_FAULT,
     EVENT_INTERFACE,
-    EVENT_CONTROL, /* of app/control */
+    EVENT_CONTROL, /* of control/ */
     EVENT_ROBOT,
     EVENT_CLAMPED_TRIP,
 };
 
+/* Makes the key of an event, by which the log limits repetitions. */
 static uint64_t event_key(enum event_source source, uint64_t topic)
 {
     return (uint64_t)source << 32 | topic;
 }
 
+/* Returns the priority of a board's event: changes that a host asks for are information. */
 static enum journal_priority board_event_priority(enum board_event_kind kind)
 {
     switch (kind) {
@@ -57,7 +59,7 @@ enum journal_priority simulator_event_priority(uint64_t key)
     }
 }
 
-/* Why an axis trips that cannot move its link, and what to do: takes the place of guesses. */
+/* Writes why an axis tripped against the clamp and what to do about it; false = none has. */
 static bool simulator_next_clamped_trip(struct simulator *simulator, int64_t *time_ns, char *text,
                                         size_t size)
 {
@@ -83,7 +85,7 @@ static bool simulator_next_clamped_trip(struct simulator *simulator, int64_t *ti
     return true;
 }
 
-/* Events whose sources do not say when: now. */
+/* Returns the present virtual time, for events whose sources do not state theirs. */
 static int64_t event_time_now(const struct simulator *simulator)
 {
     struct simulator_status status;
@@ -91,7 +93,7 @@ static int64_t event_time_now(const struct simulator *simulator)
     return simulator_read(simulator, &status) ? status.time_ns : 0;
 }
 
-/* Takes one event and says when it was, in virtual time. */
+/* Takes one event with its virtual time; false = none waits. */
 static bool simulator_take_event(struct simulator *simulator, uint64_t *key, int64_t *time_ns,
                                  char *text, size_t size)
 {
@@ -104,7 +106,7 @@ static bool simulator_take_event(struct simulator *simulator, uint64_t *key, int
     size_t bus;
     int used;
 
-    /* A source at a time, the loop first */
+    /* One source after the other */
     if (released >= 0) {
         *key = event_key(EVENT_RELEASE, 0);
         *time_ns = released;
@@ -148,7 +150,7 @@ static bool simulator_take_event(struct simulator *simulator, uint64_t *key, int
         return true;
     }
     if (simulator_next_clamped_trip(simulator, time_ns, text,
-                                    size)) { /* the boards have said which */
+                                    size)) { /* after the boards, whose event names the axis */
         *key = event_key(EVENT_CLAMPED_TRIP, 0);
         return true;
     }
@@ -160,7 +162,7 @@ static bool simulator_take_event(struct simulator *simulator, uint64_t *key, int
     return false;
 }
 
-/* A text without the time that it may begin with, "1.234567 s: ". */
+/* Returns a text without the time that it may begin with, "1.234567 s: ". */
 static const char *event_text_without_time(const char *text)
 {
     size_t digits = strspn(text, "-0123456789.");

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Listens to external boards and leads the rotors of their joints. */
+/* Listens to external boards and moves the rotors of their joints accordingly. */
 #include "sim/external.h"
 
 #include "base/portable_math.h"
-#include "model/actuator.h"
+#include "model/drives/actuator.h"
 #include "tasks/host.h"
 
 #include <math.h>
@@ -12,16 +12,16 @@
 struct external_axis {
     size_t board;               /* index in the rig's boards */
     size_t index;               /* of the host's axes or sensors */
-    bool sensor;                /* F/T: it is heard, nothing follows */
+    bool sensor;                /* a force/torque sensor: only heard, no rotor follows it */
     bool torque;                /* its torque is followed, else its angle */
     int joint;                  /* of the robot */
     double lower, upper, speed; /* bounds of the rotor, rad, rad/s */
     double stall_nm;
     const struct robot_sea *sea;
     double settled;     /* share of a step that spring and damping let through in a tick */
-    bool aimed;         /* there is a target */
+    bool aimed;         /* a target has arrived */
     double target;      /* rad, or N m */
-    int64_t told_ns;    /* when it was told */
+    int64_t told_ns;    /* when the target arrived */
     int64_t between_ns; /* from the target before; at least a tick, at most the time-out */
     int64_t heard_ns;   /* -1 = never */
     int64_t timeout_ns;
@@ -39,6 +39,8 @@ struct external {
 
 /* ---- creation ---- */
 
+/* Adds an axis of an external board, with the bounds of its drive: no-load speed U / Kw and
+ * stall torque Kt U / R. */
 static void external_add_motor(struct external *external, const struct rig *rig, size_t board,
                                size_t axis)
 {
@@ -68,6 +70,7 @@ static void external_add_motor(struct external *external, const struct rig *rig,
     }
 }
 
+/* Adds the sensor of an external force/torque board, to notice when it is heard. */
 static void external_add_sensor(struct external *external, const struct rig *rig, size_t board)
 {
     const struct board_config *of = &rig->boards.board[board];
@@ -79,7 +82,7 @@ static void external_add_sensor(struct external *external, const struct rig *rig
     }
 }
 
-/* The axes and sensors of a bus, in the order of its boards. */
+/* Adds the axes and sensors of a bus's external boards, in the order of the boards. */
 static void external_add_bus(struct external *external, const struct rig *rig, size_t bus)
 {
     const size_t first = rig->bus[bus].first_board;
@@ -109,6 +112,7 @@ enum error_code external_create(const struct rig *rig, struct boards *boards, st
     enum error_code code;
     bool any = false;
 
+    /* A rig without external boards needs nothing of this */
     for (size_t i = 0; i < rig->boards.nboard; i++) {
         any = any || rig->boards.board[i].external;
     }
@@ -116,6 +120,7 @@ enum error_code external_create(const struct rig *rig, struct boards *boards, st
         return ERROR_NONE;
     }
 
+    /* The axes of each bus, in one array */
     external = arena_alloc(arena, 1, sizeof *external);
     if (external) {
         external->axis = arena_alloc(arena, rig->naxis + rig->nft, sizeof *external->axis);
@@ -131,6 +136,7 @@ enum error_code external_create(const struct rig *rig, struct boards *boards, st
         external_add_bus(external, rig, b);
     }
 
+    /* A host's codec reads the boards' frames */
     code = host_create(&config, arena, &external->host, error);
     if (!code) {
         host_begin_listening(external->host);
@@ -141,6 +147,7 @@ enum error_code external_create(const struct rig *rig, struct boards *boards, st
 
 /* ---- what they say ---- */
 
+/* Sets the target of an axis within its bounds, and measures the time between targets. */
 static void external_aim(const struct external *external, struct external_axis *axis,
                          int64_t now_ns, double target)
 {
@@ -158,7 +165,8 @@ static void external_aim(const struct external *external, struct external_axis *
                                 : fmin(fmax(target, axis->lower), axis->upper);
 }
 
-/* Whether the present frame has told the axis what it follows, or was one of the sensor. */
+/* Checks whether the present frame has brought a new target of an axis, or a value of the
+ * sensor, and takes it. */
 static bool external_take_news(const struct external *external, struct external_axis *axis,
                                int64_t now_ns)
 {
@@ -180,7 +188,7 @@ static bool external_take_news(const struct external *external, struct external_
         return true;
     }
 
-    /* The motor's angle, or the link's where that is all that it tells */
+    /* The motor's angle, or the link's if the frames tell only that */
     motor = joint->motor_time_ns >= 0 &&
             joint->joint_time_ns - joint->motor_time_ns <= axis->timeout_ns;
     if ((motor ? joint->motor_time_ns : joint->joint_time_ns) != now_ns) {
@@ -220,10 +228,11 @@ int64_t external_heard_ns(const struct external *external, size_t board)
 
 /* ---- what their joints do ---- */
 
-/* An angle: the rest of the way in the time between two frames, so that with few of them the rotor
- * glides instead of leaping. A torque: from the deflection e that the spring has, Ks e + Ds e' =
- * torque has a solution that goes to the deflection at rest with the time constant Ds / Ks, whose
- * change over the tick the rotor adds to the link's way. */
+/* Computes the rotor speed of a joint in the coming tick, rad/s. For an angle: the rest of the
+ * way in the time between two frames, so that with rare frames the rotor glides instead of
+ * jumping. For a torque: with the spring's deflection e, Ks e + Ds e' = torque has a solution
+ * that approaches the deflection at rest with the time constant Ds / Ks; the rotor adds its
+ * change over the tick to the link's motion. */
 static double external_rotor_speed(const struct external *external,
                                    const struct external_axis *axis)
 {

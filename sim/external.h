@@ -22,21 +22,23 @@
 
 struct external;
 
-/* *external stays NULL when the rig has no such board. Without boards and plant, both NULL, it only
- * listens: external_control must not be called. Memory from arena; the rest is borrowed. Not
- * RT-safe. ERROR_MEMORY, ERROR_INPUT. */
+/* Creates the listener; *external stays NULL if the rig has no external board. With boards and
+ * plant both NULL it only listens, and external_control must not be called. Memory from arena;
+ * the rest is borrowed. Not RT-safe. ERROR_MEMORY, ERROR_INPUT. */
 enum error_code external_create(const struct rig *rig, struct boards *boards, struct plant *plant,
                                 struct arena *arena, struct external **external,
                                 struct error *error);
 
-/* A frame that has arrived, whoever sent it. RT-safe. */
+/* Reads a frame that has arrived, whoever sent it. RT-safe. */
 void external_receive(struct external *external, int64_t now_ns, size_t bus,
                       const struct bus_frame *frame);
 
-/* When an external board (index in the rig's boards) last sent telemetry; -1 = never. RT-safe. */
+/* Returns when an external board (index in the rig's boards) last sent telemetry; -1 = never.
+ * RT-safe. */
 int64_t external_heard_ns(const struct external *external, size_t board);
 
-/* Before the plant steps: how the rotors of external boards move in the coming tick. RT-safe. */
+/* Sets, before the plant steps, how the rotors of external boards move in the coming tick.
+ * RT-safe. */
 void external_control(struct external *external, int64_t now_ns);
 
 #endif

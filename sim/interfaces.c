@@ -7,9 +7,11 @@
 #include <stdio.h>
 #include <string.h>
 
+/* Period of polling, and window for counting restarts. */
 static const int64_t POLL_NS = 1000000000;
 static const int64_t MINUTE_NS = 60000000000;
 
+/* Returns the settings that a bus needs its controller to have. */
 static struct interface_settings interface_settings_of(const struct rig_bus *bus)
 {
     return (struct interface_settings){
@@ -21,6 +23,7 @@ static struct interface_settings interface_settings_of(const struct rig_bus *bus
 
 /* ---- before the run ---- */
 
+/* Refuses an interface with another bit rate, and says how to set it. */
 static enum error_code interface_refuse_bitrate(const struct rig_bus *bus, const char *name,
                                                 uint32_t actual, struct error *error)
 {
@@ -33,7 +36,7 @@ static enum error_code interface_refuse_bitrate(const struct rig_bus *bus, const
         bus->name, name, actual, bus->bitrate, name, name, bus->bitrate, name);
 }
 
-/* The data bit rate of FD frames is only checked: libsocketcan cannot set it. */
+/* Checks the data bit rate of FD frames, which libsocketcan cannot set. */
 static enum error_code interface_check_data_bitrate(const struct rig_bus *bus, const char *name,
                                                     const struct link_info *info,
                                                     struct error *error)
@@ -52,6 +55,7 @@ static enum error_code interface_check_data_bitrate(const struct rig_bus *bus, c
         name);
 }
 
+/* Configures a controller, or checks its bit rate, as the bus says; virtual interfaces pass. */
 static enum error_code interface_prepare(const struct rig_bus *bus, const char *name,
                                          const struct interface_ops *ops, struct error *error)
 {
@@ -106,6 +110,7 @@ void interfaces_init(struct interfaces *interfaces, const struct rig *rig,
     }
 }
 
+/* Keeps an event of an interface for the log; a later one replaces it. */
 __attribute__((format(printf, 2, 3))) static void watch_report(struct interface_watch *watch,
                                                                const char *format, ...)
 {
@@ -118,7 +123,7 @@ __attribute__((format(printf, 2, 3))) static void watch_report(struct interface_
     va_end(args);
 }
 
-/* Configures the CAN controller again, because of what was found. */
+/* Configures the CAN controller again and reports what was found; false = that failed. */
 static bool watch_configure(struct interface_watch *watch, const struct interface_ops *ops,
                             const char *found)
 {
@@ -133,6 +138,7 @@ static bool watch_configure(struct interface_watch *watch, const struct interfac
     return true;
 }
 
+/* Repairs or reports a bit rate that differs from the rig's. */
 static void watch_check_bitrate(struct interface_watch *watch, const struct interface_ops *ops)
 {
     const uint32_t actual = watch->info.controller.timing.bitrate;
@@ -174,6 +180,7 @@ static void watch_restart(struct interface_watch *watch, const struct interface_
     watch_report(watch, "was in bus-off: restarted, number %" PRIu64, watch->restarts);
 }
 
+/* Restarts or reports a controller in bus-off. */
 static void watch_check_bus_off(struct interface_watch *watch, const struct interface_ops *ops,
                                 int64_t now_ns)
 {
@@ -196,6 +203,7 @@ static void watch_check_bus_off(struct interface_watch *watch, const struct inte
     watch->off = off;
 }
 
+/* Polls an interface, repairs what it may repair, and posts the controller's state to its ports. */
 static void watch_poll(struct interface_watch *watch, const struct interface_ops *ops,
                        int64_t now_ns)
 {
@@ -204,7 +212,7 @@ static void watch_poll(struct interface_watch *watch, const struct interface_ops
     struct link_info info;
     struct error error;
 
-    /* Its absence is reported by the port */
+    /* The port reports the absence of its interface */
     if (ops->query(ops->context, watch->name, &info, &error) ||
         interface_kind(&info) != INTERFACE_CONTROLLER) {
         return;

@@ -62,8 +62,8 @@ void interfaces_init(struct interfaces *interfaces, const struct rig *rig,
 /* Polls the interfaces when a second has passed since the last time. */
 void interfaces_watch(struct interfaces *interfaces, int64_t now_ns);
 
-/* The next event, as a line for the log; false when there is none. At most one for each interface
- * and poll. */
+/* Takes the next event, as a line for the log; false = there is none. At most one for each
+ * interface and poll. */
 bool interfaces_next_event(struct interfaces *interfaces, size_t *bus, char *text, size_t size);
 
 /* Polls and describes the CAN controller of a bus: state, settings, counters. False when its

@@ -1,25 +1,26 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The phases of a tick: what the loop calls of a simulator. */
+/* The phases of a tick: the functions of a simulator that the loop calls. */
 #include "canbus/wire/wire.h"
 #include "sim/simulator_private.h"
 
 #include <stdio.h>
 
-/* A settled robot's rotors are held by brakes, which release this long after the last motor is on:
+/* A settled robot's rotors are held by brakes, which open this long after the last motor is on:
  * time for a controller's first voltages to raise the currents. */
 #define BRAKE_NS INT64_C(20000000)
 
-/* Windows of faults open and close. Before the wait, for in lockstep frames are received while the
- * loop waits, through ports that faults disturb. */
+/* Opens and closes the windows of faults. This comes before the wait, because in lockstep the
+ * loop receives frames while it waits, through ports that faults disturb. */
 static void machine_begin(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
 
     simulator->stimulus_ns = now_ns;
-    injection_step(simulator->injection, now_ns);
+    fault_injection_step(simulator->injection, now_ns);
 }
 
-/* The observer sees the tick before, then an inline task takes its step. */
+/* Lets the observer see the last tick, then steps an inline task. False = the task has finished;
+ * with an observer a free run goes on all the same. */
 static bool machine_controller(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
@@ -38,6 +39,7 @@ static bool machine_controller(void *context, int64_t now_ns)
     return goes_on || !simulator->task_inline || simulator->task->now.status == TASK_RUNNING;
 }
 
+/* Hands a frame to the boards and to the listener of external boards. */
 static void machine_receive(void *context, int64_t now_ns, size_t bus,
                             const struct bus_frame *frame)
 {
@@ -49,8 +51,8 @@ static void machine_receive(void *context, int64_t now_ns, size_t bus,
     }
 }
 
-/* How many motors the boards drive, and how many of them are on; those of an external board are
- * when it is heard. */
+/* Returns how many motors the boards drive; *on is how many are on. A motor of an external board
+ * is on while its board is heard. */
 static size_t simulator_count_motors(const struct simulator *simulator, size_t *on)
 {
     const struct rig *rig = simulator->config.rig;
@@ -72,6 +74,7 @@ static size_t simulator_count_motors(const struct simulator *simulator, size_t *
     return driven;
 }
 
+/* Checks whether all driven motors are on. */
 static bool simulator_all_motors_on(const struct simulator *simulator)
 {
     size_t on;
@@ -79,7 +82,7 @@ static bool simulator_all_motors_on(const struct simulator *simulator)
     return simulator_count_motors(simulator, &on) == on;
 }
 
-/* Notes for the log that an axis has tripped which could not move its clamped link. */
+/* Notes for the log that an axis has tripped because its link is clamped. */
 static void simulator_note_clamped_trip(struct simulator *simulator, int64_t now_ns)
 {
     struct release *release = &simulator->release;
@@ -95,7 +98,7 @@ static void simulator_note_clamped_trip(struct simulator *simulator, int64_t now
     release->trips = counters.trips;
 }
 
-/* Releases a clamped robot when all its motors are on, a settled one when its brakes are. */
+/* Releases a clamped robot when all its motors are on, a settled one BRAKE_NS later. */
 static void simulator_release_robot(struct simulator *simulator, int64_t now_ns)
 {
     struct release *release = &simulator->release;
@@ -111,6 +114,7 @@ static void simulator_release_robot(struct simulator *simulator, int64_t now_ns)
     }
 }
 
+/* Runs the boards' control, and decides how rotors of external boards move. */
 static void machine_control(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
@@ -123,7 +127,7 @@ static void machine_control(void *context, int64_t now_ns)
     simulator_release_robot(simulator, now_ns);
 }
 
-/* Keeps the reason when the model has failed; true when it has not. */
+/* Keeps the reason if the model has failed; returns whether it has not. */
 static bool simulator_check_plant(struct simulator *simulator, enum error_code code)
 {
     if (code) {
@@ -133,15 +137,17 @@ static bool simulator_check_plant(struct simulator *simulator, enum error_code c
     return !code;
 }
 
+/* Integrates the plant over the tick; false = the model failed. */
 static bool machine_plant(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
 
-    (void)now_ns; /* the plant integrates its own */
+    (void)now_ns; /* the plant keeps its own time */
     return simulator_check_plant(simulator,
                                  plant_step(simulator->plant, simulator->config.rig->substeps));
 }
 
+/* Samples plant and sensors at the tick's end for the boards; false = the model failed. */
 static bool machine_sample(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
@@ -156,8 +162,8 @@ static bool machine_sample(void *context, int64_t now_ns)
     return true;
 }
 
-/* Passes the error counters of their CAN controllers on to the boards, which report them: on a wire
- * every board has one of its own, in the order of the rig. */
+/* Passes the error counters of the CAN controllers on to the boards, which report them: on a
+ * wire every board has a controller of its own, in the order of the rig. */
 static void simulator_update_can_states(struct simulator *simulator, size_t bus)
 {
     const struct rig_bus *on = &simulator->config.rig->bus[bus];
@@ -204,6 +210,7 @@ static void machine_shut_down(void *context, int64_t now_ns)
     boards_shut_down(simulator->boards, now_ns, plant_command(simulator->plant));
 }
 
+/* Publishes the status, and a row for the recording and the subscribers. */
 static void machine_publish(void *context, int64_t now_ns, const struct loop_stats *stats)
 {
     struct simulator *simulator = context;

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a run records: rows of signals and of the poses of bodies, frames of its wires, events. */
+/* Records a run: rows of signals and of the poses of bodies, frames of its wires, events. */
 #include "model/spatial.h"
+#include "rt/recording/recorder_schemas.h"
+#include "sim/contact_arrows.h"
 #include "sim/scene_message.h"
 #include "sim/simulator_private.h"
 
@@ -16,7 +18,7 @@ struct bus_tap {
 
 /* ---- rows ---- */
 
-/* Bodies of the robot, then free ones. */
+/* Writes the poses of the robot's bodies, then of free ones: position (m), quaternion wxyz. */
 static void recording_fill_poses(const struct simulator *simulator, double *to)
 {
     const struct rig *rig = simulator->config.rig;
@@ -41,6 +43,7 @@ void simulator_record_row(struct simulator *simulator)
     }
 }
 
+/* Returns the names of the robot's bodies, then of free ones; NULL = no memory. */
 static const char *const *recording_body_names(struct simulator *simulator, size_t *count)
 {
     const struct rig *rig = simulator->config.rig;
@@ -66,7 +69,7 @@ static void recorder_tap_frame(void *context, const struct bus_frame *frame)
     recorder_frame(tap->recorder, tap->bus, frame, frame->time_ns);
 }
 
-/* Has the wires of timed buses record what they carry. */
+/* Makes the wires of timed buses record what they carry. */
 static enum error_code simulator_tap_wires(struct simulator *simulator, struct error *error)
 {
     const size_t nbus = simulator->config.rig->nbus;
@@ -84,59 +87,73 @@ static enum error_code simulator_tap_wires(struct simulator *simulator, struct e
 
 /* ---- contact ---- */
 
-/* Length of an arrow of the robot's weight, as on the page */
+/* Length of the arrow of the robot's weight, m, as on the page. */
 #define WEIGHT_ARROW_M 0.42
 #define GRAVITY_M_S2 9.81
 
-/* Which wrenches are shown as arrows. */
-static enum error_code recording_find_contacts(struct simulator *simulator,
-                                               struct recorder_contacts *contacts,
-                                               struct error *error)
+/* Chooses the wrenches that are shown as arrows; NULL = no memory. */
+static struct contact_arrows *recording_find_contacts(struct simulator *simulator)
 {
     const struct rig *rig = simulator->config.rig;
     size_t count = rig->contact.nbody;
-    struct recorder_contact *contact = arena_alloc(simulator->arena, count + 1, sizeof *contact);
+    struct contact_shown *contact = arena_alloc(simulator->arena, count + 1, sizeof *contact);
+    struct contact_arrows *arrows = arena_alloc(simulator->arena, 1, sizeof *arrows);
 
-    if (!contact) {
-        return error_set(error, ERROR_MEMORY, "no memory left for the recorder's contacts");
+    if (!contact || !arrows) {
+        return NULL;
     }
     for (size_t c = 0; c < count; c++) {
-        contact[c] = (struct recorder_contact){
+        contact[c] = (struct contact_shown){
             .signal = simulator_contact_column(simulator, c),
             .body = (size_t)rig->contact_body[c],
         };
     }
-    *contacts = (struct recorder_contacts){
+    *arrows = (struct contact_arrows){
         .ncontact = count,
         .contact = contact,
         .arrow_m_per_n = WEIGHT_ARROW_M / fmax(1.0, GRAVITY_M_S2 * rig->robot->total_mass),
     };
 
     /* The first plane of the world is the ground */
-    for (size_t s = 0; s < rig->contact.nsurface && !contacts->has_ground; s++) {
+    for (size_t s = 0; s < rig->contact.nsurface && !arrows->has_ground; s++) {
         const struct contact_surface *surface = &rig->contact.surface[s];
 
-        contacts->has_ground = surface->body < 0 && surface->shape == CONTACT_HALF_SPACE;
+        arrows->has_ground = surface->body < 0 && surface->shape == CONTACT_HALF_SPACE;
         for (int k = 0; k < 3; k++) {
-            contacts->ground_point[k] = surface->position[k];
-            contacts->ground_normal[k] = surface->rotation[3 * k + 2];
+            arrows->ground_point[k] = surface->position[k];
+            arrows->ground_normal[k] = surface->rotation[3 * k + 2];
         }
     }
-    return ERROR_NONE;
+    return arrows;
 }
 
 /* ---- opening ---- */
 
-/* The scene, in the arena. */
-static enum error_code recording_make_scene(struct simulator *simulator, const char **scene,
-                                            struct error *error)
+/* Adds the channels that viewers draw: the scene once, contacts in each row. */
+static enum error_code recording_add_channels(struct simulator *simulator,
+                                              struct recorder_config *recorder, struct error *error)
 {
-    struct memory_file text = {.text = NULL};
-    enum error_code code = scene_message_make(simulator->config.rig, &text, error);
+    const struct rig *rig = simulator->config.rig;
+    struct recorder_channel *channel = arena_alloc(simulator->arena, 2, sizeof *channel);
+    struct contact_arrows *arrows = recording_find_contacts(simulator);
+    struct memory_file scene = {.text = NULL};
+    enum error_code code = scene_message_make(rig, &scene, error);
 
-    *scene = code ? NULL : arena_strdup(simulator->arena, text.text);
-    free(text.text);
-    return code || *scene ? code : error_set(error, ERROR_MEMORY, "no memory left for the scene");
+    if (!code && channel && arrows) {
+        channel[0] = (struct recorder_channel){
+            .topic = "/scene",
+            .type = "foxglove.SceneUpdate",
+            .schema = recorder_schema_scene,
+            .first = arena_strdup(simulator->arena, scene.text),
+        };
+        channel[1] = contact_arrows_channel(arrows);
+        recorder->channel = channel;
+        recorder->nchannel = arrows->ncontact ? 2 : 1;
+    }
+    free(scene.text);
+    return code || (recorder->nchannel && channel[0].first)
+               ? code
+               : error_set(error, ERROR_MEMORY, "no memory left for the recorder's channels");
 }
 
 enum error_code simulator_create_recorder(struct simulator *simulator, struct error *error)
@@ -157,6 +174,7 @@ enum error_code simulator_create_recorder(struct simulator *simulator, struct er
     if (!config->record) {
         return ERROR_NONE;
     }
+    /* A row holds the signals, then the poses */
     recorder.body = recording_body_names(simulator, &recorder.nbody);
     simulator->row =
         arena_alloc(simulator->arena, simulator->nrecorded + RECORDER_POSE * recorder.nbody + 1,
@@ -166,8 +184,7 @@ enum error_code simulator_create_recorder(struct simulator *simulator, struct er
         return error_set(error, ERROR_MEMORY, "no memory left for the recorder's signals");
     }
     if (recorder.format & RECORDER_MCAP) {
-        code = recording_make_scene(simulator, &recorder.scene, error);
-        code = code ? code : recording_find_contacts(simulator, &recorder.contacts, error);
+        code = recording_add_channels(simulator, &recorder, error);
     }
     code = code ? code : recorder_open(&recorder, simulator->arena, &simulator->recorder, error);
     return code ? code : simulator_tap_wires(simulator, error);

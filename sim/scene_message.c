@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A scene as primitives of a viewer. */
+/* Writes a scene as primitives of a viewer (foxglove.SceneUpdate in JSON). */
 #include "sim/scene_message.h"
 
 #include "base/json_text.h"
@@ -9,10 +9,11 @@
 #include <math.h>
 #include <string.h>
 
-/* The ground as a slab */
+/* The ground is drawn as a slab: side and depth, m. */
 #define GROUND_M 20.0
 #define GROUND_DEPTH_M 0.05
 
+/* Density of the ellipsoid that stands for a body without surfaces: that of water. */
 #define DENSITY_KG_M3 1000.0
 
 struct scene_color {
@@ -36,11 +37,13 @@ struct scene_writer {
 
 /* ---- primitives ---- */
 
+/* Writes a vector as a member of a JSON object. */
 static void scene_put_vector(FILE *out, const char *key, const double v[3])
 {
     fprintf(out, "\"%s\":{\"x\":%.9g,\"y\":%.9g,\"z\":%.9g}", key, v[0], v[1], v[2]);
 }
 
+/* Writes a pose; the rotation is a 3 x 3 matrix, row by row. */
 static void scene_put_pose(FILE *out, const double position[3], const double rotation[9])
 {
     double q[4];
@@ -52,12 +55,13 @@ static void scene_put_pose(FILE *out, const double position[3], const double rot
             q[3], q[0]);
 }
 
+/* Writes a color as a further member. */
 static void scene_put_color(FILE *out, const struct scene_color *c)
 {
     fprintf(out, ",\"color\":{\"r\":%g,\"g\":%g,\"b\":%g,\"a\":%g}", c->r, c->g, c->b, c->a);
 }
 
-/* A cube, a sphere or a cylinder of this size in its frame. */
+/* Writes a cube, a sphere or a cylinder of a size (m) in its frame. */
 static void scene_put_solid(FILE *out, const double position[3], const double rotation[9],
                             const double size[3], const struct scene_color *color, bool cylinder)
 {
@@ -68,6 +72,7 @@ static void scene_put_solid(FILE *out, const double position[3], const double ro
     fputs(cylinder ? ",\"bottom_scale\":1,\"top_scale\":1}" : "}", out);
 }
 
+/* Writes a mesh as a list of triangles. */
 static void scene_put_mesh(FILE *out, const struct contact_surface *surface,
                            const struct scene_color *color)
 {
@@ -92,7 +97,7 @@ static void scene_put_mesh(FILE *out, const struct contact_surface *surface,
 
 /* ---- surfaces ---- */
 
-/* A capsule's end, sign 1 or -1 along its axis. */
+/* Writes the sphere at a capsule's end; sign 1 or -1 along its axis. */
 static void scene_put_capsule_end(FILE *out, const struct contact_surface *s, double sign,
                                   const struct scene_color *color)
 {
@@ -104,7 +109,7 @@ static void scene_put_capsule_end(FILE *out, const struct contact_surface *s, do
     scene_put_solid(out, at, s->rotation, size, color, false);
 }
 
-/* The slab whose upper side is the half-space's plane. */
+/* Writes the slab whose upper side is the half-space's plane. */
 static void scene_put_ground(FILE *out, const struct contact_surface *s)
 {
     const double size[3] = {GROUND_M, GROUND_M, GROUND_DEPTH_M};
@@ -116,7 +121,7 @@ static void scene_put_ground(FILE *out, const struct contact_surface *s)
     scene_put_solid(out, middle, s->rotation, size, &color_world, false);
 }
 
-/* How many primitives of a list a surface consists of. */
+/* Returns how many primitives of a list a surface consists of. */
 static int surface_count_primitives(const struct contact_surface *s, enum scene_list list)
 {
     switch (s->shape) {
@@ -133,7 +138,7 @@ static int surface_count_primitives(const struct contact_surface *s, enum scene_
     return 0;
 }
 
-/* Its primitive i of the list. */
+/* Writes primitive i of a surface in a list. */
 static void scene_put_surface(FILE *out, const struct contact_surface *s, enum scene_list list,
                               int i)
 {
@@ -159,12 +164,14 @@ static void scene_put_surface(FILE *out, const struct contact_surface *s, enum s
 
 /* ---- bodies ---- */
 
-/* Body of the rig (robot's, then free ones) that a surface is on; -1 = the world. */
+/* Returns the body of the rig (the robot's, then free ones) that a surface is on; -1 = the
+ * world. */
 static int scene_surface_body(const struct rig *rig, const struct contact_surface *surface)
 {
     return surface->body < 0 ? -1 : rig->contact_body[surface->body];
 }
 
+/* Checks whether a body has a surface of its own. */
 static bool scene_body_has_surface(const struct rig *rig, int body)
 {
     for (size_t i = 0; i < rig->contact.nsurface; i++) {
@@ -175,6 +182,7 @@ static bool scene_body_has_surface(const struct rig *rig, int body)
     return false;
 }
 
+/* Returns the inertia of a body of the rig: the robot's, then free ones. */
 static const struct robot_inertia *scene_body_inertia(const struct rig *rig, int body)
 {
     size_t nbody = rig->robot->nbody;
@@ -183,8 +191,8 @@ static const struct robot_inertia *scene_body_inertia(const struct rig *rig, int
                                 : &rig->free[(size_t)body - nbody].inertia;
 }
 
-/* A solid ellipsoid with semi-axes a, b, c has I_xx = m (b^2 + c^2) / 5: its proportions follow
- * from the moments, its size from the mass. */
+/* Writes the ellipsoid that has a body's inertia. A solid ellipsoid with semi-axes a, b, c has
+ * I_xx = m (b^2 + c^2) / 5: its proportions follow from the moments, its size from the mass. */
 static void scene_put_inertia(FILE *out, const struct robot_inertia *inertia)
 {
     static const double upright[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
@@ -206,6 +214,8 @@ static void scene_put_inertia(FILE *out, const struct robot_inertia *inertia)
     scene_put_solid(out, inertia->com, upright, size, &color_inertia, false);
 }
 
+/* Writes one list of an entity: the primitives of a body's surfaces, and its ellipsoid if it has
+ * none. */
 static void scene_put_list(const struct scene_writer *w, int body, enum scene_list list)
 {
     const struct contact_config *contact = &w->rig->contact;
@@ -229,6 +239,7 @@ static void scene_put_list(const struct scene_writer *w, int body, enum scene_li
     putc(']', w->out);
 }
 
+/* Writes the entity of a body, or of the world (body -1), in the frame of its name. */
 static void scene_put_entity(const struct scene_writer *w, int body, const char *name)
 {
     fputs(body < 0 ? "{" : ",{", w->out);

@@ -12,7 +12,7 @@
 #include "base/memory_file.h"
 #include "rig/rig.h"
 
-/* The text is the caller's to free. ERROR_MEMORY. */
+/* Writes the scene into a text, which is the caller's to free. ERROR_MEMORY. */
 enum error_code scene_message_make(const struct rig *rig, struct memory_file *text,
                                    struct error *error);
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The signals of a run, their titles and values: for signals.csv and for subscribers. */
+/* Lists the signals of a run and gathers their values, for signals.csv and for subscribers. */
 #include "sim/simulator_private.h"
 
 #include "base/count.h"
@@ -20,12 +20,13 @@ enum {
     SIGNALS_PER_BUS = 2
 };
 enum { TITLE_SIZE = 192 };
-enum { STREAM_ROWS = 1024 }; /* a second at 1 kHz */
+enum { STREAM_ROWS = 1024 }; /* rows of a stream: about a second at 1 kHz */
 
 /* ---- rows ---- */
 
-/* Force and moment of each pair of surfaces that the rig lists on its second one; the moment is
- * about the middle of the patch. What the robot's own surfaces add is in the bodies' wrenches. */
+/* Writes force and moment of each listed pair of surfaces, acting on its second surface; the
+ * moment is about the middle of the patch. What the robot's own surfaces add is in the bodies'
+ * wrenches. */
 static void signals_fill_pairs(const struct simulator *simulator, double *to)
 {
     size_t npair = simulator->config.rig->nlisted_pair, count;
@@ -43,7 +44,7 @@ static void signals_fill_pairs(const struct simulator *simulator, double *to)
     }
 }
 
-/* Forces, torques and inertial sensors, as they are or as the boards see them. */
+/* Writes force/torque and inertial sensors, true or measured; returns where the next value goes. */
 static double *signals_fill_sensors(const struct robot *robot, const struct plant_sensors *sensors,
                                     double *to)
 {
@@ -64,7 +65,8 @@ static double *signals_fill_sensors(const struct robot *robot, const struct plan
     return to;
 }
 
-/* What the boards see, beside the truth. */
+/* Writes the true values of sensors beside the joints', then all measured values as the boards
+ * see them. */
 static double *signals_fill_sensed(const struct simulator *simulator, double *to)
 {
     const struct robot *robot = simulator->config.rig->robot;
@@ -80,7 +82,8 @@ static double *signals_fill_sensed(const struct simulator *simulator, double *to
     return signals_fill_sensors(robot, seen, to);
 }
 
-/* Pressures and valves of the hydraulic joints, and the pressure of their supply. */
+/* Writes pressures (Pa) and valve openings of hydraulic joints, and the pressure of their
+ * supply. */
 static double *signals_fill_hydraulics(const struct simulator *simulator, double *to)
 {
     const struct robot *robot = simulator->config.rig->robot;
@@ -105,7 +108,7 @@ size_t simulator_contact_column(const struct simulator *simulator, size_t contac
     return simulator->config.rig->robot->njoint * SIGNALS_PER_JOINT + contact * SIGNALS_PER_CONTACT;
 }
 
-/* The columns in the order of signals_make_titles; returns where the next would go. */
+/* Writes the columns in the order of signals_make_titles; returns where the next value goes. */
 double *simulator_fill_signals(const struct simulator *simulator, double *to)
 {
     const struct rig *rig = simulator->config.rig;
@@ -144,7 +147,7 @@ double *simulator_fill_signals(const struct simulator *simulator, double *to)
     to = signals_fill_sensed(simulator, to);
     to = signals_fill_hydraulics(simulator, to);
 
-    /* What an inline task estimates and plans; one in a thread of its own is not looked at */
+    /* What an inline task estimates and plans; a task in a thread of its own is not read */
     if (simulator->task_inline) {
         task_read_signals(simulator->task->task, to);
         to += simulator->task->nsignal;
@@ -163,7 +166,8 @@ void simulator_fill_stream(const struct simulator *simulator, double *to)
     }
 }
 
-/* Values are gathered once for all readers of a tick. */
+/* Fills a row of each stream that is due; the values are gathered once for all readers of a
+ * tick. */
 void simulator_stream_row(struct simulator *simulator)
 {
     const struct simulator_status *status = &simulator->status;
@@ -188,15 +192,15 @@ void simulator_stream_row(struct simulator *simulator)
 
 /* ---- titles ---- */
 
-/* Titles under construction. */
+/* The titles while they are made. */
 struct title_list {
     struct arena *arena;
     const char **title;
     size_t count;
-    bool good; /* false: memory is used up or a name is too long */
+    bool good; /* false = memory is used up or a name is too long */
 };
 
-/* Appends a title: the format with name in the place of its '*'. */
+/* Appends a title: the format, with name in place of its '*'. */
 static void title_add(struct title_list *list, const char *format, const char *name)
 {
     char text[TITLE_SIZE];
@@ -220,7 +224,7 @@ static void title_add_group(struct title_list *list, const char *const *format, 
     }
 }
 
-/* Those of the robot's sensors beside the joints'. */
+/* Appends the titles of the robot's sensors beside the joints', true or sensed. */
 static void title_add_sensors(struct title_list *list, const struct robot *robot, bool sensed)
 {
     static const char *const ft[][SIGNALS_PER_FT] = {
@@ -249,7 +253,8 @@ static void title_add_sensors(struct title_list *list, const struct robot *robot
     }
 }
 
-/* Those of the robot's sensors: the truth of those beside the joints', then what boards see. */
+/* Appends the titles of all sensors: the true values of those beside the joints', then what
+ * boards see. */
 static void title_add_sensed(struct title_list *list, const struct robot *robot)
 {
     static const char *const joint[SIGNALS_SENSED_JOINT] = {
@@ -262,7 +267,7 @@ static void title_add_sensed(struct title_list *list, const struct robot *robot)
     title_add_sensors(list, robot, true);
 }
 
-/* Those of hydraulic joints and of their supply. */
+/* Appends the titles of hydraulic joints and of their supply. */
 static void title_add_hydraulics(struct title_list *list, const struct robot *robot)
 {
     static const char *const joint[SIGNALS_HYDRAULIC_JOINT] = {
@@ -279,7 +284,7 @@ static void title_add_hydraulics(struct title_list *list, const struct robot *ro
     title_add(list, "hydraulic_supply_pa", "");
 }
 
-/* Those of the robot's joints, of contact, of poses and of sensors: the columns of signals.csv. */
+/* Appends the titles of the columns of signals.csv: joints, contact, poses, sensors. */
 static void title_add_recorded(struct title_list *list, const struct rig *rig)
 {
     static const char *const joint[SIGNALS_PER_JOINT] = {"q_*_rad", "qm_*_rad", "torque_*_nm",
@@ -291,7 +296,7 @@ static void title_add_recorded(struct title_list *list, const struct rig *rig)
     static const char *const free_body[SIGNALS_PER_FREE] = {"*_x_m", "*_y_m", "*_z_m", "*_qw",
                                                             "*_qx",  "*_qy",  "*_qz"};
 
-    /* Joints, then wrenches of bodies and of pairs, then poses: the order of the row's values */
+    /* The order is that of the row's values: joints, wrenches of bodies and of pairs, poses */
     for (size_t j = 0; j < rig->robot->njoint; j++) {
         title_add_group(list, joint, SIGNALS_PER_JOINT, rig->robot->joint[j].name);
     }
@@ -316,7 +321,7 @@ static void title_add_recorded(struct title_list *list, const struct rig *rig)
     title_add_hydraulics(list, rig->robot);
 }
 
-/* Those of a task that the loop steps. */
+/* Appends the titles of a task that the loop steps. */
 static void title_add_task(struct title_list *list, const struct simulator *simulator)
 {
     if (simulator->task_inline) {
@@ -324,7 +329,8 @@ static void title_add_task(struct title_list *list, const struct simulator *simu
     }
 }
 
-/* The titles of the columns of signals.csv, then of those that only the stream has. */
+/* Makes the titles of the columns of signals.csv, then of those that only the stream has; false
+ * = no memory. */
 static bool signals_make_titles(struct simulator *simulator)
 {
     static const char *const bus[SIGNALS_PER_BUS] = {"rx_*_frames", "tx_*_frames"};

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The life of a simulator: made whole or not at all, run in the caller's thread with the task in
- * one of its own, closed. Its parts are made in assembly.c. */
+/* The life of a simulator: created whole or not at all, run in the caller's thread with the task
+ * in a thread of its own, closed. assembly.c creates its parts. */
 #include "sim/simulator_private.h"
 
 #include <string.h>
@@ -30,8 +30,8 @@ enum error_code simulator_create(const struct simulator_config *config, struct a
 
 /* ---- running ---- */
 
-/* Has the task step in the middle between two ticks: on one processor it would otherwise make the
- * loop late, by as long as it takes, whenever the two grids happen to coincide. */
+/* Makes the task step in the middle between two ticks: on one processor it would otherwise delay
+ * the loop by its own duration whenever the two grids coincide. */
 static void simulator_offset_task_grid(struct simulator *simulator)
 {
     int64_t tick_ns = simulator->config.rig->tick_ns;
@@ -46,10 +46,11 @@ static void simulator_offset_task_grid(struct simulator *simulator)
     simulator->task->grid_ns = status.start_ns + tick_ns / 2;
 }
 
+/* Runs the task in its own thread; the loop stops when it ends. */
 static void *simulator_task_main(void *context)
 {
     struct simulator *simulator = context;
-    struct realtime_report unused; /* the loop's thread has reported the same */
+    struct realtime_report unused; /* the loop's thread reports the same */
 
     realtime_apply(&simulator->task_realtime, &unused);
     simulator_offset_task_grid(simulator);
@@ -58,12 +59,14 @@ static void *simulator_task_main(void *context)
     return NULL;
 }
 
+/* Starts the task's thread. */
 static enum error_code simulator_start_task(struct simulator *simulator, struct error *error)
 {
     const int priority = simulator->config.rig->realtime.priority;
     int reason;
 
-    /* Above the loop, as if it were another computer at the other end of the cable */
+    /* A priority above the loop's, as if the task ran on another computer at the end of the
+     * cable */
     simulator->task_realtime = (struct realtime_config){
         .priority = priority + (priority > 0 && priority < 99),
         .cpu = -1,
@@ -88,6 +91,7 @@ enum error_code simulator_start(struct simulator *simulator, struct realtime_rep
     enum error_code code;
 
     memset(report, 0, sizeof *report);
+    /* Memory: no page fault may come in the loop */
     if (simulator->config.untouched) {
         arena_close(simulator->arena);
         code = ERROR_NONE;
@@ -98,6 +102,7 @@ enum error_code simulator_start(struct simulator *simulator, struct realtime_rep
     if (code || simulator->config.clock != LOOP_CLOCK_REAL) {
         return code;
     }
+    /* The task's thread starts before the calling thread takes its real-time settings */
     if (simulator->task) {
         code = simulator_start_task(simulator, error);
         if (code) {
@@ -108,12 +113,13 @@ enum error_code simulator_start(struct simulator *simulator, struct realtime_rep
     return ERROR_NONE;
 }
 
-/* Ends the task's thread; true when the task had ended by itself. */
+/* Ends the task's thread; returns whether the task had ended by itself. */
 static bool simulator_join_task(struct simulator *simulator)
 {
     atomic_store(&simulator->task->stop, true);
     if (simulator->pace) {
-        pace_set(simulator->pace, 1.0); /* it may sleep on a clock that stands still */
+        /* the task may sleep on this clock, which stands still in a pause */
+        pace_set(simulator->pace, 1.0);
     }
     pthread_join(simulator->task_thread, NULL);
     simulator->task_running = false;
@@ -147,8 +153,8 @@ enum error_code simulator_finish_recording(struct simulator *simulator,
     return recorder ? recorder_close(recorder, counters, error) : ERROR_NONE;
 }
 
-/* Accounts for what clients have sent since the last tick, as received or as lost: no board sees
- * it, but who counts what was sent finds all of it. */
+/* Accounts for frames that clients have sent since the last tick, as received or as lost: no
+ * board sees them, but whoever counts what was sent finds all of it. */
 static void simulator_receive_rest(struct simulator *simulator)
 {
     struct bus_frame frame[64];
@@ -201,5 +207,5 @@ void simulator_destroy(struct simulator *simulator)
     if (simulator->contact) {
         simulator->contact->ops->destroy(simulator->contact);
     }
-    steering_destroy(simulator->steering);
+    requests_destroy(simulator->requests);
 }

@@ -10,7 +10,6 @@
 #include "base/journal.h"
 #include "canbus/gateway.h"
 #include "model/settle.h"
-#include "model/symbolic/builtin.h"
 #include "rig/rig.h"
 #include "rt/loop.h"
 #include "rt/realtime.h"
@@ -64,7 +63,7 @@ struct simulator_config {
     /* NULL = none. With it the run goes on when a task has ended, but in lockstep, where the task's
      * STEP frames drive it. */
     const struct simulator_observer *observer;
-    bool steering;  /* takes requests (rt/steering.h); reserves memory for checkpoints */
+    bool requests;  /* takes requests (rt/requests.h); reserves memory for checkpoints */
     bool untouched; /* pages come at their first use, which costs least where nobody measures ticks;
                        else all are there when the run begins */
     size_t guests;  /* how often simulator_join will be called */
@@ -72,10 +71,8 @@ struct simulator_config {
     const struct gateway_config *gateway; /* host and port; NULL = none */
     const char *record;                   /* directory, NULL = none */
     bool overwrite;
-    unsigned record_format;             /* of rows: enum recorder_format; 0 = CSV */
-    int64_t row_period_ns;              /* of signals.csv, a multiple of the tick */
-    enum dynamics_compile compile;      /* the dynamics of a robot that are not built in */
-    struct symbolic_progress compiling; /* while that is waited for */
+    unsigned record_format; /* of rows: enum recorder_format; 0 = CSV */
+    int64_t row_period_ns;  /* of signals.csv, a multiple of the tick */
 };
 
 struct bus_status {
@@ -107,7 +104,7 @@ struct simulator_status {
 
 struct simulator;
 
-/* Opens everything or nothing. notice receives one line about the choice of transport, or "".
+/* Creates all parts or none. notice receives one line about the choice of transport, or "".
  * Memory from arena, which simulator_start seals; the configuration is borrowed. ERROR_INPUT,
  * ERROR_MEMORY, ERROR_SYSTEM, ERROR_UNSUPPORTED. */
 enum error_code simulator_create(const struct simulator_config *config, struct arena *arena,
@@ -128,11 +125,11 @@ enum error_code simulator_join(struct simulator *simulator, struct bus_ports *po
 /* Ends the run; from any thread or signal handler. RT-safe. */
 void simulator_stop(struct simulator *simulator);
 
-/* A count that moves while the loop is alive, also while it waits for a STEP; from any thread.
- * RT-safe. */
+/* Returns a count that changes while the loop is alive, also while it waits for a STEP; from any
+ * thread. RT-safe. */
 uint64_t simulator_beat(const struct simulator *simulator);
 
-/* After the run: flushes and closes the recording. */
+/* Flushes and closes the recording after the run. */
 enum error_code simulator_finish_recording(struct simulator *simulator,
                                            struct recorder_counters *counters, struct error *error);
 
@@ -143,7 +140,7 @@ bool simulator_close_gateway(struct simulator *simulator, struct gateway_counter
 /* Closes ports, recording and contact engine; the arena is the caller's. NULL is allowed. */
 void simulator_destroy(struct simulator *simulator);
 
-/* The last published status; from any thread. False before the first tick. */
+/* Copies the last published status; from any thread. False before the first tick. */
 bool simulator_read(const struct simulator *simulator, struct simulator_status *status);
 
 /* Polls the SocketCAN interfaces, at most once a second (sim/interfaces.h); from the thread that
@@ -155,10 +152,10 @@ void simulator_watch_interfaces(struct simulator *simulator, int64_t now_ns);
  * taken is recorded. From one thread other than the loop's. */
 bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text, size_t size);
 
-/* Records an event of somebody else's, as of now; from that thread. */
+/* Records an event from another source, as of now; from the thread that takes events. */
 void simulator_record_event(struct simulator *simulator, uint64_t key, const char *text);
 
-/* The priority of events with such a key. */
+/* Returns the priority of events with such a key. */
 enum journal_priority simulator_event_priority(uint64_t key);
 
 /* Signals by the names that they have in signals.csv, then frames received and sent on each bus;
@@ -167,7 +164,7 @@ size_t simulator_signals(const struct simulator *simulator);
 const char *const *simulator_signal_names(const struct simulator *simulator);
 struct stream *simulator_stream(const struct simulator *simulator);
 
-/* Access to the parts; while the loop runs only where it says so. */
+/* Access to the parts; while the loop runs, only through functions whose comment allows it. */
 const struct simulator_config *simulator_configuration(const struct simulator *simulator);
 /* After the run; its histograms also while it runs, with histogram_copy. */
 const struct loop_stats *simulator_stats(const struct simulator *simulator);
@@ -186,9 +183,9 @@ const char *simulator_failure(const struct simulator *simulator); /* after LOOP_
 const struct settled *simulator_settled(const struct simulator *simulator);
 /* Which implementation computes the rigid-body dynamics, and why; a sentence. */
 const char *simulator_dynamics(const struct simulator *simulator);
-/* For requests, NULL without config.steering; bytes of one checkpoint without the frames on their
+/* For requests, NULL without config.requests; bytes of one checkpoint without the frames on their
  * way, 0 = there are none. */
-struct steering *simulator_steering(const struct simulator *simulator);
+struct requests *simulator_requests(const struct simulator *simulator);
 size_t simulator_checkpoint_size(const struct simulator *simulator);
 bool simulator_is_local(const struct simulator *simulator);
 /* State, settings and counters of the CAN controller of a bus, now, as text; false when its

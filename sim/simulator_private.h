@@ -7,12 +7,12 @@
 #ifndef SIM_PRIVATE_H
 #define SIM_PRIVATE_H
 
-#include "model/symbolic/builtin.h"
+#include "model/symbolic/symbolic.h"
 #include "rt/pace.h"
 #include "sim/external.h"
-#include "sim/injection.h"
+#include "sim/fault_injection.h"
 #include "sim/interfaces.h"
-#include "sim/robot_steering.h"
+#include "sim/robot_requests.h"
 #include "sim/simulator.h"
 #include "sim/stimulus.h"
 #include "sim/watch.h"
@@ -20,7 +20,7 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
-/* When a clamped robot is released. */
+/* The state of a clamped robot's release. */
 struct release {
     bool due;       /* when every motor is on */
     int64_t at_ns;  /* virtual time; -1 = not yet or done */
@@ -38,7 +38,7 @@ struct simulator {
     struct plant *plant;
     struct settled settled;
     struct faults *faults;
-    struct injection *injection;
+    struct fault_injection *injection;
     struct sensing *sensing;
     const struct plant_sensors *measured; /* what the boards see; the plant's are the truth */
     struct boards *boards;
@@ -69,7 +69,7 @@ struct simulator {
     struct snapshot *published_view; /* view.h */
     void *view;                      /* the next one */
     _Atomic bool view_wanted;
-    bool view_stale; /* the tick that has run last was not published as one */
+    bool view_stale; /* the last tick was not published as a view */
     struct release release;
     _Atomic int64_t released; /* virtual time of the release; -1 = reported or not yet */
     _Atomic int64_t
@@ -77,8 +77,8 @@ struct simulator {
                                    * = reported or not yet */
     _Atomic int clamped_trip_on; /* motors that were on then */
     char failure[256];
-    struct steering *steering; /* NULL = none */
-    struct robot_steering *robot_steering;
+    struct requests *requests; /* NULL = none */
+    struct robot_requests *robot_requests;
     struct pace *pace;           /* clock of a task in its own thread; NULL = the real one */
     size_t moves_from, moves_to; /* of the arena: state that changes in virtual time */
 };
@@ -96,45 +96,48 @@ struct loop_machine simulator_machine(struct simulator *simulator);
 /* Publishes the status; the context is the simulator. */
 void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *stats);
 
-/* The parts of the status that are known before the first tick. */
+/* Fills in the parts of the status that are known before the first tick. */
 void simulator_fill_start(struct simulator *simulator);
 
 /* ---- view.c ---- */
 
-/* After the signals. */
+/* Creates the view; after the signals, whose number it needs. */
 enum error_code simulator_create_view(struct simulator *simulator, struct error *error);
 
-/* After a tick: publishes a view of it where one is wanted. RT-safe. */
+/* Publishes a view of the tick that has run, if one is wanted. RT-safe. */
 void simulator_offer_view(struct simulator *simulator);
 
 /* Returns the signals of the view of the tick that has run last, NULL without one. RT-safe. */
 const double *simulator_view_signals(const struct simulator *simulator);
 
-/* Between two ticks: makes up for it where a view is wanted only now. RT-safe. */
+/* Publishes the view of the last tick, between two ticks, if it has come to be wanted only
+ * since. RT-safe. */
 void simulator_renew_view(struct simulator *simulator);
 
 /* ---- signals.c ---- */
 
-/* Of a row, the first of the six of a body's contact wrench. */
+/* Returns the column of the first of the six components of a body's contact wrench in a row. */
 size_t simulator_contact_column(const struct simulator *simulator, size_t contact);
 
-/* The stream before the recorder, whose columns are the first of the stream's. */
+/* Lists the signals and creates the streams; before the recorder, whose columns are the first of
+ * the stream's. */
 enum error_code simulator_create_signals(struct simulator *simulator, struct error *error);
 
-/* The present value of each signal that is recorded; returns where the next would go. RT-safe. */
+/* Writes the present value of each signal that is recorded; returns where the next would go.
+ * RT-safe. */
 double *simulator_fill_signals(const struct simulator *simulator, double *to);
 
-/* The same, and behind them those of the buses: a row of the stream. RT-safe. */
+/* Writes a row of the stream: the recorded signals, then those of the buses. RT-safe. */
 void simulator_fill_stream(const struct simulator *simulator, double *to);
 
-/* A row for each reader for whom one is due; after simulator_offer_view. RT-safe. */
+/* Writes a row for each reader for whom one is due; after simulator_offer_view. RT-safe. */
 void simulator_stream_row(struct simulator *simulator);
 
 /* ---- recording.c ---- */
 
 enum error_code simulator_create_recorder(struct simulator *simulator, struct error *error);
 
-/* A row for the recording, when one is due. RT-safe. */
+/* Writes a row for the recording, if one is due. RT-safe. */
 void simulator_record_row(struct simulator *simulator);
 
 #endif

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The status that a simulator publishes once a tick, for other threads. */
+/* Publishes the status of a simulator once a tick, for other threads. */
 #include "sim/simulator_private.h"
 
 #include <string.h>
 
+/* Copies counters and states of the buses. */
 static void status_fill_buses(struct simulator *simulator)
 {
     const struct rig *rig = simulator->config.rig;
@@ -23,6 +24,7 @@ static void status_fill_buses(struct simulator *simulator)
     }
 }
 
+/* Copies poses, joint angles, contact forces and the clamp. */
 static void status_fill_plant(struct simulator *simulator)
 {
     const struct rig *rig = simulator->config.rig;
@@ -46,6 +48,7 @@ static void status_fill_plant(struct simulator *simulator)
     }
 }
 
+/* Copies when each external board was last heard, and which are silent. */
 static void status_fill_external(struct simulator *simulator)
 {
     const struct boards_config *boards = &simulator->config.rig->boards;
@@ -63,6 +66,7 @@ static void status_fill_external(struct simulator *simulator)
     }
 }
 
+/* Copies the loop's accounts. */
 static void status_fill_counters(struct simulator *simulator, const struct loop_stats *stats)
 {
     struct simulator_status *status = &simulator->status;
@@ -80,6 +84,7 @@ static void status_fill_counters(struct simulator *simulator, const struct loop_
     status->lockstep = stats->lockstep;
 }
 
+/* Copies which faults are active, a bit each. */
 static void status_fill_faults(struct simulator *simulator)
 {
     uint64_t *word = simulator->status.fault;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A controller's frames, and those of external boards, read from a log in two passes: counted, then
- * kept. */
+/* Reads the frames of a controller and of external boards from a log, in two passes: count, then
+ * keep. */
 #include "sim/stimulus.h"
 
 #include "boards/messages.h"
@@ -19,23 +19,26 @@ struct stimulus_reader {
     const char *const *interface;
     bool lockstep;
     char path[PATH_MAX];
-    uint8_t sent[RIG_BUSES_MAX][STANDARD_IDS]; /* 1: a board sends this identifier on this bus */
+    /* 1 = a board of the simulator sends this identifier on this bus */
+    uint8_t sent[RIG_BUSES_MAX][STANDARD_IDS];
     /* Identifiers of 29 bits that boards send, but for the bits of the mask, which are 0 here */
     struct {
         size_t bus;
         uint32_t id, mask;
     } extended[EXTENDED_IDS];
     size_t nextended;
+    bool full; /* the boards send more of them */
 };
 
 /* ---- whose frame it is ---- */
 
-/* Where the boards' messages of a bus are marked. */
+/* The bus whose messages stimulus_mark_sent marks. */
 struct stimulus_marks {
     struct stimulus_reader *reader;
     size_t bus;
 };
 
+/* Marks the identifier of a message that the simulator's own boards send. */
 static bool stimulus_mark_sent(void *context, const struct message *message)
 {
     const struct stimulus_marks *marks = context;
@@ -47,7 +50,10 @@ static bool stimulus_mark_sent(void *context, const struct message *message)
     }
     if (!message->extended) {
         reader->sent[marks->bus][message->id % STANDARD_IDS] = 1;
-    } else if (reader->nextended < EXTENDED_IDS) {
+    } else if (reader->nextended == EXTENDED_IDS) {
+        reader->full = true;
+        return false;
+    } else {
         reader->extended[reader->nextended].bus = marks->bus;
         reader->extended[reader->nextended].id = message->id;
         reader->extended[reader->nextended++].mask = message->id_mask;
@@ -55,6 +61,7 @@ static bool stimulus_mark_sent(void *context, const struct message *message)
     return true;
 }
 
+/* Finds a bus by the name of its interface, else by its own; -1 = none. */
 static int stimulus_find_bus(const struct stimulus_reader *reader, const char *name)
 {
     for (size_t b = 0; b < reader->rig->nbus; b++) {
@@ -65,7 +72,7 @@ static int stimulus_find_bus(const struct stimulus_reader *reader, const char *n
     return rig_find_bus(reader->rig, name);
 }
 
-/* Whether a board sends an identifier of 29 bits. */
+/* Checks whether a board of the simulator sends an identifier of 29 bits. */
 static bool stimulus_is_extended_of_boards(const struct stimulus_reader *reader, size_t bus,
                                            uint32_t id)
 {
@@ -78,7 +85,7 @@ static bool stimulus_is_extended_of_boards(const struct stimulus_reader *reader,
     return false;
 }
 
-/* Whether a frame came from outside and is to be played. */
+/* Checks whether a frame came from a controller or an external board and is to be played. */
 static bool stimulus_takes_frame(const struct stimulus_reader *reader, size_t bus,
                                  const struct bus_frame *frame)
 {
@@ -98,7 +105,7 @@ static bool stimulus_takes_frame(const struct stimulus_reader *reader, size_t bu
 
 /* ---- the log ---- */
 
-/* Counts the frames of each bus, or keeps them where there is room. */
+/* Reads the log once: counts the frames of each bus, and keeps them where there is room. */
 static enum error_code stimulus_pass(const struct stimulus_reader *reader,
                                      struct stimulus *stimulus, struct error *error)
 {
@@ -115,6 +122,7 @@ static enum error_code stimulus_pass(const struct stimulus_reader *reader,
         char name[16];
         int bus;
 
+        /* Each frame by the interface or bus that the log names */
         code = candump_next(&log, &frame, name, &end, error);
         if (code || end) {
             break;
@@ -137,6 +145,7 @@ static enum error_code stimulus_pass(const struct stimulus_reader *reader,
     return code;
 }
 
+/* Checks that there is something to play, not too much, and a STEP if the clock is lockstep. */
 static enum error_code stimulus_check_count(const struct stimulus_reader *reader,
                                             const struct stimulus *stimulus, struct error *error)
 {
@@ -167,6 +176,7 @@ static enum error_code stimulus_check_count(const struct stimulus_reader *reader
                      reader->path);
 }
 
+/* Counts the frames, allocates room, and reads them. */
 static enum error_code stimulus_read(const struct stimulus_reader *reader, struct arena *arena,
                                      struct stimulus *stimulus, struct error *error)
 {
@@ -207,6 +217,12 @@ enum error_code stimulus_load(const char *path, const struct rig *rig, const cha
         struct stimulus_marks marks = {reader, b};
 
         boards_messages(&rig->boards, (int)b, stimulus_mark_sent, &marks);
+    }
+    if (reader->full) {
+        return error_set(error, ERROR_UNSUPPORTED,
+                         "the boards send more than %d messages with 29-bit identifiers, which a "
+                         "log to play cannot be told from",
+                         EXTENDED_IDS);
     }
     return stimulus_read(reader, arena, stimulus, error);
 }

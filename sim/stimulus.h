@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What a controller and external boards have sent in a recorded run, to be received again at the
- * same ticks: the frames of a candump log (rt/recorder.h) that none of the simulator's own boards
- * sends, by the tables of the boards. Of the lockstep protocol STEP frames are played when the
- * clock is lockstep, DONE never. Bus errors are not played. Times in ns. Not RT-safe.
+ * same ticks: the frames of a candump log (rt/recording/recorder.h) that none of the simulator's
+ * own boards sends, by the tables of the boards. Of the lockstep protocol STEP frames are played
+ * when the clock is lockstep, DONE never. Bus errors are not played. Times in ns. Not RT-safe.
  */
 #ifndef SIM_STIMULUS_H
 #define SIM_STIMULUS_H
@@ -17,9 +17,9 @@ struct stimulus {
     int64_t end_ns; /* time of the last frame of the log, whoever sent it */
 };
 
-/* Reads a log, or candump.log in a directory. interface: the name of each bus in the log; its name
- * in the rig counts too. Memory from arena. ERROR_INPUT with file:line, on a bus that the rig has
- * not, or when there is nothing to play. */
+/* Reads a log, or candump.log in a directory. interface: the name of each bus in the log; its
+ * name in the rig counts too. Memory from arena. ERROR_INPUT with file:line for a bus that the
+ * rig does not have, or when there is nothing to play. */
 enum error_code stimulus_load(const char *path, const struct rig *rig, const char *const *interface,
                               bool lockstep, struct arena *arena, struct stimulus *stimulus,
                               struct error *error);

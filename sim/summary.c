@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The summary of a run. */
+/* Writes the summary of a run, as text and as JSON. */
 #include "sim/summary.h"
 
 #include "base/json_text.h"
 #include "base/whole_file.h"
 #include "canbus/wire/wire.h"
-#include "rt/recorder.h"
+#include "rt/recording/recorder.h"
 
 #include <inttypes.h>
 #include <limits.h>
@@ -36,6 +36,7 @@ static double summary_seconds(int64_t ns)
     return (double)ns * 1e-9;
 }
 
+/* Returns virtual time over wall time; 0 = nothing ran. */
 static double summary_real_time_factor(const struct loop_stats *stats)
 {
     int64_t wall = stats->end_ns - stats->start_ns;
@@ -50,12 +51,14 @@ static uint64_t state_hash(const struct summary *summary)
 
 /* ---- text ---- */
 
+/* Prints how the run ended, its times and the state hash. */
 static void summary_print_time(const struct summary *summary, FILE *out)
 {
     const struct simulator_config *config = simulator_configuration(summary->simulator);
     const struct loop_stats *stats = simulator_stats(summary->simulator);
 
-    fprintf(out, "%s (%s clock, %s buses): %s\n", config->rig->name, loop_clock_name(config->clock),
+    fprintf(out, "%s (%s clock, %s buses): %s\n", config->rig->name,
+            word_of(loop_clock_words, config->clock),
             simulator_is_local(summary->simulator) ? "local" : "SocketCAN",
             summary_end_text(summary->end));
     fprintf(out, "  %" PRIu64 " ticks, %.3f s virtual in %.3f s, real-time factor %.3f\n",
@@ -64,6 +67,7 @@ static void summary_print_time(const struct summary *summary, FILE *out)
     fprintf(out, "  state hash %016" PRIx64 "\n", state_hash(summary));
 }
 
+/* Prints the accounts of the real clock, and a hint if the machine is too slow. */
 static void print_overruns(const struct loop_stats *stats, FILE *out)
 {
     fprintf(out, "overruns %" PRIu64, stats->overrun_total);
@@ -86,6 +90,8 @@ static void print_overruns(const struct loop_stats *stats, FILE *out)
     }
 }
 
+/* Prints percentiles, maximum and mean (us) of a histogram, and its share of `total` (0 = no
+ * share). */
 static void summary_print_histogram(const char *name, const struct histogram *h, int64_t total,
                                     FILE *out)
 {
@@ -98,6 +104,7 @@ static void summary_print_histogram(const char *name, const struct histogram *h,
     fputc('\n', out);
 }
 
+/* Prints the durations of the phases, of ticks and wake-ups, and the cost of contact. */
 static void summary_print_phases(const struct summary *summary, FILE *out)
 {
     const struct simulator_config *config = simulator_configuration(summary->simulator);
@@ -108,7 +115,7 @@ static void summary_print_phases(const struct summary *summary, FILE *out)
 
     fprintf(out, "  %-10s %10s %10s %10s %10s %10s\n", "us", "p50", "p99", "max", "mean", "share");
     for (int p = 0; p < PHASE_COUNT; p++) {
-        /* an inline task is stepped while the loop would wait */
+        /* An inline task is stepped in the phase in which the loop would wait */
         summary_print_histogram(p == PHASE_WAIT && task_waits ? "task"
                                                               : loop_phase_name((enum loop_phase)p),
                                 &stats->phase[p], total, out);
@@ -126,7 +133,8 @@ static void summary_print_phases(const struct summary *summary, FILE *out)
     }
 }
 
-/* In percent: by the wire where there is one, else by the bits without stuff bits. */
+/* Returns the load of a bus in percent: measured by its wire, else computed from the bits
+ * without stuff bits. */
 static double summary_bus_load(const struct summary *summary, size_t bus)
 {
     const struct rig_bus *rig_bus = &simulator_configuration(summary->simulator)->rig->bus[bus];
@@ -144,6 +152,7 @@ static double summary_bus_load(const struct summary *summary, size_t bus)
                            : 0.0;
 }
 
+/* Prints a table of the buses. */
 static void summary_print_buses(const struct summary *summary, FILE *out)
 {
     const struct rig *rig = simulator_configuration(summary->simulator)->rig;
@@ -163,7 +172,7 @@ static void summary_print_buses(const struct summary *summary, FILE *out)
     }
 }
 
-/* The final state of the CAN controllers of real interfaces, and of their queues. */
+/* Prints the final state of the CAN controllers of real interfaces, and of their queues. */
 static void print_can_controllers(const struct summary *summary, FILE *out)
 {
     const struct rig *rig = simulator_configuration(summary->simulator)->rig;
@@ -180,6 +189,7 @@ static void print_can_controllers(const struct summary *summary, FILE *out)
     }
 }
 
+/* Returns the sum of n counters. */
 static unsigned long long summary_sum(const uint64_t *count, size_t n)
 {
     unsigned long long sum = 0;
@@ -190,7 +200,7 @@ static unsigned long long summary_sum(const uint64_t *count, size_t n)
     return sum;
 }
 
-/* The counters of the wires in virtual time. */
+/* Prints a table of the wires in virtual time. */
 static void print_wires(const struct summary *summary, FILE *out)
 {
     const struct rig *rig = simulator_configuration(summary->simulator)->rig;
@@ -218,6 +228,7 @@ static void print_wires(const struct summary *summary, FILE *out)
     }
 }
 
+/* Prints the counters of boards, lockstep and recorder, and lost events. */
 static void print_rest(const struct summary *summary, FILE *out)
 {
     const struct loop_stats *stats = simulator_stats(summary->simulator);
@@ -250,7 +261,8 @@ static void print_rest(const struct summary *summary, FILE *out)
     }
 }
 
-/* False when it was not requested, or the contact engine has failed. */
+/* Reads the energy account, and its turnover: the sum of all flows, J. False = none was
+ * requested, or the contact engine has failed. */
 static bool read_energy(const struct summary *summary, struct plant_energy *e, double *turnover)
 {
     if (!simulator_configuration(summary->simulator)->energy ||
@@ -264,6 +276,7 @@ static bool read_energy(const struct summary *summary, struct plant_energy *e, d
     return true;
 }
 
+/* Prints the energy account and what does not balance. */
 static void print_energy(const struct summary *summary, FILE *out)
 {
     struct plant_energy e;
@@ -306,6 +319,7 @@ void summary_print(const struct summary *summary, FILE *out)
 
 /* ---- JSON ---- */
 
+/* Writes a histogram as a member, followed by `end`. */
 static void json_histogram(const char *name, const struct histogram *h, const char *end, FILE *out)
 {
     fprintf(out,
@@ -315,6 +329,7 @@ static void json_histogram(const char *name, const struct histogram *h, const ch
             h->sum, end);
 }
 
+/* Writes the accounts of the real clock and the durations of the phases. */
 static void json_phases(const struct loop_stats *stats, FILE *out)
 {
     fprintf(out, "  \"overruns\": {");
@@ -337,6 +352,7 @@ static void json_phases(const struct loop_stats *stats, FILE *out)
     fprintf(out, "  },\n");
 }
 
+/* Writes the counters of a bus's wire, if it has one. */
 static void json_wire(const struct wire *wire, FILE *out)
 {
     struct wire_latency worst;
@@ -364,6 +380,7 @@ static void json_wire(const struct wire *wire, FILE *out)
     fprintf(out, "}");
 }
 
+/* Writes the counters of the buses and of their wires. */
 static void json_buses(const struct summary *summary, FILE *out)
 {
     const struct rig *rig = simulator_configuration(summary->simulator)->rig;
@@ -389,6 +406,7 @@ static void json_buses(const struct summary *summary, FILE *out)
     fprintf(out, "  ],\n");
 }
 
+/* Writes the counters of boards and recorder. */
 static void json_rest(const struct summary *summary, FILE *out)
 {
     const struct recorder_counters *r = &summary->recorder;
@@ -409,6 +427,7 @@ static void json_rest(const struct summary *summary, FILE *out)
             r->frames_unwritten, r->rows_unwritten, r->events_unwritten);
 }
 
+/* Writes the energy account, if there is one. */
 static void json_energy(const struct summary *summary, FILE *out)
 {
     struct plant_energy e;
@@ -432,6 +451,7 @@ static void json_energy(const struct summary *summary, FILE *out)
     }
 }
 
+/* Writes the whole summary as a JSON object. */
 static void json_write(const struct summary *summary, FILE *out)
 {
     const struct simulator_config *config = simulator_configuration(summary->simulator);
@@ -451,7 +471,7 @@ static void json_write(const struct summary *summary, FILE *out)
             ",\n  \"clock\": \"%s\", \"end\": \"%s\",\n  \"ticks\": %" PRIu64
             ", \"virtual_s\": %.9f, \"wall_s\": %.9f, \"real_time_factor\": %.6f,\n"
             "  \"state_hash\": \"%016" PRIx64 "\",\n",
-            loop_clock_name(config->clock), summary_end_text(summary->end), stats->ticks,
+            word_of(loop_clock_words, config->clock), summary_end_text(summary->end), stats->ticks,
             summary_seconds(stats->time_ns), summary_seconds(stats->end_ns - stats->start_ns),
             summary_real_time_factor(stats), state_hash(summary));
     fprintf(out, "  \"dynamics\": ");

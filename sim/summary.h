@@ -18,7 +18,7 @@ struct summary {
     const void *context; /* its argument */
 };
 
-/* "ran its length", ... */
+/* Returns how a run ended, in words: "ran its length", ... */
 const char *summary_end_text(enum loop_end end);
 
 void summary_print(const struct summary *summary, FILE *out);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Steps a task in time, inline or in a thread or process of its own. */
+/* Steps a task at the right times, inline or in a thread or process of its own. */
 #include "sim/task_runner.h"
 
 #include "base/text.h"
@@ -59,6 +59,7 @@ enum error_code task_runner_create(const struct rig *rig, const char *task,
     if (!runner) {
         return error_set(error, ERROR_MEMORY, "no memory left for a task");
     }
+    /* The runner, its published status, and the task itself */
     *runner = (struct task_runner){
         .lockstep = lockstep,
         .period_ns = rig->tick_ns,
@@ -91,7 +92,7 @@ enum task_status task_runner_step(struct task_runner *runner, int64_t now_ns)
     return status;
 }
 
-/* Lockstep: sleeps until a bus has frames. */
+/* Sleeps until a bus has frames (lockstep). */
 static void task_runner_wait_for_frames(struct task_runner *runner)
 {
     struct pollfd fds[POLLED_MAX];
@@ -104,8 +105,8 @@ static void task_runner_wait_for_frames(struct task_runner *runner)
     clock_wait_readable(runner->time, fds, count, clock_now(runner->time) + DONE_WAIT_NS);
 }
 
-/* Real time: sleeps until the next deadline that has not passed; missed ones are dropped, the grid
- * stays. */
+/* Sleeps until the next deadline that has not passed (real time); missed ones are dropped, the
+ * grid stays. */
 static void task_runner_wait_for_deadline(struct task_runner *runner, int64_t *deadline_ns)
 {
     int64_t now = clock_now(runner->time);
@@ -117,7 +118,8 @@ static void task_runner_wait_for_deadline(struct task_runner *runner, int64_t *d
     clock_sleep_until(runner->time, *deadline_ns);
 }
 
-/* The task's time: the clock's less the pauses in which the task did not run. */
+/* Returns the task's time: the clock's less the pauses in which the task did not run (a stopped
+ * process). */
 static int64_t task_runner_time(const struct task_runner *runner, int64_t *last_ns,
                                 int64_t *paused_ns)
 {

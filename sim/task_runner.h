@@ -36,17 +36,18 @@ struct task_runner {
     const char *const *signal_name;
 };
 
-/* ERROR_INPUT when there is no such task: to be checked before anything is opened. Not RT-safe. */
+/* Checks, before anything is opened, that there is such a task; else ERROR_INPUT. Not RT-safe. */
 enum error_code task_runner_check_name(const char *task, struct error *error);
 
-/* input: NULL = none. port: one a bus of the rig. All are borrowed, like the clock. lockstep: the
- * task sends STEP and waits for DONE. Memory from arena. ERROR_MEMORY, ERROR_INPUT. Not RT-safe. */
+/* Creates a task and its runner. input: NULL = none. port: one for each bus of the rig. All are
+ * borrowed, like the clock. lockstep: the task sends STEP and waits for DONE. Memory from arena.
+ * ERROR_MEMORY, ERROR_INPUT. Not RT-safe. */
 enum error_code task_runner_create(const struct rig *rig, const char *task,
                                    const struct task_input *input, struct can_port **port,
                                    bool lockstep, struct clock *time, struct arena *arena,
                                    struct task_runner **runner, struct error *error);
 
-/* One step of the task. RT-safe. */
+/* Runs one step of the task. RT-safe. */
 enum task_status task_runner_step(struct task_runner *runner, int64_t now_ns);
 
 /* Steps until the task ends or stop is set; switches the motors off when it was stopped. While the
@@ -55,7 +56,7 @@ enum task_status task_runner_step(struct task_runner *runner, int64_t now_ns);
  * RT-safe but that it sleeps. */
 enum task_status task_runner_run(struct task_runner *runner);
 
-/* The last published status; from any thread. RT-safe but that it may repeat. */
+/* Copies the last published status; from any thread. RT-safe except that it may repeat the copy. */
 void task_runner_read(const struct task_runner *runner, struct task_runner_status *status);
 
 #endif

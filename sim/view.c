@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Views: one block of memory with status, signals and boards, behind a sequence lock. */
+/* Publishes views: one block of memory with status, signals and boards, behind a sequence lock. */
 #include "sim/view.h"
 
 #include "sim/simulator_private.h"
@@ -9,6 +9,7 @@
 _Static_assert(sizeof(struct simulator_status) % 8 == 0 && sizeof(struct board_state) % 8 == 0,
                "a snapshot consists of words");
 
+/* Returns the bytes of a view: status, signals, boards. */
 static size_t view_size(const struct simulator *simulator)
 {
     return sizeof(struct simulator_status) + simulator->nsignal * sizeof(double) +
@@ -25,6 +26,7 @@ static struct board_state *view_boards(const struct simulator *simulator, void *
     return (struct board_state *)(view_signals(memory) + simulator->nsignal);
 }
 
+/* Fills in and publishes the view of the last tick. */
 static void view_publish(struct simulator *simulator)
 {
     void *memory = simulator->view;

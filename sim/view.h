@@ -19,11 +19,11 @@ struct simulator_view {
     void *memory; /* of the copy */
 };
 
-/* Room for one copy, from arena; for each reader its own. ERROR_MEMORY. Not RT-safe. */
+/* Creates room for one copy, from arena; each reader has its own. ERROR_MEMORY. Not RT-safe. */
 enum error_code simulator_view_create(const struct simulator *simulator, struct arena *arena,
                                       struct simulator_view *view, struct error *error);
 
-/* Whether views are wanted; from the one thread that reads them. RT-safe. */
+/* Sets whether views are wanted; from the one thread that reads them. RT-safe. */
 void simulator_want_views(struct simulator *simulator, bool wanted);
 
 /* Publishes the last tick's view, whether one is wanted or not; when the loop has ended, from the
@@ -35,8 +35,8 @@ void simulator_end_views(struct simulator *simulator);
  * without guests, or with inline ones only. RT-safe. */
 struct stream *simulator_view_stream(const struct simulator *simulator);
 
-/* Copies the last one that was published; before the first tick, that of the start. Returns how
- * many there have been. Not RT-safe. */
+/* Copies the last view that was published; before the first tick that of the start. Returns how
+ * many were published. Not RT-safe. */
 uint64_t simulator_view_read(const struct simulator *simulator, struct simulator_view *view);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Events of the robot's mechanics: limits, stops, falls. */
+/* Watches the robot's mechanics for events: limits, stops, falls. */
 #include "sim/watch.h"
 
 #include "base/portable_math.h"
@@ -13,14 +13,17 @@
 enum { EVENT_SLOTS = 256 };
 
 #define TILTED 1.0471975511965976 /* rad, 60 degrees */
-#define SUNK 0.5                  /* of the height at the start */
-#define SPRING_BACK 0.9           /* of the room of a spring */
+/* share of the height at the start below which the base has sunk */
+#define SUNK 0.5
+/* share of the deflection at its stop: below it the spring is off the stop */
+#define SPRING_BACK 0.9
 
-/* A joint past a limit, from there until it is back, and its series spring at its stop. */
+/* The watch's record of a joint: whether it is past a limit, and whether its series spring is at
+ * its stop. */
 struct watch_joint {
     bool past, told;
-    int64_t since_ns, near_ns; /* since when, and when it was near the limit last */
-    double depth, limit;       /* the greatest depth since, at that limit */
+    int64_t since_ns, near_ns; /* since when it is past, and when it was last near the limit */
+    double depth, limit;       /* the greatest depth since then, and the limit itself, rad or m */
     bool spring;
     int64_t spring_near_ns;
 };
@@ -36,7 +39,7 @@ struct watch {
     /* Falls */
     bool falls;     /* the robot has a floating base, and there is gravity */
     bool *limb_end; /* by body */
-    bool *stands;   /* by body: the robot stood on it at first */
+    bool *stands;   /* by body: the robot stood on it at the start */
     bool fallen;
     int64_t released_ns, calm_ns; /* when it was clamped or started last; fallen last */
     double base_up[3];            /* what was up then, in the base's frame */
@@ -47,6 +50,7 @@ struct watch {
 
 /* ---- joints and springs ---- */
 
+/* Follows a joint past its limit, and emits one event an occurrence with the greatest depth. */
 static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j)
 {
     const struct robot_joint *joint = &watch->rig->robot->joint[j];
@@ -54,7 +58,7 @@ static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j)
     double q = plant_sensors(watch->plant)->motor[j].q;
     double depth = fmax(q - joint->upper, joint->lower - q);
 
-    /* Onset, and the way back */
+    /* Past the limit, and back within it for long enough */
     if (!seen->past && depth > WATCH_PAST) {
         seen->past = true;
         seen->since_ns = now_ns;
@@ -66,7 +70,7 @@ static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j)
         seen->past = seen->told = false;
     }
 
-    /* Told as soon as it gets no further, or has gone on for long enough */
+    /* The event comes as soon as the joint gets no further, or WATCH_RISE_NS after the onset */
     if (seen->past && !seen->told) {
         if (depth > seen->depth) {
             seen->depth = depth;
@@ -85,6 +89,7 @@ static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j)
     }
 }
 
+/* Follows the series spring of a joint to its stop, and emits one event an occurrence. */
 static void watch_spring(struct watch *watch, int64_t now_ns, size_t j)
 {
     const struct robot_sea *sea = &watch->rig->robot->joint[j].sea;
@@ -110,7 +115,7 @@ static void watch_spring(struct watch *watch, int64_t now_ns, size_t j)
 
 /* ---- falls ---- */
 
-/* The angle between up and what was up of the base, rad. */
+/* Returns the angle between up and the axis of the base that pointed up at the start, rad. */
 static double base_tilt(const struct watch *watch, const double quaternion[4])
 {
     double R[9], axis[3];
@@ -120,7 +125,7 @@ static double base_tilt(const struct watch *watch, const double quaternion[4])
     return portable_acos(fmax(-1.0, fmin(1.0, vec3_dot(axis, watch->up))));
 }
 
-/* How high the base is above the lowest observed body, m. */
+/* Returns how high the base is above the lowest observed body, m. */
 static double base_height(const struct watch *watch, const double position[3])
 {
     const struct robot *robot = watch->rig->robot;
@@ -135,7 +140,7 @@ static double base_height(const struct watch *watch, const double position[3])
     return height;
 }
 
-/* Whether something touches contact body c, by the wrench on it. */
+/* Checks whether something touches contact body c, by the wrench on it. */
 static bool body_is_touched(const struct watch *watch, size_t c)
 {
     const double *force = plant_contact_wrenches(watch->plant)[c].force;
@@ -143,7 +148,7 @@ static bool body_is_touched(const struct watch *watch, size_t c)
     return vec3_dot(force, force) > 0.0;
 }
 
-/* The body of the robot that a surface lies on, -1 = none; with its surface the world's. */
+/* Returns the body of the robot that a surface lies on; -1 = none: the world or a free body. */
 static int robot_body_of_surface(const struct watch *watch, int surface)
 {
     int motion = watch->rig->contact.surface[surface].body;
@@ -152,8 +157,8 @@ static int robot_body_of_surface(const struct watch *watch, int surface)
     return body < (int)watch->rig->robot->nbody ? body : -1;
 }
 
-/* Looks for a body of the robot on a surface of the world that has no business there; while the
- * robot is still finding its feet, notes instead what it stands on. */
+/* Finds a body of the robot that touches the world and is neither the end of a limb nor one that
+ * it stood on. While the robot still finds its feet (standing), notes what it stands on instead. */
 static bool find_touching_body(struct watch *watch, bool standing, struct watch_event *event)
 {
     const struct contact_config *contact = &watch->rig->contact;
@@ -181,7 +186,7 @@ static bool find_touching_body(struct watch *watch, bool standing, struct watch_
     return false;
 }
 
-/* As above, but the patches are asked for only when some body that matters is touched. */
+/* Does the same, but computes the patches only when a body that matters is touched. */
 static bool robot_touches_world(struct watch *watch, bool standing, struct watch_event *event)
 {
     const struct rig *rig = watch->rig;
@@ -197,7 +202,7 @@ static bool robot_touches_world(struct watch *watch, bool standing, struct watch
     return false;
 }
 
-/* The robot as it is now is one that stands. */
+/* Takes the robot's present posture as standing: the reference of tilt and height. */
 static void remember_standing(struct watch *watch, const double *base, int64_t now_ns)
 {
     double R[9];
@@ -210,6 +215,8 @@ static void remember_standing(struct watch *watch, const double *base, int64_t n
     memset(watch->stands, 0, watch->rig->robot->nbody * sizeof *watch->stands);
 }
 
+/* Detects a fall by contact, tilt or height, and emits one event until the robot was up for
+ * WATCH_CALM_NS. */
 static void watch_fall(struct watch *watch, int64_t now_ns)
 {
     bool standing = now_ns - watch->released_ns < WATCH_STANDS_NS;
@@ -220,7 +227,7 @@ static void watch_fall(struct watch *watch, int64_t now_ns)
     double height = base_height(watch, base + BASE_Q_POSITION);
     bool down;
 
-    /* By contact, which is the first to show, by tilt, by height */
+    /* Contact shows first, then tilt, then height */
     down = robot_touches_world(watch, standing, &event);
     if (!down && tilt > TILTED) {
         event.kind = WATCH_TILT;
@@ -264,7 +271,7 @@ void watch_step(struct watch *watch, int64_t now_ns)
     }
 }
 
-/* A limb ends with a body that no other hangs on. */
+/* Finds the ends of limbs: bodies without children. */
 static void find_limb_ends(struct watch *watch)
 {
     const struct robot *robot = watch->rig->robot;
@@ -304,7 +311,7 @@ enum error_code watch_create(const struct rig *rig, struct plant *plant, struct 
     ring_init(&watch->events, slots, sizeof(struct watch_event), EVENT_SLOTS);
     find_limb_ends(watch);
 
-    /* Where it starts */
+    /* The reference for falls: up, and the posture at the start */
     watch->falls = robot->floating && gravity > 0.0;
     for (int i = 0; watch->falls && i < 3; i++) {
         watch->up[i] = -robot->gravity[i] / gravity;

@@ -24,7 +24,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* rad or m: depth from which a joint counts as past its limit, and way back. */
+/* Depth from which a joint counts as past its limit, and the way back within its range, rad or
+ * m. */
 #define WATCH_PAST 1e-4
 #define WATCH_BACK 1e-2
 
@@ -51,21 +52,22 @@ struct watch_event {
 struct watch;
 struct ring;
 
-/* Memory from arena; rig and plant are borrowed, the plant has its first sample. ERROR_MEMORY. Not
- * RT-safe. */
+/* Creates the watch in memory from arena; rig and plant are borrowed, the plant has its first
+ * sample. ERROR_MEMORY. Not RT-safe. */
 enum error_code watch_create(const struct rig *rig, struct plant *plant, struct arena *arena,
                              struct watch **watch, struct error *error);
 
-/* After each sample of the plant, with the tick's time. RT-safe. */
+/* Looks at the plant after each of its samples, with the tick's time. RT-safe. */
 void watch_step(struct watch *watch, int64_t now_ns);
 
-/* The ring of events, which the thread that reads them writes too: a checkpoint leaves it alone. */
+/* Returns the ring of events, which the thread that reads them writes too: a checkpoint leaves
+ * it alone. */
 const struct ring *watch_event_ring(const struct watch *watch);
 
 /* Takes one event; false when none waits. RT-safe. */
 bool watch_next_event(struct watch *watch, struct watch_event *event);
 
-/* It as a line of text with its time. */
+/* Writes an event as a line of text with its time. */
 void watch_event_format(const struct watch *watch, const struct watch_event *event, char *text,
                         size_t size);
 

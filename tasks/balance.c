@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes the balance, brings the robot to its posture and runs the periods. */
+/* Creates the balance controller, ramps the robot into its posture and runs the control periods. */
 #include "tasks/balance_private.h"
 
 #include "base/vec3.h"
@@ -7,12 +7,14 @@
 #include <math.h>
 #include <string.h>
 
-#define RAMP_S 1.5   /* from the initial pose to the posture */
-#define SETTLE_S 0.5 /* then the springs come to rest */
-#define LOAD_S 0.3   /* in which the motors take the weight over at the start */
+#define RAMP_S 1.5   /* duration of the ramp from the initial pose to the posture */
+#define SETTLE_S 0.5 /* wait after the ramp, until the springs are at rest */
+#define LOAD_S 0.3   /* duration in which the motors take over the weight at the start */
 
 /* ---- creation ---- */
 
+/* Finds the geometry, axes and link chain of both legs. ERROR_INPUT when a leg is not of a known
+ * kind. */
 static enum error_code balance_find_legs(struct balance *balance, struct error *error)
 {
     for (int side = 0; side < BODY_SIDES; side++) {
@@ -31,8 +33,8 @@ static enum error_code balance_find_legs(struct balance *balance, struct error *
     return ERROR_NONE;
 }
 
-/* The posture in which the robot stands: the center of mass over the middle of the soles. False
- * when the legs do not reach so far. */
+/* Computes the standing posture: center of mass over the middle of the soles. Returns false when
+ * the legs do not reach that far. */
 static bool balance_find_posture(struct balance *balance)
 {
     const struct gait_config *gait = &balance->config.gait;
@@ -42,12 +44,15 @@ static bool balance_find_posture(struct balance *balance)
 
     mat3_from_rpy(rpy, R);
     mat3_identity(flat);
+    /* The center of mass depends on the leg angles, and they on the pelvis: fixed-point
+     * iteration */
     memcpy(balance->angle, balance->initial,
            host_configuration(balance->host)->naxis * sizeof *balance->angle);
     for (int round = 0; round < 30; round++) {
         balance_com_offset(balance, R, offset);
         pelvis[0] = gait->zmp_ahead_m - offset[0];
         pelvis[1] = -offset[1];
+        /* Joint angles that put both soles flat on the ground, width_m apart */
         for (int side = 0; side < BODY_SIDES; side++) {
             struct balance_leg *leg = &balance->leg[side];
             double sole[3] = {0, (side == BODY_LEFT ? 0.5 : -0.5) * gait->width_m, 0};
@@ -59,6 +64,7 @@ static bool balance_find_posture(struct balance *balance)
             }
         }
     }
+    /* Inertia of each leg about the pitch axis of its hip, its links taken as point masses */
     for (int side = 0; side < BODY_SIDES; side++) {
         struct balance_leg *leg = &balance->leg[side];
 
@@ -73,6 +79,7 @@ static bool balance_find_posture(struct balance *balance)
             leg->inertia_kg_m2 += link->mass_kg * (arm[0] * arm[0] + arm[2] * arm[2]);
         }
     }
+    /* The posture fixes the pendulum: height of the center of mass, omega = sqrt(g / height) */
     balance->com_height_m = pelvis[2] + offset[2];
     balance->omega = sqrt(balance->model->gravity_m_s2 / balance->com_height_m);
     return reached;
@@ -93,6 +100,7 @@ enum error_code balance_create(const struct balance_config *config, const struct
     if (!balance || !angle || !from || !pose || !gains) {
         return error_set(error, ERROR_MEMORY, "no memory for the balance");
     }
+    /* The gains are a copy, since the ankle rolls have gains of their own */
     *balance = (struct balance){.config = *config,
                                 .model = model,
                                 .initial = initial_rad,
@@ -105,6 +113,7 @@ enum error_code balance_create(const struct balance_config *config, const struct
     for (size_t i = 0; i < naxis; i++) {
         gains[i] = config->gains[i];
     }
+    /* Boards, legs and posture: what can be wrong with the rig shows here */
     code = estimator_create(&config->estimate, model, host, arena, &balance->estimator, error);
     code = code ? code : balance_find_legs(balance, error);
     if (code) {
@@ -145,17 +154,19 @@ void balance_start(struct balance *balance)
 
 /* ---- a period ---- */
 
-/* The posture is reached: from here on the gait leads. */
+/* Starts the gait at the measured footholds, once the posture is reached. */
 static void balance_begin(struct balance *balance, struct gait_measured *measured)
 {
     struct gait_foothold *foot = measured->foot;
     double com[2];
 
+    /* The ground is taken as level until the soles have felt it */
     for (int i = 0; i < BODY_SIDES; i++) {
         foot[i].roll = foot[i].pitch = 0;
         balance->leg[i].foot = foot[i];
         balance->leg[i].carries = 1;
     }
+    /* The plan starts at rest, with the center of mass over the middle of the feet */
     balance->ground_m = (foot[0].p[2] + foot[1].p[2]) / 2;
     com[0] = (foot[0].p[0] + foot[1].p[0]) / 2 + balance->config.gait.zmp_ahead_m;
     com[1] = (foot[0].p[1] + foot[1].p[1]) / 2;
@@ -170,15 +181,19 @@ void balance_update(struct balance *balance, const struct gait_command *command,
     double ramp = fmin(balance->t_s / RAMP_S, 1);
 
     balance->t_s += dt_s;
+    /* Estimate the state; the observer's bandwidth depends on the commanded speed */
     estimator_update(
         balance->estimator, command->step,
         sqrt(command->forward_m_s * command->forward_m_s + command->left_m_s * command->left_m_s),
         dt_s);
+    /* Measure the feet, and let the gait begin when the ramp and the springs are over */
     estimate = estimator_read(balance->estimator);
     balance_measure(balance, &measured, dt_s);
     if (!balance->ready && balance->t_s > RAMP_S + SETTLE_S) {
         balance_begin(balance, &measured);
     }
+    /* Before that: equal load on both feet, references ramped from the initial pose (smooth
+     * step) */
     if (!balance->ready) {
         for (int i = 0; i < BODY_SIDES; i++) {
             balance->leg[i].weight = 0.5;
@@ -192,11 +207,14 @@ void balance_update(struct balance *balance, const struct gait_command *command,
         return;
     }
 
+    /* Plan, feedback on the DCM, distribution to the feet, compliance, poses: each uses the one
+     * before */
     gait_update(&balance->gait, command, &measured, dt_s);
     balance_want_zmp(balance);
     balance_share(balance);
     balance_yield(balance, dt_s);
     balance_pose_legs(balance, dt_s);
+    /* Torques are computed in the new pose; the servo compensates the springs with them */
     body_place(balance->model, balance->angle, balance->pose);
     balance_load_legs(balance);
     balance_load_swing(balance);

@@ -1,15 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the feet are to bear, how they yield to what they bear instead, and where they go. */
+/* Distributes the load to the feet, makes them comply with the measured load, and moves their
+ * targets. */
 #include "base/portable_math.h"
 #include "tasks/balance_private.h"
 
 #include <math.h>
 
-#define FOOT_S 0.15  /* a foot's target goes to where the foot came down */
-#define STOP_S 0.03  /* but its height sooner */
-#define SWING_S 0.01 /* that of a foot in the air follows the plan */
+#define FOOT_S 0.15  /* time constant of a foot's target toward where it came down */
+#define STOP_S 0.03  /* the same of its height, shorter: the ground is there */
+#define SWING_S 0.01 /* time constant with which a foot in the air follows the plan */
 
-/* The foothold at which a foot's sole is, as estimated; its yaw in the turn of the plan's. */
+/* Returns the foothold at which a foot's sole is estimated to be. Its yaw is unwrapped to the
+ * turn of the plan's yaw, rad. */
 static struct gait_foothold balance_foothold(const struct estimate_foot *foot, double plan_yaw)
 {
     const double *R = foot->sole.R;
@@ -23,8 +25,8 @@ static struct gait_foothold balance_foothold(const struct estimate_foot *foot, d
     };
 }
 
-/* A sole that lies on the ground bears its load within its edges; one that stands on an edge does
- * not. */
+/* Returns whether a sole lies flat on the ground: it is loaded and its center of pressure is
+ * inside its edges. (A sole that stands on an edge has it on that edge.) */
 static bool balance_foot_flat(const struct balance *balance, const struct estimate_foot *foot)
 {
     const struct balance_config *config = &balance->config;
@@ -35,7 +37,7 @@ static bool balance_foot_flat(const struct balance *balance, const struct estima
            fabs(foot->cop_m[1]) < config->gait.sole_side_m - config->gait.sole_margin_m;
 }
 
-/* What the gait is to know. */
+/* Fills what the gait measures: footholds, contact, vertical forces, center of mass and DCM. */
 void balance_measure(struct balance *balance, struct gait_measured *measured, double dt_s)
 {
     const struct estimate *estimate = estimator_read(balance->estimator);
@@ -56,7 +58,8 @@ void balance_measure(struct balance *balance, struct gait_measured *measured, do
     }
 }
 
-/* The wanted zero-moment point: the plan's, and against the error of the DCM. */
+/* Computes the wanted zero-moment point: the plan's, plus proportional feedback on the error of
+ * the divergent component of motion (DCM). */
 void balance_want_zmp(struct balance *balance)
 {
     const struct estimate *estimate = estimator_read(balance->estimator);
@@ -70,8 +73,8 @@ void balance_want_zmp(struct balance *balance)
     }
 }
 
-/* Shares the wanted zero-moment point among the feet: between them by weight, beside the line
- * between them by their centers of pressure. Each stays within its sole. */
+/* Distributes the wanted zero-moment point to the feet: along the line between them by their
+ * shares of the weight, across that line by their centers of pressure. Limits each to its sole. */
 void balance_share(struct balance *balance)
 {
     const struct balance_config *config = &balance->config;
@@ -79,11 +82,13 @@ void balance_share(struct balance *balance)
     double at[BODY_SIDES][2], line[2], left = plan->share[BODY_LEFT], rest[2];
     double side_m = config->gait.sole_side_m - config->gait.sole_margin_m;
 
+    /* The line from the right foot's zero-moment point to the left one's */
     for (int i = 0; i < BODY_SIDES; i++) {
         gait_foot_zmp(&balance->gait, i, &plan->foot[i], at[i]);
     }
     line[0] = at[BODY_LEFT][0] - at[BODY_RIGHT][0];
     line[1] = at[BODY_LEFT][1] - at[BODY_RIGHT][1];
+    /* Both feet stand: project the wanted point onto the line */
     if (plan->phase != GAIT_SWING) {
         left = ((balance->zmp[0] - at[BODY_RIGHT][0]) * line[0] +
                 (balance->zmp[1] - at[BODY_RIGHT][1]) * line[1]) /
@@ -92,6 +97,8 @@ void balance_share(struct balance *balance)
     }
     balance->leg[BODY_LEFT].weight = left;
     balance->leg[BODY_RIGHT].weight = 1 - left;
+    /* What is left after the projection lies across the line: both feet move by it, in their
+     * soles */
     for (int k = 0; k < 2; k++) {
         rest[k] = balance->zmp[k] - (at[BODY_RIGHT][k] + left * line[k]);
     }
@@ -100,6 +107,7 @@ void balance_share(struct balance *balance)
         double point[2] = {at[i][0] + rest[0], at[i][1] + rest[1]};
 
         gait_into_foot(&plan->foot[i], point, leg->cop_m);
+        /* Limit the center of pressure to the sole less its margin */
         leg->cop_m[0] =
             fmin(fmax(leg->cop_m[0], config->gait.sole_back_m + config->gait.sole_margin_m),
                  config->gait.sole_front_m - config->gait.sole_margin_m);
@@ -107,13 +115,14 @@ void balance_share(struct balance *balance)
     }
 }
 
-/* Turns the feet by what their moments are off, and stretches the legs by what the difference of
- * their forces is off. */
+/* Makes the feet comply: integrates the errors of their moments into tilts of the soles and the
+ * error of the difference of their forces into leg lengths, both with a leak. */
 void balance_yield(struct balance *balance, double dt_s)
 {
     const struct balance_config *config = &balance->config;
     const struct estimate *estimate = estimator_read(balance->estimator);
     double weight = balance->model->mass_kg * balance->model->gravity_m_s2;
+    /* Error of the difference of the vertical forces, left minus right, N */
     double difference =
         weight * (balance->leg[BODY_LEFT].weight - balance->leg[BODY_RIGHT].weight) -
         (estimate->foot[BODY_LEFT].force_n[2] - estimate->foot[BODY_RIGHT].force_n[2]);
@@ -132,6 +141,7 @@ void balance_yield(struct balance *balance, double dt_s)
         leg->turn[0] = leg->turn[0] * leak + roll * force * (foot->cop_m[1] - leg->cop_m[1]) * dt_s;
         leg->turn[1] =
             leg->turn[1] * leak - pitch * force * (foot->cop_m[0] - leg->cop_m[0]) * dt_s;
+        /* Limits of 0.2 rad and 0.03 m keep the legs within reach */
         for (int k = 0; k < 2; k++) {
             leg->turn[k] = fmin(fmax(leg->turn[k], -0.2), 0.2);
         }
@@ -143,8 +153,8 @@ void balance_yield(struct balance *balance, double dt_s)
     }
 }
 
-/* The target of a foot: the plan's, but where it came down apart from that it comes to terms in
- * FOOT_S, since a jump would press the legs against each other. */
+/* Moves the target of a foot toward the plan. Where the foot came down apart from it, they are
+ * brought together within FOOT_S, since a jump would press the legs against each other. */
 void balance_target_foot(struct balance *balance, int side, double dt_s)
 {
     const struct gait_reference *plan = &balance->gait.now;

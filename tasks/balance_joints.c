@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* From poses and loads to the references of the leg motors. */
+/* Computes the references of the leg motors from the poses and loads of pelvis and feet. */
 #include "base/portable_math.h"
 #include "tasks/balance_private.h"
 
@@ -8,11 +8,12 @@
 #include <math.h>
 #include <string.h>
 
-#define RATE_S 0.004 /* of the references' rates */
+#define RATE_S 0.004 /* time constant of the filter of the references' rates */
 #define KNEE_MIN 0.15
 #define KNEE_MAX 1.9
 
-/* Joint angles of a leg for a sole in the world under a pelvis in the world. */
+/* Computes the joint angles of a leg from the poses of pelvis and sole in the world. Returns
+ * false when the sole is out of reach; the angles are then the nearest. */
 bool balance_leg_angles(const struct balance_leg *leg, const double pelvis_R[9],
                         const double pelvis_p[3], const double sole_R[9], const double sole_p[3],
                         double angle[LEG_JOINTS])
@@ -29,8 +30,8 @@ bool balance_leg_angles(const struct balance_leg *leg, const double pelvis_R[9],
     return leg_inverse(&leg->geometry, &foot, KNEE_MIN, KNEE_MAX, angle);
 }
 
-/* Where the center of mass is from the pelvis, in a frame turned by R, in the pose of the
- * references. */
+/* Computes the vector from the pelvis to the center of mass in the pose of the references, in a
+ * frame turned by R. */
 void balance_com_offset(struct balance *balance, const double R[9], double offset[3])
 {
     double com[3];
@@ -40,7 +41,8 @@ void balance_com_offset(struct balance *balance, const double R[9], double offse
     mat3_apply(R, com, offset);
 }
 
-/* How far a foot stands, 0 to 1: by the load that it bears, smoothed. */
+/* Updates and returns the smoothed load of a foot as a fraction, 0 to 1; 1 means 30 % of the
+ * weight and more. */
 static double balance_carries(struct balance *balance, int side, double dt_s)
 {
     struct balance_leg *leg = &balance->leg[side];
@@ -52,7 +54,7 @@ static double balance_carries(struct balance *balance, int side, double dt_s)
     return leg->carries;
 }
 
-/* Pelvis and feet as they are to be, then the angles of the legs. */
+/* Computes the poses of pelvis and feet for this period, then the joint angles of the legs. */
 void balance_pose_legs(struct balance *balance, double dt_s)
 {
     const struct balance_config *config = &balance->config;
@@ -63,13 +65,16 @@ void balance_pose_legs(struct balance *balance, double dt_s)
     double upright[9], offset[3], ground = 0;
     const double rpy[3] = {0, config->lean_rad, plan->yaw};
 
+    /* The pelvis is where the planned center of mass wants it, upright but for the lean */
     mat3_from_rpy(rpy, upright);
     balance_com_offset(balance, upright, offset);
     for (int i = 0; i < BODY_SIDES; i++) {
         balance_target_foot(balance, i, dt_s);
         ground += 0.5 * plan->foot[i].p[2];
     }
+    /* The error of the heading, in -pi to pi */
     askew -= 2 * M_PI * round(askew / (2 * M_PI));
+    /* The pelvis's height follows the mean height of the planned footholds, smoothed */
     balance->pelvis_m[0] = plan->com[0] - offset[0];
     balance->pelvis_m[1] = plan->com[1] - offset[1];
     balance->ground_m += (ground - balance->ground_m) * dt_s / (config->height_s + dt_s);
@@ -79,6 +84,9 @@ void balance_pose_legs(struct balance *balance, double dt_s)
         struct balance_leg *leg = &balance->leg[i];
         double carries = balance_carries(balance, i, dt_s), R[9], sole_R[9], sole_p[3],
                angle[LEG_JOINTS];
+        /* A loaded leg takes the pelvis as planned, so that errors of attitude are corrected
+         * through the foot; a leg in the air takes it as measured, so that the foot goes where
+         * the plan says */
         double led[3] = {(1 - carries) * error[0], config->lean_rad + (1 - carries) * error[1],
                          plan->yaw + (1 - carries) * askew};
         double sole[3] = {leg->foot.roll + leg->turn[0], leg->foot.pitch + leg->turn[1],
@@ -86,6 +94,7 @@ void balance_pose_legs(struct balance *balance, double dt_s)
         double pelvis[3];
 
         mat3_from_rpy(led, R);
+        /* The sole with its compliance (tilt and leg length) added */
         mat3_from_rpy(sole, sole_R);
         memcpy(sole_p, leg->foot.p, sizeof sole_p);
         sole_p[2] -= leg->stretch_m;
@@ -98,8 +107,8 @@ void balance_pose_legs(struct balance *balance, double dt_s)
     }
 }
 
-/* The torques of the legs when each foot bears its share of the weight at its wanted center of
- * pressure, along the line to the measured center of mass. */
+/* Computes the static torques of the legs when each foot carries its share of the weight at its
+ * wanted center of pressure, the force pointing along the line to the center of mass. */
 void balance_load_legs(struct balance *balance)
 {
     const struct estimate *estimate = estimator_read(balance->estimator);
@@ -114,10 +123,12 @@ void balance_load_legs(struct balance *balance)
         struct body_pose sole;
         double point[3], force[3], world[3], cop[3] = {leg->cop_m[0], leg->cop_m[1], 0};
 
+        /* Point of attack: the wanted center of pressure, in the pelvis's frame */
         body_place_frame(&balance->model->sole[i], &balance->pose[leg->chain[LEG_JOINTS - 1]],
                          &sole);
         mat3_apply(sole.R, cop, point);
         vec3_add_scaled(point, 1, sole.p, point);
+        /* Force on the foot: its share of the weight, inclined like the pendulum, by 0.2 at most */
         for (int k = 0; k < 2; k++) {
             double lean = (estimate->com_m[k] - balance->zmp[k]) / balance->com_height_m;
 
@@ -125,6 +136,7 @@ void balance_load_legs(struct balance *balance)
         }
         world[2] = leg->weight * weight;
         mat3_apply_transposed(R, world, force);
+        /* Each joint carries what comes after it in the chain */
         for (int j = 0; j < LEG_JOINTS; j++) {
             leg->torque_nm[leg->geometry.chain[j]] =
                 body_static_torque(balance->model, balance->pose, leg->chain + j,
@@ -133,8 +145,8 @@ void balance_load_legs(struct balance *balance)
     }
 }
 
-/* The torque that swings a leg, as a rod with its inertia about the hip; the standing leg's hip
- * bears it, so that the trunk does not. */
+/* Adds the hip torque that accelerates the swinging leg, taken as a rod with its inertia about
+ * the hip. The standing leg's hip gets the reaction, so that the trunk gets none. */
 void balance_load_swing(struct balance *balance)
 {
     const struct gait_reference *plan = &balance->gait.now;
@@ -149,12 +161,14 @@ void balance_load_swing(struct balance *balance)
     stance->torque_nm[LEG_HIP_PITCH] -= torque;
 }
 
-/* References of all motors: the link's angle and what the spring gives way by. take: how much of
- * the load, loose: how far from the pose at the start, 0 to 1. */
+/* Sets the references of all motors: the link's angle plus the deflection of the spring under
+ * its load. take: fraction of the load that is compensated; loose: fraction of the way from the
+ * pose at the start, both 0 to 1. */
 void balance_drive(struct balance *balance, double take, double loose, double dt_s)
 {
     const struct host_config *host = host_configuration(balance->host);
 
+    /* Joints outside the legs go to their angles without compensation */
     for (size_t i = 0; i < host->naxis; i++) {
         servo_set(balance->servo, i,
                   balance->from[i] + loose * (balance->angle[i] - balance->from[i]), 0);
@@ -170,11 +184,14 @@ void balance_drive(struct balance *balance, double take, double loose, double dt
             double motor = link + load / host->axis[axis].drive.spring_nm_rad;
             double rate;
 
+            /* Ankles follow the measured angle in part, so that the sole can lie down on the
+             * ground */
             if (balance->ready && (j == LEG_ANKLE_ROLL || j == LEG_ANKLE_PITCH)) {
                 double follow = balance->config.ankle_follow * fmin(leg->weight / 0.3, 1);
 
                 motor += follow * (host_joint(balance->host, axis)->joint_rad - link);
             }
+            /* Feed-forward: the filtered rate of the reference */
             rate = dt_s > 0 ? (motor - leg->motor_rad[j]) / dt_s : 0;
 
             leg->rate_rad_s[j] += (rate - leg->rate_rad_s[j]) * dt_s / (RATE_S + dt_s);

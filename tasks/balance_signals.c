@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the balance estimates and plans, for recordings. */
+/* Signals of the balance controller for recordings: what it estimates and plans. */
 #include "base/portable_math.h"
 #include "tasks/balance_private.h"
 
@@ -69,6 +69,7 @@ void balance_signals(const struct balance *balance, double value[BALANCE_SIGNALS
     const struct estimate *e = estimator_read(balance->estimator);
     const struct gait_reference *plan = &balance->gait.now;
     const struct balance_leg *right = &balance->leg[BODY_RIGHT], *left = &balance->leg[BODY_LEFT];
+    /* One value for each name above, in the same order */
     const double now[BALANCE_SIGNALS] = {
         e->roll_rad,
         e->pitch_rad,
@@ -84,12 +85,14 @@ void balance_signals(const struct balance *balance, double value[BALANCE_SIGNALS
         e->com_m_s[2],
         e->zmp_m[0],
         e->zmp_m[1],
+        /* Vertical forces and centers of pressure, right foot first as in enum BODY_RIGHT */
         e->foot[0].force_n[2],
         e->foot[1].force_n[2],
         e->foot[0].cop_m[0],
         e->foot[0].cop_m[1],
         e->foot[1].cop_m[0],
         e->foot[1].cop_m[1],
+        /* The plan, and the zero-moment point and centers of pressure that feedback makes of it */
         plan->zmp[0],
         plan->zmp[1],
         plan->dcm[0],
@@ -103,6 +106,7 @@ void balance_signals(const struct balance *balance, double value[BALANCE_SIGNALS
         left->cop_m[0],
         left->cop_m[1],
         left->weight,
+        /* The step: its phase, heights of the feet (of the plan), next foothold */
         plan->phase,
         plan->stance,
         plan->foot[0].p[2] + (plan->stance == BODY_LEFT ? plan->height_m : 0),
@@ -110,6 +114,7 @@ void balance_signals(const struct balance *balance, double value[BALANCE_SIGNALS
         balance->gait.next.p[0],
         balance->gait.next.p[1],
         balance->gait.steps,
+        /* Estimated soles: place, then pitch and roll out of their rotation matrices */
         e->foot[0].sole.p[0],
         e->foot[0].sole.p[1],
         e->foot[1].sole.p[0],
@@ -120,6 +125,7 @@ void balance_signals(const struct balance *balance, double value[BALANCE_SIGNALS
         portable_asin(fmin(fmax(-e->foot[1].sole.R[6], -1), 1)),
         portable_atan2(e->foot[0].sole.R[7], e->foot[0].sole.R[8]),
         portable_atan2(e->foot[1].sole.R[7], e->foot[1].sole.R[8]),
+        /* Planned tilts */
         plan->foot[0].pitch,
         plan->foot[1].pitch,
         plan->foot[0].roll,

@@ -15,6 +15,7 @@ void body_place(const struct body_model *model, const double *angle, struct body
         const struct body_pose *parent = &pose[link->parent];
         double turn[9], fixed[9], offset[3];
 
+        /* link = parent * Trans(origin) * rotation * Rot(direction, angle) */
         mat3_apply(parent->R, link->origin, offset);
         vec3_add_scaled(parent->p, 1, offset, pose[i].p);
         mat3_about_axis(link->direction, link->axis < 0 ? link->fixed_rad : angle[link->axis],

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The plan of the divergent component of motion, backward from its end. */
+/* Evaluates the plan of the divergent component of motion (DCM, xi), backward from its end. */
 #include "tasks/dcm.h"
 
 #include "base/portable_math.h"
@@ -14,7 +14,8 @@ void dcm_add(struct dcm_plan *plan, double duration_s, const double from[2], con
     }
 }
 
-/* xi where duration_s of a line are left, from xi at its end */
+/* Computes xi where left_s of a line are left, from xi at the line's end (the equation in the
+ * header). */
 static void dcm_line_back(const struct dcm_line *line, double omega, double left_s,
                           const double end[2], double dcm[2])
 {
@@ -28,7 +29,7 @@ static void dcm_line_back(const struct dcm_line *line, double omega, double left
     }
 }
 
-/* xi at the end of the first line, from the end of the plan, where it rests */
+/* Computes xi at the end of the first line, backward from the end of the plan, where xi rests. */
 static void dcm_first_end(const struct dcm_plan *plan, double end[2])
 {
     const struct dcm_line *last = &plan->line[plan->nline - 1];
@@ -50,6 +51,7 @@ void dcm_begin_at(struct dcm_plan *plan, const double dcm[2])
     double lasts = plan->omega * first->duration_s, decay = portable_exp(-lasts), end[2];
 
     dcm_first_end(plan, end);
+    /* The equation in the header, solved for r0, with r' = (r1 - r0) / T */
     for (int k = 0; k < 2; k++) {
         first->from[k] =
             (dcm[k] - first->to[k] * (1 - decay) / lasts - decay * (end[k] - first->to[k])) /

@@ -20,7 +20,7 @@ enum { DCM_LINES = 16 };
 
 struct dcm_line {
     double duration_s;
-    double from[2], to[2]; /* of the zero-moment point */
+    double from[2], to[2]; /* zero-moment point at its begin and end, m */
 };
 
 struct dcm_plan {
@@ -29,18 +29,18 @@ struct dcm_plan {
     struct dcm_line line[DCM_LINES];
 };
 
-/* Appends a line; beyond DCM_LINES it is dropped. */
+/* Appends a line; drops it when there are DCM_LINES already or it has no duration. */
 void dcm_add(struct dcm_plan *plan, double duration_s, const double from[2], const double to[2]);
 
-/* The zero-moment point and the DCM elapsed_s after the first line's begin, and the DCM at the
- * first line's end; elapsed_s within the first line. */
+/* Computes the zero-moment point and the DCM elapsed_s after the first line's begin, and the DCM
+ * at the first line's end; elapsed_s within the first line. */
 void dcm_evaluate(const struct dcm_plan *plan, double elapsed_s, double zmp[2], double dcm[2],
                   double dcm_end[2]);
 
-/* Where the first line has to begin so that the plan has that DCM at its begin. */
+/* Moves the begin of the first line so that the plan has that DCM at its begin. */
 void dcm_begin_at(struct dcm_plan *plan, const double dcm[2]);
 
-/* The DCM after duration_s with the zero-moment point at rest in zmp. */
+/* Computes the DCM after duration_s with the zero-moment point at rest in zmp. */
 void dcm_advance(double omega, double duration_s, const double zmp[2], const double dcm[2],
                  double after[2]);
 

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* State estimation of a walking robot; what from what is said in the header. */
+/* State estimation of a walking robot; tasks/estimate.h says which board each estimate comes
+ * from. */
 #include "tasks/estimate.h"
 
 #include "base/portable_math.h"
@@ -10,8 +11,8 @@
 
 static const char *const foot_force_name[BODY_SIDES] = {"r_leg_ft", "l_leg_ft"};
 
-/* A foot that carries less of the weight than that does not hold its anchor: it may still turn over
- * an edge until it lies on the ground. */
+/* Share of the weight below which a foot does not hold its anchor: it may still tilt about an
+ * edge until it lies flat on the ground. */
 #define ANCHOR_SHARE 0.3
 
 struct estimator {
@@ -21,10 +22,12 @@ struct estimator {
     size_t force[BODY_SIDES]; /* index of the host's force-torque board */
     double *angle;            /* by axis of the host */
     struct body_pose *pose;   /* by link, in the pelvis's frame */
-    bool located;             /* the center of mass has a value */
+    bool located;             /* the observer of the center of mass has its first value */
     struct estimate now;
 };
 
+/* Finds the force-torque boards of both feet and checks that there are an inertial board and
+ * soles. ERROR_INPUT when one is missing. */
 static enum error_code estimator_find_boards(struct estimator *estimator, struct error *error)
 {
     const struct host_config *config = host_configuration(estimator->host);
@@ -78,7 +81,7 @@ enum error_code estimator_create(const struct estimate_config *config,
 
 /* ---- attitude ---- */
 
-/* The attitude of the pelvis that the board reports. */
+/* Computes the rotation pelvis to world out of the quaternion that the inertial board reports. */
 static void estimate_board_attitude(const struct estimator *estimator, double R[9])
 {
     const struct host_motion *motion = host_motion(estimator->host);
@@ -89,7 +92,7 @@ static void estimate_board_attitude(const struct estimator *estimator, double R[
     mat3_mul(sensor, back, R);
 }
 
-/* R <- R * rotation by a vector */
+/* Rotates R by a rotation vector in its own frame, rad: R <- R * exp(turn). */
 static void estimate_rotate(double R[9], const double turn[3])
 {
     double angle = vec3_norm(turn), axis[3], step[9], old[9], quaternion[4];
@@ -107,8 +110,9 @@ static void estimate_rotate(double R[9], const double turn[3])
     mat3_from_quaternion(quaternion, R);
 }
 
-/* The small rotation, in the pelvis's frame, from what is estimated to what the board says: its
- * quaternion, or where it feels up to be. False when it says nothing. */
+/* Computes the small rotation, in the pelvis's frame, from the estimated attitude to the
+ * reported one: by the quaternion, or by the direction of gravity where there is none. Returns
+ * false when the board reports neither. */
 static bool estimate_attitude_error(const struct estimator *estimator, double turn[3])
 {
     const struct host_motion *motion = host_motion(estimator->host);
@@ -118,6 +122,7 @@ static bool estimate_attitude_error(const struct estimator *estimator, double tu
         double board[9], apart[9];
 
         estimate_board_attitude(estimator, board);
+        /* R^T * board; a small rotation is the skew-symmetric part of its matrix */
         for (int i = 0; i < 3; i++) {
             for (int j = 0; j < 3; j++) {
                 apart[3 * i + j] =
@@ -130,6 +135,8 @@ static bool estimate_attitude_error(const struct estimator *estimator, double tu
         return true;
     }
     if (motion->acceleration_time_ns >= 0 && vec3_norm(motion->acceleration_m_s2) > 1) {
+        /* At rest the specific force points up: the cross product turns it onto the world's z
+         * axis */
         double felt[3], norm = vec3_norm(motion->acceleration_m_s2);
 
         mat3_apply(estimator->model->imu.rotation, motion->acceleration_m_s2, felt);
@@ -142,6 +149,8 @@ static bool estimate_attitude_error(const struct estimator *estimator, double tu
     return false;
 }
 
+/* Updates the attitude with a complementary filter: integrates the rate, then corrects a share
+ * of the error. */
 static void estimate_attitude(struct estimator *estimator, double dt_s)
 {
     const struct host_motion *motion = host_motion(estimator->host);
@@ -153,12 +162,14 @@ static void estimate_attitude(struct estimator *estimator, double dt_s)
         turn[k] = now->rate_rad_s[k] * dt_s;
     }
     estimate_rotate(now->R, turn);
+    /* Drift of the rates is corrected with the time constant 1 / attitude_per_s */
     if (estimate_attitude_error(estimator, turn)) {
         for (int k = 0; k < 3; k++) {
             turn[k] *= share;
         }
         estimate_rotate(now->R, turn);
     }
+    /* Roll, pitch and yaw of R = Rz Ry Rx */
     now->pitch_rad = portable_asin(fmin(fmax(-now->R[6], -1), 1));
     now->roll_rad = portable_atan2(now->R[7], now->R[8]);
     now->yaw_rad = portable_atan2(now->R[3], now->R[0]);
@@ -166,8 +177,8 @@ static void estimate_attitude(struct estimator *estimator, double dt_s)
 
 /* ---- feet ---- */
 
-/* Force, center of pressure and pose of a foot; the pose as yet relative to the pelvis, but turned
- * into the world. */
+/* Computes force, center of pressure and pose of a foot. The pose's position is relative to the
+ * pelvis as yet, in the world's axes. */
 static void estimate_foot(struct estimator *estimator, int side)
 {
     const struct body_model *model = estimator->model;
@@ -187,27 +198,32 @@ static void estimate_foot(struct estimator *estimator, int side)
     vec3_add_cross(lever, F, M);
     mat3_apply_transposed(sole.R, F, in_sole);
     mat3_apply_transposed(sole.R, M, lever);
+    /* Center of pressure: where the moment about the sole's horizontal axes vanishes */
     up = in_sole[2];
     foot->loaded = up > estimator->config.loaded_n;
     foot->cop_m[0] = foot->loaded ? -lever[1] / up : 0;
     foot->cop_m[1] = foot->loaded ? lever[0] / up : 0;
 
+    /* Force and pose in the world's axes */
     mat3_apply(estimator->now.R, F, foot->force_n);
     mat3_mul(estimator->now.R, sole.R, foot->sole.R);
     mat3_apply(estimator->now.R, sole.p, foot->sole.p);
     foot->yaw_rad = portable_atan2(foot->sole.R[3], foot->sole.R[0]);
 }
 
-/* The pelvis is where the loaded feet say, each as much as it carries; feet in the air go along. */
+/* Updates the position of the pelvis by leg odometry: the mean of what the anchored feet say,
+ * weighted by their loads. Feet in the air move along. */
 static void estimate_odometry(struct estimator *estimator)
 {
     struct estimate *now = &estimator->now;
     double load[BODY_SIDES], sum = 0, pelvis[3] = {0};
 
+    /* Weights are the vertical forces; equal when nothing is loaded */
     for (int side = 0; side < BODY_SIDES; side++) {
         load[side] = fmax(now->foot[side].force_n[2], 0);
         sum += load[side];
     }
+    /* Pelvis = anchor - sole relative to the pelvis */
     for (int side = 0; side < BODY_SIDES; side++) {
         double share = sum > 1 ? load[side] / sum : 0.5, from[3];
 
@@ -215,6 +231,7 @@ static void estimate_odometry(struct estimator *estimator)
         vec3_add_scaled(pelvis, share, from, pelvis);
     }
     memcpy(now->pelvis_m, pelvis, sizeof pelvis);
+    /* A foot with little load is anchored anew wherever it is */
     for (int side = 0; side < BODY_SIDES; side++) {
         struct estimate_foot *foot = &now->foot[side];
 
@@ -227,8 +244,8 @@ static void estimate_odometry(struct estimator *estimator)
 
 /* ---- center of mass ---- */
 
-/* Forces say how it accelerates, encoders where it is (a Luenberger observer, critically damped).
- * l: its poles, 1/s. */
+/* Updates the observer of the center of mass: forces give its acceleration, encoders its
+ * position (a Luenberger observer, critically damped). l: its double pole, 1/s. */
 static void estimate_center_of_mass(struct estimator *estimator, double l, double dt_s)
 {
     const struct body_model *model = estimator->model;
@@ -252,6 +269,8 @@ static void estimate_center_of_mass(struct estimator *estimator, double l, doubl
     }
 }
 
+/* Computes the zero-moment point of both feet together: the mean of the centers of pressure,
+ * weighted by the loads. Keeps the last one while no foot is loaded. */
 static void estimate_zmp(struct estimate *now)
 {
     double sum = 0, at[2] = {0};
@@ -274,6 +293,7 @@ static void estimate_zmp(struct estimate *now)
 
 /* ---- all of it ---- */
 
+/* Computes the poses of all links out of the encoders, then the state of both feet. */
 static void estimate_place(struct estimator *estimator)
 {
     size_t naxis = host_configuration(estimator->host)->naxis;
@@ -298,6 +318,7 @@ void estimator_start(struct estimator *estimator)
         estimate_board_attitude(estimator, now->R);
     }
     estimate_place(estimator);
+    /* The world's origin is the middle between the soles */
     for (int side = 0; side < BODY_SIDES; side++) {
         vec3_add_scaled(middle, 0.5, now->foot[side].sole.p, middle);
     }
@@ -307,7 +328,9 @@ void estimator_start(struct estimator *estimator)
     estimator->located = false;
 }
 
-/* The bandwidth of the center of mass's observer. Steps are a noise that grows with the speed. */
+/* Returns the bandwidth of the center of mass's observer, 1/s. Impacts of steps are noise that
+ * grows with the speed, so that it goes to com_walking_per_s between half and all of
+ * com_walking_m_s. */
 static double estimate_bandwidth(const struct estimate_config *config, bool walks, double speed_m_s)
 {
     const double fast_m_s = config->com_walking_m_s;

@@ -16,36 +16,38 @@
 #include <stdbool.h>
 
 struct estimate_foot {
-    struct body_pose sole; /* in the world */
-    double force_n[3];     /* that the ground exerts, world */
+    struct body_pose sole; /* its pose in the world */
+    double force_n[3];     /* force of the ground on the foot, world */
     double cop_m[2];       /* center of pressure in the sole's frame; 0 while it is not loaded */
     bool loaded;
-    double anchor[3]; /* where the sole stands, world; in the air: where it is */
+    double anchor[3]; /* position where the sole stands, world; of a foot in the air: where it is */
     double yaw_rad;
 };
 
 struct estimate {
-    double R[9];          /* pelvis to world */
-    double rate_rad_s[3]; /* of the pelvis, in its own frame */
+    double R[9];          /* rotation pelvis to world */
+    double rate_rad_s[3]; /* angular velocity of the pelvis, in its own frame */
     double pitch_rad, roll_rad, yaw_rad;
-    double pelvis_m[3]; /* origin of the pelvis */
+    double pelvis_m[3]; /* origin of the pelvis, world */
     double com_m[3], com_m_s[3];
     struct estimate_foot foot[BODY_SIDES];
-    double zmp_m[2]; /* of both feet together, world */
+    double zmp_m[2]; /* zero-moment point of both feet together, world */
 };
 
 struct estimator;
 
-/* Needs the inertial board, both feet's force-torque boards and soles. ERROR_INPUT otherwise. */
+/* Creates the estimator in the arena. Needs the inertial board, both feet's force-torque boards
+ * and soles; ERROR_INPUT otherwise. */
 enum error_code estimator_create(const struct estimate_config *config,
                                  const struct body_model *model, struct host *host,
                                  struct arena *arena, struct estimator **estimator,
                                  struct error *error);
 
-/* The robot stands on both feet: here is the origin. */
+/* Sets the origin of the world. The robot must stand on both feet. */
 void estimator_start(struct estimator *estimator);
 
-/* Once a control period, dt_s. walks: the robot is told to walk, at speed_m_s (not negative). */
+/* Updates the estimate by one control period, dt_s. walks: the robot is told to walk, at
+ * speed_m_s (not negative). */
 void estimator_update(struct estimator *estimator, bool walks, double speed_m_s, double dt_s);
 
 const struct estimate *estimator_read(const struct estimator *estimator);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Follow: joints move along a trajectory from a file (tasks/trajectory.h); those that it does not
- * name hold the initial pose. The errors are those of the link encoders, each against the angle
- * that was wanted when its frame arrived.
+ * Follow: joints move along a trajectory from a file (tasks/trajectory.h); joints that it does not
+ * name hold the initial pose. Errors are those of the link encoders, each against the angle that
+ * was wanted at the time of its frame.
  */
 #include "tasks/task_private.h"
 #include "tasks/trajectory.h"
@@ -12,10 +12,13 @@
 
 enum follow_setting { FOLLOW_TOLERANCE, FOLLOW_SETTINGS };
 
-static const double FOLLOW_RAMP_S = 1.0;     /* into the first row, at least ... */
+static const double FOLLOW_RAMP_S = 1.0;     /* duration of the ramp into the first row, at least
+                                              * ... */
 static const double FOLLOW_RAMP_RAD_S = 1.0; /* ... so that no joint moves faster */
-static const double FOLLOW_SETTLE_S = 1.0;   /* in the first row, before it begins */
-static const double FOLLOW_END_S = 0.5;      /* in the last row, after it has ended */
+static const double FOLLOW_SETTLE_S = 1.0;   /* wait in the first row, before the trajectory
+                                              * begins */
+static const double FOLLOW_END_S = 0.5;      /* wait in the last row, after the trajectory has
+                                              * ended */
 static const double FOLLOW_TOLERANCE_RAD = 0.2;
 
 static const char *const follow_setting_name[FOLLOW_SETTINGS + 1] = {
@@ -23,14 +26,14 @@ static const char *const follow_setting_name[FOLLOW_SETTINGS + 1] = {
 };
 
 struct follow {
-    double *from, *first; /* joint angles at the start; of the first row */
+    double *from, *first; /* joint angles at the start; in the first row */
     double ramp_s;
     struct task_setting setting[FOLLOW_SETTINGS];
     _Atomic double value[FOLLOW_SETTINGS]; /* another thread writes them */
-    int64_t *seen_ns;                      /* by axis: newest angle */
-    int *column;                           /* by axis: of the trajectory, -1 = none */
+    int64_t *seen_ns;                      /* by axis: time of the newest angle judged */
+    int *column;                           /* by axis: column of the trajectory, -1 = none */
     struct follow_error *error;            /* by axis */
-    double *square, *worst; /* by axis: sum of the errors' squares, largest of them */
+    double *square, *worst; /* by axis: sum of the squared errors, rad^2; largest error, rad */
 };
 
 static size_t follow_settings(const struct task *task, const struct task_setting **setting)
@@ -55,6 +58,8 @@ static double follow_get(const struct task *task, size_t index)
     return follow->value[index];
 }
 
+/* Creates the task's state, with the trajectory's columns mapped to axes. ERROR_INPUT without a
+ * trajectory. */
 static enum error_code follow_create(struct task *task, struct arena *arena, struct error *error)
 {
     const struct trajectory *trajectory = task->config.input.trajectory;
@@ -97,6 +102,7 @@ static enum error_code follow_create(struct task *task, struct arena *arena, str
     return ERROR_NONE;
 }
 
+/* Notes where the joints are and how long the ramp into the first row has to be. */
 static void follow_start(struct task *task)
 {
     struct follow *follow = task->state;
@@ -111,7 +117,7 @@ static void follow_start(struct task *task)
     }
 }
 
-/* Where an axis is to be, t_s after the beginning of the trajectory. */
+/* Computes the reference of an axis t_s after the beginning of the trajectory: rad, rad/s. */
 static void follow_wanted(const struct task *task, size_t axis, double t_s, double *angle,
                           double *rate)
 {
@@ -125,7 +131,8 @@ static void follow_wanted(const struct task *task, size_t axis, double t_s, doub
     }
 }
 
-/* The error of an axis if a new angle has come; false with a message when it is too large. */
+/* Updates the error record of an axis when a new angle has come. Returns false with a message
+ * when the error exceeds the tolerance. */
 static bool follow_judge(struct task *task, size_t axis, double begin_s)
 {
     struct follow *follow = task->state;
@@ -168,6 +175,7 @@ static void follow_tell_end(struct task *task)
     task_tell_worst(task, follow->worst);
 }
 
+/* Runs one period: the ramp into the first row, then the trajectory, with its errors judged. */
 static enum task_status follow_step(struct task *task, double t_s)
 {
     struct follow *follow = task->state;

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The schedule of steps, the footholds and the plan over them. */
+/* Updates the gait: phases of the steps, footholds and the plan of the zero-moment point and DCM
+ * over them. */
 #include "tasks/gait_private.h"
 
 #include "base/portable_math.h"
@@ -7,20 +8,21 @@
 #include <math.h>
 #include <string.h>
 
-/* Footholds that are planned beyond the next one: what comes later changes the DCM by less than
+/* Number of footholds planned beyond the next one: what comes later changes the DCM by less than
  * exp(-omega 2 T), a thousandth. */
 enum { PREVIEW = 3 };
 
-#define ADJUST_S 0.03    /* of the foothold's adjustment */
-#define TIME_CHANGE 0.06 /* of the time of a step, from one to the next */
-#define EARLIEST 0.5     /* part of a swing after which a load means that the foot has come down */
+#define ADJUST_S 0.03    /* time constant of the foothold's adjustment */
+#define TIME_CHANGE 0.06 /* largest relative change of a step's duration */
+#define EARLIEST 0.5     /* fraction of a swing after which a load means a landing */
 
 int gait_other(int side)
 {
     return BODY_SIDES - 1 - side;
 }
 
-/* +1 of the left foot, -1 of the right one */
+/* Returns the sign of the direction away from the other foot, along y: +1 of the left foot, -1
+ * of the right one. */
 double gait_outward(int side)
 {
     return side == BODY_LEFT ? 1 : -1;
@@ -47,7 +49,7 @@ void gait_foot_zmp(const struct gait *gait, int side, const struct gait_foothold
                 zmp);
 }
 
-/* Between the feet, where the robot stands still. */
+/* Computes the zero-moment point of standing still: the middle between the feet's. */
 static void gait_middle_zmp(const struct gait *gait, const struct gait_foothold foot[BODY_SIDES],
                             double zmp[2])
 {
@@ -60,7 +62,8 @@ static void gait_middle_zmp(const struct gait *gait, const struct gait_foothold 
     zmp[1] = (side[0][1] + side[1][1]) / 2;
 }
 
-/* Height and tilt of a foothold to come: as if the ground under the standing sole went on. */
+/* Predicts height and tilt of a foothold to come, as if the ground under the standing sole
+ * continued. */
 static void gait_foresee_ground(const struct gait *gait, const struct gait_foothold *stance,
                                 struct gait_foothold *to)
 {
@@ -74,7 +77,8 @@ static void gait_foresee_ground(const struct gait *gait, const struct gait_footh
     to->p[2] = stance->p[2] - portable_tan(to->pitch) * ahead + portable_tan(to->roll) * left;
 }
 
-/* Where the foot of that side steps to while the other one stands. */
+/* Computes where the foot of that side steps to while the other one stands, from the commanded
+ * velocity; close: beside the standing foot. */
 void gait_foothold_of(const struct gait *gait, int side, const struct gait_foothold *stance,
                       bool close, struct gait_foothold *to)
 {
@@ -86,6 +90,7 @@ void gait_foothold_of(const struct gait *gait, int side, const struct gait_footh
     struct gait_foothold center = *stance;
     double middle[2];
 
+    /* Feet must not collide */
     if (out * left < config->least_width_m) {
         left = out * config->least_width_m;
     }
@@ -129,8 +134,8 @@ double gait_left_share(const struct gait *gait, const double point[2])
 
 /* ---- the plan ---- */
 
-/* Appends what follows the swing of the present step: transfers and swings over footholds to come,
- * and at last the way to the middle, where the DCM comes to rest. */
+/* Appends what follows the swing of the present step: transfers and swings over the footholds to
+ * come, and at last the way to the middle of the feet, where the DCM comes to rest. */
 static void gait_plan_future(const struct gait *gait, struct dcm_plan *plan)
 {
     const struct gait_config *config = &gait->config;
@@ -142,6 +147,7 @@ static void gait_plan_future(const struct gait *gait, struct dcm_plan *plan)
     foot[gait->now.stance] = gait->now.foot[gait->now.stance];
     foot[swing] = gait->next;
     gait_foot_zmp(gait, gait->now.stance, &foot[gait->now.stance], from);
+    /* Steps alternate at the commanded velocity until the robot is told to stand */
     for (int i = 0; i < PREVIEW && !closing; i++) {
         int stance = swing;
 
@@ -157,8 +163,8 @@ static void gait_plan_future(const struct gait *gait, struct dcm_plan *plan)
     dcm_add(plan, config->start_s, from, to);
 }
 
-/* The lines of the zero-moment point from the begin of the present phase. */
-void gait_plan(const struct gait *gait, struct dcm_plan *plan)
+/* Fills the plan with the lines of the zero-moment point from the begin of the present phase. */
+static void gait_plan(const struct gait *gait, struct dcm_plan *plan)
 {
     double stance[2], to[2];
 
@@ -166,10 +172,13 @@ void gait_plan(const struct gait *gait, struct dcm_plan *plan)
     plan->nline = 0;
     gait_foot_zmp(gait, gait->now.stance, &gait->now.foot[gait->now.stance], stance);
     switch (gait->now.phase) {
+    /* Standing: the zero-moment point rests in the middle (any duration would do) */
     case GAIT_STAND:
         gait_middle_zmp(gait, gait->now.foot, to);
         dcm_add(plan, 1, to, to);
         return;
+    /* Transfer: from where the point was to the foot that will stand, or to the middle at the
+     * end */
     case GAIT_TRANSFER:
         if (gait->closing) {
             gait_middle_zmp(gait, gait->now.foot, to);
@@ -179,6 +188,7 @@ void gait_plan(const struct gait *gait, struct dcm_plan *plan)
         dcm_add(plan, gait->duration_s, gait->zmp_from, stance);
         dcm_add(plan, gait->config.swing_s, stance, stance);
         break;
+    /* Swing: the point rests under the standing foot */
     case GAIT_SWING:
         dcm_add(plan, gait->duration_s, stance, stance);
         break;
@@ -195,7 +205,8 @@ void gait_begin(struct gait *gait, enum gait_phase phase, double duration_s)
     gait->duration_s = duration_s;
 }
 
-/* The next step: from now on stance carries, the other foot goes. */
+/* Begins the next step, with its transfer: from now on stance carries and the other foot will
+ * swing. */
 void gait_begin_step(struct gait *gait, int stance, double transfer_s)
 {
     int swing = gait_other(stance);
@@ -208,8 +219,9 @@ void gait_begin_step(struct gait *gait, int stance, double transfer_s)
     gait_begin(gait, GAIT_TRANSFER, transfer_s);
 }
 
-/* The time of a step changes where a swing begins, since what the plan had foreseen beyond it has
- * faded by then, and by TIME_CHANGE at most: the planned DCM jumps by a millimetre or two. */
+/* Adopts the commanded duration of a step, by TIME_CHANGE a step at most. That happens where a
+ * swing begins, since what the plan had foreseen beyond it has faded by then: the planned DCM
+ * jumps by a millimeter or two. */
 static void gait_take_time(struct gait *gait)
 {
     double scale = gait->command.step_s / (gait->config.swing_s + gait->config.transfer_s);
@@ -221,7 +233,8 @@ static void gait_take_time(struct gait *gait)
     }
 }
 
-/* The foot in the air stands where it is; its tilt comes from gait_feel_ground. */
+/* Makes the measured place of the foot in the air its foothold. Its tilt comes from
+ * gait_feel_ground. */
 static void gait_land(struct gait *gait, const struct gait_measured *measured)
 {
     int swing = gait_other(gait->now.stance);
@@ -234,8 +247,8 @@ static void gait_land(struct gait *gait, const struct gait_measured *measured)
     gait->landed = true;
 }
 
-/* A foot that came down early is pressed on lightly until the swing is over, so that it neither
- * bounces nor pushes the robot off. */
+/* Presses a foot that came down early lightly onto the ground until the swing is over, so that
+ * it neither bounces nor pushes the robot off. */
 static void gait_press(struct gait *gait, const struct gait_measured *measured, double dt_s)
 {
     int swing = gait_other(gait->now.stance);
@@ -244,8 +257,8 @@ static void gait_press(struct gait *gait, const struct gait_measured *measured, 
     gait->now.foot[swing].p[2] -= gait->config.lower_m_s * fmax(lacks, -1) * dt_s;
 }
 
-/* Whether the swing is over: its time is, and the foot has met the ground or there is none where it
- * may be expected. */
+/* Returns whether the swing is over: its time has passed, and the foot has met the ground or has
+ * been lowered as far as ground may be expected. */
 static bool gait_swing_over(const struct gait *gait)
 {
     double late = gait->elapsed_s - gait->duration_s;
@@ -256,12 +269,14 @@ static bool gait_swing_over(const struct gait *gait)
     return late >= 0 && (gait->landed || late * gait->config.lower_m_s >= gait->config.lower_m);
 }
 
-/* Soles that lie on the ground take its tilt. */
+/* Updates the tilt of the footholds from soles that lie flat on the ground, with the time
+ * constant tilt_s. */
 static void gait_feel_ground(struct gait *gait, const struct gait_measured *measured, double dt_s)
 {
     double share = dt_s / (gait->config.tilt_s + dt_s);
 
     for (int i = 0; i < BODY_SIDES; i++) {
+        /* Only the foot that came down last can find a new tilt */
         bool new = gait->now.phase == GAIT_SWING
                        ? i != gait->now.stance && gait->landed
                        : gait->now.phase == GAIT_TRANSFER &&i == gait->now.stance;
@@ -282,20 +297,24 @@ void gait_begin_at(struct gait *gait, const double dcm[2])
     memcpy(gait->zmp_from, plan.line[0].from, sizeof gait->zmp_from);
 }
 
-/* The first step from a stand; later ones begin with the zero-moment point where it is. */
+/* Begins the first step from a stand. Later ones begin with the zero-moment point where it is;
+ * this one chooses it so that the DCM does not jump. */
 static void gait_set_out(struct gait *gait, int stance)
 {
     gait_begin_step(gait, stance, gait->config.start_s);
     gait_begin_at(gait, gait->now.dcm);
 }
 
+/* Ends the present phase and begins the next one: stand, transfer, swing, transfer, ..., stand. */
 static void gait_end_phase(struct gait *gait, const struct gait_measured *measured)
 {
     int swing = gait_other(gait->now.stance);
 
     switch (gait->now.phase) {
+    /* A stand has no end of its own; gait_update begins a step */
     case GAIT_STAND:
         break;
+    /* After a closing transfer the robot stands; otherwise the swing begins */
     case GAIT_TRANSFER:
         if (gait->closing) {
             gait->closing = false;
@@ -310,6 +329,7 @@ static void gait_end_phase(struct gait *gait, const struct gait_measured *measur
                          &gait->next);
         gait_begin(gait, GAIT_SWING, gait->config.swing_s);
         break;
+    /* The foot counts as down, with ground or without: transfer to it, or to the middle */
     case GAIT_SWING:
         gait->steps++;
         if (!gait->landed) {
@@ -329,8 +349,8 @@ static void gait_end_phase(struct gait *gait, const struct gait_measured *measur
 
 /* ---- the foot in the air ---- */
 
-/* The part of a DCM error at the end of the swing that the center of pressure cannot take out until
- * then: it moves by reach_m at most, from now on. */
+/* Returns the part of a DCM error (m) at the end of the swing that the center of pressure cannot
+ * remove until then, moved by ankle_m at most from now on. */
 static double gait_beyond_ankle(const struct gait *gait, double error, double left_s)
 {
     double able = gait->config.ankle_m * (portable_exp(gait->omega * left_s) - 1);
@@ -338,7 +358,7 @@ static double gait_beyond_ankle(const struct gait *gait, double error, double le
     return error > able ? error - able : error < -able ? error + able : 0;
 }
 
-/* Moves the next foothold by what the DCM will be off at the end of the swing. */
+/* Moves the next foothold by the predicted error of the DCM at the end of the swing. */
 static void gait_adjust_foothold(struct gait *gait, const double dcm[2], double dt_s)
 {
     const struct gait_config *config = &gait->config;
@@ -349,10 +369,11 @@ static void gait_adjust_foothold(struct gait *gait, const double dcm[2], double 
     double after[2], move[2], ahead, left, goal[2];
     struct gait_foothold plain;
 
-    /* dcm_end is planned for the foothold as it is: a transfer to one that is further by 1 m begins
-     * with a DCM that is further by follow */
+    /* dcm_end is planned for the foothold as it is now, shifted. A foothold 1 m further begins
+     * its transfer with a DCM that is further by follow, so that the error is divided by it */
     dcm_advance(gait->omega, left_s, gait->now.zmp, dcm, after);
     gait_foothold_of(gait, swing, at, gait->closing, &plain);
+    /* The step that removes the part of the error that the ankle cannot */
     for (int k = 0; k < 2; k++) {
         double error = after[k] - (gait->dcm_end[k] - follow * gait->shift[k]);
 
@@ -360,38 +381,42 @@ static void gait_adjust_foothold(struct gait *gait, const double dcm[2], double 
                   config->adjust * gait_beyond_ankle(gait, error, left_s) / follow;
     }
 
-    /* Within reach of the standing foot */
+    /* Limit it to the reach of the standing leg, in the foot's heading */
     ahead = portable_cos(at->yaw) * move[0] + portable_sin(at->yaw) * move[1];
     left = -portable_sin(at->yaw) * move[0] + portable_cos(at->yaw) * move[1];
     ahead = fmin(fmax(ahead, -config->reach_back_m), config->reach_ahead_m);
     left =
         out * fmin(fmax(out * left, config->least_width_m), config->width_m + config->reach_out_m);
     gait_offset(at, ahead, left, goal);
+    /* The filter keeps measurement noise out of the foot's path */
     for (int k = 0; k < 2; k++) {
         gait->shift[k] += (goal[k] - plain.p[k] - gait->shift[k]) * fmin(dt_s / ADJUST_S, 1);
         gait->next.p[k] = plain.p[k] + gait->shift[k];
     }
 }
 
-/* A way from 0 to 1 that begins and ends at rest, without jerks. */
+/* Returns the minimum-jerk way from 0 to 1 (quintic), with velocity and acceleration 0 at both
+ * ends. */
 static double gait_ease(double s)
 {
     s = fmin(fmax(s, 0), 1);
     return s * s * s * (10 - 15 * s + 6 * s * s);
 }
 
-/* Its second derivative. */
+/* Returns the second derivative of gait_ease. */
 static double gait_ease_acceleration(double s)
 {
     return s <= 0 || s >= 1 ? 0 : s * (60 + s * (-180 + 120 * s));
 }
 
+/* Updates the pose and acceleration of the foot in the air, out of the progress of the swing. */
 static void gait_swing_foot(struct gait *gait)
 {
     int swing = gait_other(gait->now.stance);
     struct gait_foothold *foot = &gait->now.foot[swing];
     double s = gait->now.progress, along = gait_ease((s - 0.05) / 0.85);
     double stretch = 1 / (0.85 * gait->duration_s);
+    /* Up in the first 45 %, down in the second half; along between 5 % and 90 % of the swing */
     double up = s < 0.5 ? gait_ease(s / 0.45) : 1 - gait_ease((s - 0.5) / 0.5);
     double late = fmax(gait->elapsed_s - gait->duration_s, 0);
     double high = gait->catches ? gait->config.catch_clearance_m : gait->config.clearance_m;
@@ -400,9 +425,11 @@ static void gait_swing_foot(struct gait *gait)
     if (gait->landed) {
         return;
     }
+    /* Position between lift-off and the next foothold */
     for (int k = 0; k < 3; k++) {
         foot->p[k] = gait->lift.p[k] + along * (gait->next.p[k] - gait->lift.p[k]);
     }
+    /* Its acceleration: the second derivative by time */
     for (int k = 0; k < 2; k++) {
         gait->now.foot_m_s2[k] = (gait->next.p[k] - gait->lift.p[k]) * stretch * stretch *
                                  gait_ease_acceleration((s - 0.05) / 0.85);
@@ -410,11 +437,14 @@ static void gait_swing_foot(struct gait *gait)
     foot->yaw = gait->lift.yaw + along * (gait->next.yaw - gait->lift.yaw);
     foot->roll = gait->lift.roll + along * (gait->next.roll - gait->lift.roll);
     foot->pitch = gait->lift.pitch + along * (gait->next.pitch - gait->lift.pitch);
+    /* A foot that has met no ground in time is lowered further */
     gait->now.height_m = high * up - fmin(late * lower, gait->config.lower_m);
 }
 
 /* ---- all of it ---- */
 
+/* Computes the shares of the weight: one foot in a swing, in proportion to the place of the
+ * zero-moment point otherwise. */
 static void gait_share_weight(struct gait *gait)
 {
     struct gait_reference *now = &gait->now;
@@ -437,7 +467,7 @@ void gait_update(struct gait *gait, const struct gait_command *command,
     struct dcm_plan plan;
     double decay = portable_exp(-gait->omega * dt_s), yaw;
 
-    /* Begin to walk; end a phase when its time is over */
+    /* Begin to walk; end a phase when its time is over; step at once when the robot falls */
     gait->command = *command;
     gait->elapsed_s += dt_s;
     if (now->phase == GAIT_STAND && command->step) {
@@ -451,6 +481,7 @@ void gait_update(struct gait *gait, const struct gait_command *command,
     if (gait_must_catch(gait, measured)) {
         gait_begin_catch(gait, measured);
     }
+    /* Feel the ground; press on a foot that is down; land or steer one in the air */
     now->progress = gait->duration_s > 0 ? fmin(gait->elapsed_s / gait->duration_s, 1) : 0;
 
     gait_feel_ground(gait, measured, dt_s);
@@ -463,11 +494,13 @@ void gait_update(struct gait *gait, const struct gait_command *command,
             gait_adjust_foothold(gait, measured->dcm, dt_s);
         }
     }
+    /* Plan the zero-moment point and the DCM anew; a catching step has a plan of its own */
     gait_plan(gait, &plan);
     dcm_evaluate(&plan, gait->elapsed_s, now->zmp, now->dcm, gait->dcm_end);
     if (now->phase == GAIT_SWING && gait->catches) {
         gait_plan_catch(gait, measured, dt_s);
     }
+    /* Place the foot in the air */
     now->height_m = 0;
     memset(now->foot_m_s2, 0, sizeof now->foot_m_s2);
     if (now->phase == GAIT_SWING) {
@@ -483,6 +516,7 @@ void gait_update(struct gait *gait, const struct gait_command *command,
         }
         now->com_m_s[k] = gait->omega * (now->dcm[k] - now->com[k]);
     }
+    /* The pelvis heads between the feet */
     yaw = (now->foot[0].yaw + now->foot[1].yaw) / 2;
     now->yaw = yaw;
 }

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Where and when the feet step, and how the center of mass is to go over them: footholds from the
- * wanted velocity, the plan of the zero-moment point and of the divergent component of motion over
- * them (tasks/dcm.h), the way of the foot in the air. Knows nothing of motors and forces.
+ * Plans where and when the feet step and how the center of mass moves over them: footholds from the
+ * commanded velocity, the plan of the zero-moment point and of the divergent component of motion
+ * over them (tasks/dcm.h), the path of the foot in the air. Knows nothing of motors and forces.
  *
- * A robot that stands and is pushed so far that no center of pressure brings it back steps where it
- * falls, and then closes its feet.
+ * A robot that stands and is pushed so far that no center of pressure brings it back takes a step
+ * in the direction of the fall, and then closes its feet.
  *
  * A step is a transfer (both feet stand, the zero-moment point goes from one to the other) and a
  * swing (one foot stands). World of the estimator; SI units. RT-safe.
@@ -19,9 +19,9 @@
 
 #include <stdbool.h>
 
-/* What is wanted: velocities in the robot's own heading. */
+/* The command: velocities in the robot's own heading. */
 struct gait_command {
-    bool step; /* steps, if in place; false: stands still, feet side by side */
+    bool step; /* steps, maybe in place; false: stands still, feet side by side */
     double forward_m_s, left_m_s, turn_rad_s;
     double step_s; /* of a step, from the next swing on: swing and transfer keep their ratio; 0: as
                     * it is */
@@ -35,13 +35,13 @@ struct gait_foothold {
     double p[3], yaw, roll, pitch;
 };
 
-/* What is measured. */
+/* What balance_measure measures. */
 struct gait_measured {
     double dcm[2], com[2];
     struct gait_foothold foot[BODY_SIDES];
-    bool touches[BODY_SIDES]; /* it bears load */
+    bool touches[BODY_SIDES]; /* it is loaded */
     double force_n[BODY_SIDES];
-    bool flat[BODY_SIDES]; /* and lies on the ground, so that its tilt is the ground's */
+    bool flat[BODY_SIDES]; /* it lies flat on the ground, so that its tilt is the ground's */
 };
 
 struct gait_reference {
@@ -49,11 +49,11 @@ struct gait_reference {
     int stance;      /* the foot that stands, or will: enum of body_model.h */
     double progress; /* of the phase, 0 to 1 */
     double zmp[2], dcm[2], com[2], com_m_s[2];
-    double share[BODY_SIDES];              /* of the weight that a foot is to carry */
+    double share[BODY_SIDES];              /* share of the weight that a foot is to carry, 0 to 1 */
     struct gait_foothold foot[BODY_SIDES]; /* where each is to be */
     double height_m;                       /* of the foot in the air over the ground */
-    double foot_m_s2[2];                   /* its acceleration */
-    double yaw;                            /* of the pelvis */
+    double foot_m_s2[2];                   /* acceleration of the foot in the air, horizontal */
+    double yaw;                            /* heading of the pelvis */
 };
 
 struct gait {
@@ -63,30 +63,31 @@ struct gait {
     struct gait_reference now;
     struct gait_foothold next, lift; /* where the foot in the air goes to, came from */
     double elapsed_s, duration_s;    /* of the phase */
-    double zmp_from[2];              /* of a transfer */
-    double dcm_end[2];               /* planned, for the end of a swing to next */
-    double shift[2];                 /* by which next was moved */
+    double zmp_from[2];              /* zero-moment point at the begin of a transfer */
+    double dcm_end[2];               /* planned DCM at the end of a swing to next */
+    double shift[2];                 /* adjustment by which next was moved */
     bool closing;                    /* the step after which the robot stands */
     bool landed;                     /* the foot in the air has met the ground */
     bool catches;                    /* this swing began at once, to catch a fall */
-    double bore;                     /* share of the weight that its standing foot had then */
+    double bore;                     /* share of the weight that the standing foot carried when
+                                      * the catching step began */
     bool apart;                      /* a catching step may have left its feet apart */
-    unsigned steps;                  /* feet that came down */
+    unsigned steps;                  /* number of completed steps */
 };
 
-/* Both feet stand there. */
+/* Starts the gait with both feet standing at these footholds. */
 void gait_start(struct gait *gait, const struct gait_config *config, double omega,
                 const struct gait_foothold foot[BODY_SIDES], const double com[2]);
 
 /* Advances by dt_s. A foot that meets the ground before its time stays there until the swing is
- * over; one that has not met it then is lowered, while the plan waits. */
+ * over; one that has not met it in time is lowered, while the plan waits. */
 void gait_update(struct gait *gait, const struct gait_command *command,
                  const struct gait_measured *measured, double dt_s);
 
-/* A point of the world from a foothold: ahead and to the left in its heading. */
+/* Transforms a point of the world into a foothold's heading: ahead and to the left, m. */
 void gait_into_foot(const struct gait_foothold *foot, const double point[2], double in[2]);
 
-/* The zero-moment point that the plan has for a foot. */
+/* Computes the zero-moment point that the plan uses for a foot. */
 void gait_foot_zmp(const struct gait *gait, int side, const struct gait_foothold *foot,
                    double zmp[2]);
 

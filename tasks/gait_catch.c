@@ -1,22 +1,22 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The step that catches a robot which is pushed while it stands. */
+/* The step that catches a standing robot that is pushed (capture step). */
 #include "tasks/gait_private.h"
 
 #include <math.h>
 #include <string.h>
 
-#define SETTLE_S 0.1     /* after a step before the next one: the foot that came down bounces */
-#define LOAD_S 0.05      /* in which the standing foot takes over the weight */
-#define FOLLOW_S 0.03    /* in which the foothold follows the DCM */
-#define ACROSS_PART 0.45 /* of the swing in which it does so across ... */
+#define SETTLE_S 0.1     /* wait after a step: the foot that came down bounces */
+#define LOAD_S 0.05      /* duration in which the standing foot takes over the weight */
+#define FOLLOW_S 0.03    /* time constant with which the foothold follows the DCM */
+#define ACROSS_PART 0.45 /* fraction of the swing in which it does so across ... */
 #define ALONG_PART 0.63  /* ... and along: later the leg's own way moves the DCM */
-#define ON_PART 0.6      /* of the way to the foot that came down: from there the other follows */
+#define ON_PART 0.6      /* fraction of the way to the new foot: beyond it the other follows */
 #define ON_TRANSFER_S 0.12
-#define CALM_S 0.3    /* it has stood so long ... */
-#define CALM_M 0.025  /* ... and the DCM is so near to its plan: at rest */
-#define BESIDE_M 0.03 /* feet so near to where they stand side by side do */
+#define CALM_S 0.3    /* at rest means: it has stood for so long ... */
+#define CALM_M 0.025  /* ... and the DCM is this near to its plan */
+#define BESIDE_M 0.03 /* feet this near to side by side need no further step */
 
-/* Of two points in the plane. */
+/* Returns the distance between two points in the plane, m. */
 static double gait_apart(const double a[2], const double b[2])
 {
     double x = a[0] - b[0], y = a[1] - b[1];
@@ -24,9 +24,10 @@ static double gait_apart(const double a[2], const double b[2])
     return sqrt(x * x + y * y);
 }
 
-/* How far ahead or back the DCM is beyond where the center of pressure can be: within a sole that
- * lies on the line between the feet where the DCM is nearest to it. To a side no step helps that
- * does not cross the legs: the foot there bears the weight, the other one would have to pass it. */
+/* Returns how far (m) the DCM is ahead of or behind where the center of pressure can be,
+ * negative inside: the reach of a sole on the line between the feet, where that line is nearest
+ * to the DCM. Sideways no step helps that does not cross the legs: the foot on that side carries
+ * the weight, and the other one would have to pass it. */
 static double gait_beyond_soles(const struct gait *gait, const double dcm[2])
 {
     const struct gait_config *config = &gait->config;
@@ -57,15 +58,18 @@ void gait_begin_catch(struct gait *gait, const struct gait_measured *measured)
     double apart[BODY_SIDES];
     int swing;
 
+    /* The foot nearer to the DCM stands */
     for (int i = 0; i < BODY_SIDES; i++) {
         apart[i] = gait_apart(measured->dcm, now->foot[i].p);
     }
     now->stance = apart[BODY_RIGHT] < apart[BODY_LEFT] ? BODY_RIGHT : BODY_LEFT;
     swing = gait_other(now->stance);
+    /* The swing begins without a transfer: remember the load of the standing foot for its ramp */
     gait->bore = now->share[now->stance];
     gait->catches = true;
     gait->closing = gait->landed = false;
     gait->apart = true;
+    /* The foothold begins beside the standing foot; gait_place_catch moves it outward */
     gait->lift = now->foot[swing];
     gait_foothold_of(gait, swing, &now->foot[now->stance], true, &gait->next);
     memset(gait->shift, 0, sizeof gait->shift);
@@ -77,8 +81,9 @@ double gait_catch_share(const struct gait *gait)
     return gait->bore + (1 - gait->bore) * fmin(gait->elapsed_s / LOAD_S, 1);
 }
 
-/* Moves the foothold to where the DCM will be when the foot comes down. Only ever further away: a
- * foot that is drawn back throws the robot off, one that steps too far does no harm. */
+/* Moves the foothold to where the DCM will be when the foot comes down. It moves only ever
+ * further away: a foot that is drawn back throws the robot off, one that steps too far does no
+ * harm. */
 static void gait_place_catch(struct gait *gait, const double after[2], double dt_s)
 {
     const struct gait_config *config = &gait->config;
@@ -86,6 +91,7 @@ static void gait_place_catch(struct gait *gait, const double after[2], double dt
     double out = gait_outward(gait_other(gait->now.stance)), reach = config->catch_reach_m;
     double was[2], to[2], goal[2];
 
+    /* In the heading of the standing foot: limit to its reach, and never closer than before */
     gait_into_foot(at, gait->next.p, was);
     gait_into_foot(at, after, to);
     to[0] = fmin(fmax(to[0] - config->zmp_ahead_m, -reach), reach);
@@ -95,6 +101,7 @@ static void gait_place_catch(struct gait *gait, const double after[2], double dt
     if (gait->elapsed_s > ACROSS_PART * gait->duration_s) {
         to[1] = was[1];
     }
+    /* Back into the world, smoothed */
     gait_offset(at, to[0], to[1], goal);
     for (int k = 0; k < 2; k++) {
         gait->next.p[k] += (goal[k] - gait->next.p[k]) * fmin(dt_s / FOLLOW_S, 1);
@@ -114,6 +121,7 @@ void gait_plan_catch(struct gait *gait, const struct gait_measured *measured, do
                  config->sole_front_m - config->sole_margin_m);
     in[1] = fmin(fmax(in[1], -side), side);
     gait_offset(at, in[0], in[1], now->zmp);
+    /* The plan is the measurement, so that no feedback acts on top of it */
     memcpy(now->dcm, measured->dcm, sizeof now->dcm);
 
     dcm_advance(gait->omega, fmax(gait->duration_s - gait->elapsed_s, 0), now->zmp, measured->dcm,
@@ -130,6 +138,7 @@ void gait_end_catch(struct gait *gait, const struct gait_measured *measured)
     double left = gait_left_share(gait, measured->dcm);
 
     gait->catches = false;
+    /* The DCM has gone on to the new foot: the other one follows with a step; else stay apart */
     if ((swing == BODY_LEFT ? left : 1 - left) > ON_PART) {
         gait_begin_step(gait, swing, ON_TRANSFER_S);
         return;

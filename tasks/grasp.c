@@ -23,24 +23,26 @@ static const double mirrored[GRASP_JOINTS] = {1, -1, -1, 1}; /* the left arm's a
 static const char *const wrist_name[SIDES] = {"r_arm_ft", "l_arm_ft"};
 static const char *const foot_name[SIDES] = {"r_leg_ft", "l_leg_ft"};
 
-static const double WEIGH_S = 0.2; /* end of settling, in which the weight is measured */
-static const double LIGHT = 0.3;   /* feet carry less than this part of the weight: fallen, ... */
-static const double LOST_S = 0.05; /* ... or a wrist presses too little: when it lasts so long */
+static const double WEIGH_S = 0.2; /* at the end of settling: the time in which the weight is
+                                    * measured */
+static const double LIGHT = 0.3;   /* fallen when the feet carry less than this part of the
+                                    * weight, ... */
+static const double LOST_S = 0.05; /* ... or lost when a wrist presses too little, for so long */
 
 struct grasp {
     size_t axis[SIDES][GRASP_JOINTS], wrist[SIDES], foot[SIDES];
     double *from;                         /* joint angles at the start */
-    double feet_sum, wrist_sum[SIDES][3]; /* of the forces when nothing was held yet */
+    double feet_sum, wrist_sum[SIDES][3]; /* sums of the forces when nothing was held yet */
     size_t weighed;
-    size_t phase;       /* of the path */
-    double carried_sum; /* by both wrists, while they hold still at the end */
+    size_t phase;       /* phase of the path */
+    double carried_sum; /* sum of what both wrists carry, while they hold still at the end */
     size_t carried_count;
-    double least_n; /* that a wrist pressed with the closed grip */
-    double fine_s;  /* when all was in order last */
+    double least_n; /* least force that a wrist pressed with while the grip was closed */
+    double fine_s;  /* last time that all was in order */
     double worst_error_rad;
 };
 
-/* The axes of an arm; all points of the path must be within their limits. */
+/* Finds the axes of an arm and checks that all points of the path are within their limits. */
 static enum error_code grasp_find_arm(struct task *task, int side, struct error *error)
 {
     const struct grasp_config *config = &task->config.grasp;
@@ -70,6 +72,7 @@ static enum error_code grasp_find_arm(struct task *task, int side, struct error 
     return ERROR_NONE;
 }
 
+/* Checks that the rig has a path and that its phases end one after the other. */
 static enum error_code grasp_check_path(const struct grasp_config *config, struct error *error)
 {
     if (config->nphase == 0) {
@@ -87,6 +90,7 @@ static enum error_code grasp_check_path(const struct grasp_config *config, struc
     return ERROR_NONE;
 }
 
+/* Creates the task's state and finds arms, wrists and feet. ERROR_INPUT when the rig lacks one. */
 static enum error_code grasp_create(struct task *task, struct arena *arena, struct error *error)
 {
     struct grasp *grasp = arena_alloc(arena, 1, sizeof *grasp);
@@ -131,7 +135,8 @@ static void grasp_start(struct task *task)
     grasp->least_n = HUGE_VAL;
 }
 
-/* Both arms on the piecewise linear path, t seconds after its beginning, in grasp->phase. */
+/* Sets the references of both arms on the piecewise linear path, t seconds after its beginning,
+ * in grasp->phase. */
 static void grasp_move_arms(struct task *task, double t)
 {
     const struct grasp *grasp = task->state;
@@ -152,7 +157,7 @@ static void grasp_move_arms(struct task *task, double t)
     }
 }
 
-/* Turns v about the x, y or z axis. */
+/* Rotates v about the x, y or z axis (0, 1, 2). */
 static void grasp_rotate_axis(double v[3], int axis, double angle)
 {
     double *a = &v[(axis + 1) % 3], *b = &v[(axis + 2) % 3], old = *a;
@@ -161,8 +166,8 @@ static void grasp_rotate_axis(double v[3], int axis, double angle)
     *b = portable_sin(angle) * old + portable_cos(angle) * *b;
 }
 
-/* What hangs on a wrist's sensor pulls on it, in the torso's axes: the forearm is turned by pitch,
- * roll and yaw of the shoulder and by the elbow. */
+/* Computes the force that pulls on a wrist's sensor, in the torso's axes, N: the forearm is
+ * turned by pitch, roll and yaw of the shoulder and by the elbow. */
 static void grasp_wrist_force(const struct task *task, int side, double force[3])
 {
     static const int about[GRASP_JOINTS] = {1, 0, 2, 1};
@@ -174,7 +179,7 @@ static void grasp_wrist_force(const struct task *task, int side, double force[3]
     }
 }
 
-/* The same less what hung there when nothing was held. */
+/* Computes the same force less the one when nothing was held. */
 static void grasp_hand_force(const struct task *task, int side, double force[3])
 {
     const struct grasp *grasp = task->state;
@@ -185,7 +190,7 @@ static void grasp_hand_force(const struct task *task, int side, double force[3])
     }
 }
 
-/* How hard a wrist presses toward the other. */
+/* Returns how hard a wrist presses toward the other one, N. */
 static double grasp_press_force(const struct task *task, int side)
 {
     double force[3];
@@ -194,7 +199,7 @@ static double grasp_press_force(const struct task *task, int side)
     return side == RIGHT ? -force[1] : force[1];
 }
 
-/* What both wrists carry together. */
+/* Returns what both wrists carry together, N. */
 static double grasp_carried_force(const struct task *task)
 {
     double right[3], left[3];
@@ -204,6 +209,7 @@ static double grasp_carried_force(const struct task *task)
     return -right[2] - left[2];
 }
 
+/* Returns the vertical force on both feet, N. */
 static double grasp_feet_force(const struct task *task)
 {
     const struct grasp *grasp = task->state;
@@ -212,12 +218,14 @@ static double grasp_feet_force(const struct task *task)
            host_force(task->host, grasp->foot[LEFT])->force_n[2];
 }
 
-/* On feet, 0 where they hang: a robot whose base is held. */
+/* Returns the robot's weight on its feet before the grasp, N; 0 where they hang, as of a robot
+ * whose base is held. */
 static double grasp_weight(const struct grasp *grasp)
 {
     return fmax(grasp->feet_sum / (double)grasp->weighed, 0);
 }
 
+/* Adds one period to the forces of wrists and feet when nothing is held. */
 static void grasp_weigh(struct task *task)
 {
     struct grasp *grasp = task->state;
@@ -234,7 +242,8 @@ static void grasp_weigh(struct task *task)
     grasp->weighed++;
 }
 
-/* False with a message when the robot no longer stands or has lost the object. */
+/* Checks motors, feet and grip. Returns false with a message when the robot no longer stands or
+ * has lost the object. */
 static bool grasp_is_healthy(struct task *task, double t)
 {
     struct grasp *grasp = task->state;
@@ -290,7 +299,8 @@ static void grasp_describe(struct task *task, const char *doing)
              grasp_carried_force(task));
 }
 
-/* The verdict at the end, when the grip was never lost: do the wrists carry the object? */
+/* Returns the verdict at the end, when the grip was never lost: whether the wrists carry the
+ * object. */
 static enum task_status grasp_judge_lift(struct task *task)
 {
     const struct grasp *grasp = task->state;
@@ -310,6 +320,7 @@ static enum task_status grasp_judge_lift(struct task *task)
     return TASK_DONE;
 }
 
+/* Runs one period: settle and weigh, move along the path, hold, judge. */
 static enum task_status grasp_step(struct task *task, double t)
 {
     struct grasp *grasp = task->state;

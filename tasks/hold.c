@@ -9,14 +9,16 @@
 #include <math.h>
 #include <stdio.h>
 
-static const double HOLD_RAMP_S = 1.0;   /* from where the joints were to the pose */
-static const double HOLD_SETTLE_S = 1.0; /* until deviations count */
+static const double HOLD_RAMP_S = 1.0;   /* duration of the ramp from where the joints were to
+                                          * the pose */
+static const double HOLD_SETTLE_S = 1.0; /* wait after the ramp, until deviations count */
 
 struct hold {
     double *from;  /* joint angles at the start */
     double *worst; /* by axis: largest deviation, rad */
 };
 
+/* Creates the task's state: where the joints start from and their largest deviations. */
 static enum error_code hold_create(struct task *task, struct arena *arena, struct error *error)
 {
     const size_t naxis = task->config.host.naxis;
@@ -42,12 +44,13 @@ static void hold_start(struct task *task)
     }
 }
 
+/* Returns the error of a joint's link encoder against the initial pose, rad. */
 static double hold_deviation(const struct task *task, size_t axis)
 {
     return host_joint(task->host, axis)->joint_rad - task->config.initial_rad[axis];
 }
 
-/* The time, and the joints that were farthest from their angles. */
+/* Writes the message: the time, and the joints with the largest deviations. */
 static void hold_tell(struct task *task, const char *what, double held_s)
 {
     const struct hold *hold = task->state;
@@ -57,6 +60,8 @@ static void hold_tell(struct task *task, const char *what, double held_s)
     task_tell_worst(task, hold->worst);
 }
 
+/* Runs one period: the ramp into the pose, then a check of every joint until duration_s has
+ * passed. */
 static enum task_status hold_step(struct task *task, double t_s)
 {
     const struct hold_config *config = &task->config.hold;
@@ -64,12 +69,14 @@ static enum task_status hold_step(struct task *task, double t_s)
     double held_s = t_s - HOLD_RAMP_S - HOLD_SETTLE_S;
 
     task_hold_pose(task, hold->from, HOLD_RAMP_S, t_s);
+    /* On the ramp, and while it settles, deviations do not count */
     if (held_s < 0) {
         if (task->tells) {
             snprintf(task->message, sizeof task->message, "moving into the pose");
         }
         return TASK_RUNNING;
     }
+    /* Any joint beyond the tolerance, or without a finite angle, is a failure at once */
     for (size_t i = 0; i < task->config.host.naxis; i++) {
         double deviation = fabs(hold_deviation(task, i));
 
@@ -82,6 +89,7 @@ static enum task_status hold_step(struct task *task, double t_s)
             return TASK_FAILED;
         }
     }
+    /* Held long enough: the verdict names the worst joints */
     if (held_s < config->duration_s) {
         if (task->tells) {
             hold_tell(task, "holding", held_s);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The host's core: the map of boards, time and lockstep, what arrives and what is sent. */
+/* The host's core: map of boards, time and lockstep, received frames and sent commands. */
 #include "tasks/host_private.h"
 
 #include "base/count.h"
@@ -11,15 +11,16 @@
 
 enum {
     RECEIVE_BATCH = 64,
-    BATCHES_MAX = 64, /* of one bus in one period: a flood must not hold the period up */
-    STEPS_APART = 50, /* farther back than answers to repeated STEPs: it was restarted */
+    BATCHES_MAX = 64, /* limit for one bus in one period: a flood must not hold the period up */
+    STEPS_APART = 50, /* a simulator whose tick is farther back than that was restarted; answers
+                       * to repeated STEPs are nearer */
 };
 
 static const int64_t STEP_REPEAT_NS = 100000000;
 
 /* ---- creation ---- */
 
-/* The host's side of what a bus speaks; NULL: there is none. */
+/* Returns the host's side of the protocol that a bus speaks; NULL when there is none. */
 static const struct host_ops *host_bus_ops(const struct host_config *config, size_t bus)
 {
 #define HOST_ADDRESS(NAME) &host_##NAME,
@@ -34,7 +35,7 @@ static const struct host_ops *host_bus_ops(const struct host_config *config, siz
     return name ? NULL : known[0];
 }
 
-/* What the host keeps of a bus. */
+/* Initializes what the host keeps of a bus. ERROR_INPUT when no host speaks its protocol. */
 static enum error_code host_open_line(struct host *host, size_t bus, struct arena *arena,
                                       struct error *error)
 {
@@ -58,7 +59,8 @@ static enum error_code host_open_line(struct host *host, size_t bus, struct aren
     return ERROR_NONE;
 }
 
-/* The node at an address, which must be of one kind. */
+/* Finds the node at an address of a bus and checks that it is of one kind; the first one to
+ * claim it sets the kind. ERROR_INPUT when bus or address do not exist. */
 static enum error_code host_claim_node(struct host *host, int bus, unsigned address,
                                        enum host_kind kind, struct host_node **out,
                                        struct error *error)
@@ -91,7 +93,7 @@ static enum error_code host_claim_node(struct host *host, int bus, unsigned addr
     return ERROR_NONE;
 }
 
-/* Where a joint's motor and its torque stand. */
+/* Maps a joint to the axis of its motor board and to the channel of its torque board. */
 static enum error_code host_map_axis(struct host *host, size_t index, struct error *error)
 {
     const struct host_axis *axis = &host->config.axis[index];
@@ -136,6 +138,7 @@ static enum error_code host_map_axis(struct host *host, size_t index, struct err
     return ERROR_NONE;
 }
 
+/* Maps a force-torque sensor to its board. */
 static enum error_code host_map_force(struct host *host, size_t index, struct error *error)
 {
     const struct host_ft *ft = &host->config.ft[index];
@@ -150,6 +153,7 @@ static enum error_code host_map_force(struct host *host, size_t index, struct er
     return ERROR_NONE;
 }
 
+/* Maps the inertial sensor, if the rig has one, to its board. */
 static enum error_code host_map_inertial(struct host *host, struct error *error)
 {
     const struct host_imu *imu = &host->config.imu;
@@ -179,6 +183,7 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
         host->volts = arena_alloc(arena, config->naxis, sizeof *host->volts);
         host->want = arena_alloc(arena, config->naxis, sizeof *host->want);
     }
+    /* None of it grows later, so that the loop never allocates */
     if (!host || !host->line || !host->joint || !host->force || !host->force_watched ||
         !host->volts || !host->want) {
         return error_set(error, ERROR_MEMORY, "no memory for the host");
@@ -224,7 +229,8 @@ struct host_joint *host_node_joint(struct host *host, const struct host_node *no
     return node->axis[axis] < 0 ? NULL : &host->joint[node->axis[axis]];
 }
 
-/* The simulator is not at the tick of a STEP of ours. */
+/* Handles a DONE which says that the simulator is not at the tick of a STEP of ours: adopts its
+ * tick, or fails when it was restarted. */
 static void host_read_refusal(struct host *host, uint32_t tick)
 {
     if (tick == host->step_tick) {
@@ -240,6 +246,7 @@ static void host_read_refusal(struct host *host, uint32_t tick)
     host->tick = tick;
 }
 
+/* Reads a DONE frame: the bus has finished its tick, refuses the STEP, or is stopping. */
 static void host_read_done(struct host *host, struct host_line *line, const struct bus_frame *frame)
 {
     uint32_t tick;
@@ -264,13 +271,14 @@ static void host_read_done(struct host *host, struct host_line *line, const stru
     }
 }
 
-/* Whether boards of the bus may have sent such a frame. */
+/* Returns whether boards of the bus may have sent such a frame. */
 static bool host_hears(const struct host_line *line, const struct bus_frame *frame)
 {
     return !(frame->flags & (FRAME_ERROR | FRAME_REMOTE)) &&
            (line->ops->extended || !(frame->flags & FRAME_EXTENDED));
 }
 
+/* Passes a frame to the lockstep or to the protocol of its bus. */
 static void host_read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     struct host_line *line = &host->line[bus];
@@ -285,6 +293,7 @@ static void host_read_frame(struct host *host, size_t bus, const struct bus_fram
     }
 }
 
+/* Reads the frames that have arrived on a bus, up to the limit for a period. */
 static void host_read_bus(struct host *host, size_t bus)
 {
     struct bus_frame frames[RECEIVE_BATCH];
@@ -312,6 +321,7 @@ bool host_receive(struct host *host, int64_t now_ns)
     if (!host->config.lockstep) {
         return true;
     }
+    /* Lockstep: the period begins when every bus has ended its tick, or the STEP was refused */
     if (host->step_waits && !all_done && !host->step_refused) {
         return false;
     }
@@ -370,6 +380,7 @@ void host_queue(struct host *host, size_t bus, const struct bus_frame *frame)
     }
 }
 
+/* Returns the bus of an axis's motor board. */
 static struct host_line *host_axis_line(struct host *host, size_t axis)
 {
     return &host->line[host->config.axis[axis].bus];
@@ -412,6 +423,7 @@ double host_duty(const struct host *host, size_t axis)
     return host->volts[axis] / host->config.supply_v;
 }
 
+/* Makes the STEP frame: one tick from step_tick on. */
 static struct bus_frame host_step_frame(const struct host *host)
 {
     uint8_t data[LOCKSTEP_LENGTH];
@@ -434,6 +446,7 @@ void host_send(struct host *host)
             line->queued = 0;
         }
     }
+    /* STEP comes last: commands before it belong to its tick */
     if (host->config.lockstep) {
         struct bus_frame step;
 

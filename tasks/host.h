@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The host of the boards: discovers and configures them over CAN ports, keeps their latest
- * telemetry, switches motors and sends voltages. Each bus speaks one protocol, and a host mixes
- * them. It knows the map of the rig and the protocols, nothing else. One thread; RT-safe after
+ * telemetry, switches motors and sends voltages. Each bus speaks one protocol; a host may have
+ * several. It knows the map of the rig and the protocols, nothing else. One thread; RT-safe after
  * creation. Units: SI, angles at the link side of the gear.
  */
 #ifndef TASKS_HOST_H
@@ -30,7 +30,7 @@ enum host_motor {
     HOST_MOTOR_FAULT,
 };
 
-/* The latest that the boards said about one joint. */
+/* Latest telemetry of one joint. */
 struct host_joint {
     /* Link and rotor encoder (rotor on the link side of the gear). foc boards have no link encoder:
      * there joint_rad is the rotor's angle less the spring's deflection under the measured
@@ -39,7 +39,7 @@ struct host_joint {
     double current_a, torque_nm; /* cia402: no current */
     enum host_motor motor;
     uint32_t fault;   /* bits of the protocol */
-    bool torque_told; /* some board tells the torque */
+    bool torque_told; /* some board reports the torque */
     /* Host time of the last angle of rotor and link, and of the last torque; -1 = none yet */
     int64_t motor_time_ns, joint_time_ns, torque_time_ns;
 };
@@ -50,7 +50,7 @@ struct host_force {
     bool overflow;
 };
 
-/* The latest of the inertial sensor, in its own axes; all 0 until it is heard. */
+/* Latest telemetry of the inertial sensor, in its own axes; all 0 until the first frame. */
 struct host_motion {
     double acceleration_m_s2[3]; /* specific force: 9.81 up at rest */
     double rate_rad_s[3];
@@ -59,15 +59,16 @@ struct host_motion {
     int64_t acceleration_time_ns, rate_time_ns, quaternion_time_ns;
 };
 
-/* Memory from arena; the ports stay the caller's. */
+/* Creates a host in the arena; the ports stay the caller's. */
 enum error_code host_create(const struct host_config *config, struct arena *arena,
                             struct host **host, struct error *error);
 
-/* Reads what has arrived. In lockstep returns false until DONE has come on every bus; otherwise
- * always true. now_ns is the caller's clock. */
+/* Reads the frames that have arrived. In lockstep returns false until DONE has come on every
+ * bus; otherwise always true. now_ns is the caller's clock. */
 bool host_receive(struct host *host, int64_t now_ns);
 
-/* Host time: virtual time of the last DONE in lockstep, else the now_ns of the last receive. */
+/* Returns the host time: virtual time of the last DONE in lockstep, else the now_ns of the last
+ * receive. */
 int64_t host_time_ns(const struct host *host);
 
 /* Continues the start-up by one period; returns the phase reached. */
@@ -79,23 +80,23 @@ enum host_phase host_start_up(struct host *host);
 void host_begin_listening(struct host *host);
 void host_listen(struct host *host, size_t bus, const struct bus_frame *frame, int64_t now_ns);
 
-/* Commands of this period. A motor that is switched, on or off, gets 0 V. Where a protocol wants
- * set-points every period the last voltage is repeated. */
+/* Set the commands of this period. A motor that is switched, on or off, gets 0 V. Where a
+ * protocol wants set-points every period the last voltage is repeated. */
 void host_set_motor(struct host *host, size_t axis, bool on);
 void host_set_voltage(struct host *host, size_t axis, double volts);
 
-/* The last voltage of an axis, as limited by the supply. */
+/* Returns the last voltage of an axis, as limited by the supply. */
 double host_voltage(const struct host *host, size_t axis);
 
-/* Where the motor of an axis is to be, which the voltage is to bring about: for protocols whose
- * boards close a position loop; the others ignore it. rad at the link side, rad/s. */
+/* Sets where the motor of an axis is to be under that voltage, for protocols whose boards close
+ * a position loop; the others ignore it. rad at the link side, rad/s. */
 void host_set_reference(struct host *host, size_t axis, double rad, double rad_s);
 
 /* Ends the period: sends what is queued, bus by bus, and in lockstep the STEP frame last. */
 void host_send(struct host *host);
 
-/* In lockstep, when DONE has not come: sends the STEP again after 100 ms of now_ns; a simulator
- * that had it already answers with its tick. */
+/* Sends the STEP again when DONE has not come within 100 ms of now_ns; a simulator that had it
+ * already answers with its tick. Does nothing without lockstep. */
 void host_repeat_step(struct host *host, int64_t now_ns);
 
 const struct host_joint *host_joint(const struct host *host, size_t axis);
@@ -103,7 +104,7 @@ const struct host_force *host_force(const struct host *host, size_t ft);
 const struct host_motion *host_motion(const struct host *host);
 const struct host_config *host_configuration(const struct host *host);
 
-/* Axis by joint name, -1 = none. Not RT-safe. */
+/* Returns the axis of a joint by name, -1 when there is none. Not RT-safe. */
 int host_find_axis(const struct host *host, const char *joint);
 
 /* For a task that cannot do without a sensor: from now on a force-torque board, or the inertial
@@ -119,8 +120,8 @@ bool host_healthy(struct host *host);
 
 const char *host_message(const struct host *host);
 
-/* Whether it failed because boards do not answer, stopped transmitting or were restarted: then a
- * new host may find them again. */
+/* Returns whether it failed because boards do not answer, stopped transmitting or were
+ * restarted: then a new host may find them again. */
 bool host_lost(const struct host *host);
 
 #endif

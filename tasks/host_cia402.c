@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The host's side of boards/cia402/protocol.h. Start-up: resets the communication of all nodes,
+ * The host's side of boards/cia402/protocol.h. Start-up: it resets the communication of all nodes,
  * asks each for its device type, sets its PDOs up by SDO as struct cia402_plan has them, its axes
  * to the voltage mode, and starts it, again when its heartbeat says that it was not. Then every
- * period the voltages of each node, and a SYNC, which all telemetry follows. Motors are switched by
- * their controlwords, one step of the state machine after the other as the statuswords tell.
+ * period it sends the voltages of each node, and a SYNC, which all telemetry follows. Motors are
+ * switched by their controlwords, one step of the state machine after the other as the statuswords
+ * tell.
  *
- * A frame that changes anything is repeated when a node does not do as it says: the last
- * controlwords every CONTROL_REPEAT_NS.
+ * The last controlwords are repeated every CONTROL_REPEAT_NS while a node does not do as they say.
  */
 #include "tasks/host_private.h"
 
@@ -18,7 +18,8 @@
 
 enum { NODE_ID_MASK = 0x7f, SYNCS_MAX = 240 };
 
-static const int64_t SYNC_APART_NS = 3 * HOST_MS / 4; /* at least, so that it is one a period */
+static const int64_t SYNC_APART_NS = 3 * HOST_MS / 4; /* least time between SYNCs, so that there
+                                                       * is one a period */
 static const int64_t CONTROL_REPEAT_NS = 10 * HOST_MS;
 
 static const char *const fault_name[32] = {
@@ -27,6 +28,7 @@ static const char *const fault_name[32] = {
     "position limit", "saturated",    "no reading",
 };
 
+/* Returns what a node is in the protocol's terms. */
 static enum cia402_kind host_cia402_kind(const struct host_node *node)
 {
     return node->kind == HOST_MOTOR_BOARD      ? CIA402_KIND_DRIVE
@@ -34,7 +36,8 @@ static enum cia402_kind host_cia402_kind(const struct host_node *node)
                                                : CIA402_KIND_FT;
 }
 
-/* Up to the last one that is ours. */
+/* Returns the number of axes of a motor board up to the last one that is ours; 0 of other
+ * boards. */
 static unsigned host_cia402_axes(const struct host_node *node)
 {
     unsigned axes = HOST_AXES;
@@ -47,6 +50,7 @@ static unsigned host_cia402_axes(const struct host_node *node)
 
 /* ---- what arrives ---- */
 
+/* Reads the statuswords of a motor board, one for each axis, into the states of its motors. */
 static void host_cia402_read_status(struct host *host, struct host_node *node,
                                     const struct bus_frame *frame)
 {
@@ -65,6 +69,7 @@ static void host_cia402_read_status(struct host *host, struct host_node *node,
     }
 }
 
+/* Reads the telemetry of an axis: rotor angle, deflection of the spring, torque. */
 static void host_cia402_read_telemetry(struct host *host, struct host_joint *joint,
                                        const struct bus_frame *frame)
 {
@@ -76,6 +81,7 @@ static void host_cia402_read_telemetry(struct host *host, struct host_joint *joi
     joint->motor_time_ns = joint->joint_time_ns = joint->torque_time_ns = host->now_ns;
 }
 
+/* Reads the forces (TPDO number 0) or moments (1) of a force-torque board. */
 static void host_cia402_read_wrench(struct host *host, const struct host_node *node,
                                     const struct bus_frame *frame, unsigned number)
 {
@@ -94,7 +100,7 @@ static void host_cia402_read_wrench(struct host *host, const struct host_node *n
     }
 }
 
-/* TPDOs of the predefined connection set, by number. */
+/* Reads a TPDO of the predefined connection set, by its number from 0. */
 static void host_cia402_read_pdo(struct host *host, struct host_node *node, unsigned number,
                                  const struct bus_frame *frame)
 {
@@ -118,6 +124,7 @@ static void host_cia402_read_pdo(struct host *host, struct host_node *node, unsi
     }
 }
 
+/* Reads an EMCY: the faults of one axis, or the end of all faults of the board. */
 static void host_cia402_read_emergency(struct host *host, struct host_node *node,
                                        const struct bus_frame *frame)
 {
@@ -132,6 +139,7 @@ static void host_cia402_read_emergency(struct host *host, struct host_node *node
     }
 }
 
+/* Queues the NMT command that starts a node. */
 static void host_cia402_start_node(struct host *host, size_t bus, unsigned id)
 {
     const uint8_t data[CIA402_NMT_LENGTH] = {CIA402_NMT_START, (uint8_t)id};
@@ -140,7 +148,8 @@ static void host_cia402_start_node(struct host *host, size_t bus, unsigned id)
     host_queue(host, bus, &frame);
 }
 
-/* A node that boots has lost its settings: its motors are off. */
+/* Reads a heartbeat. A node that boots has lost its settings: its motors are off. One that waits
+ * is started. */
 static void host_cia402_read_heartbeat(struct host *host, size_t bus, struct host_node *node,
                                        const struct bus_frame *frame)
 {
@@ -159,19 +168,23 @@ static void host_cia402_read_heartbeat(struct host *host, size_t bus, struct hos
     }
 }
 
+/* Reads an SDO answer: the device type in discovery, then the confirmation of each start-up
+ * request. */
 static void host_cia402_read_sdo(struct host *host, size_t bus, struct host_node *node,
                                  const struct bus_frame *frame)
 {
     unsigned id = frame->id & NODE_ID_MASK, command;
     uint32_t type = node->kind == HOST_MOTOR_BOARD ? CIA402_DEVICE_DRIVE : CIA402_DEVICE_SENSOR;
+    uint32_t profile = type & 0xffff; /* what is above depends on the number of axes */
     struct host_request request;
 
     if (frame->len != CIA402_SDO_LENGTH) {
         return;
     }
+    /* Discovery: the node answers the question for its device type */
     command = frame->data[0] & CIA402_COMMAND_MASK;
     if (!node->found) {
-        if (command != CIA402_UPLOAD_REPLY || get_u32_le(frame->data + 4) != type) {
+        if (command != CIA402_UPLOAD_REPLY || get_u16_le(frame->data + 4) != profile) {
             host_fail_node(host, bus, id, "is of another kind");
             return;
         }
@@ -179,7 +192,7 @@ static void host_cia402_read_sdo(struct host *host, size_t bus, struct host_node
         return;
     }
 
-    /* Of what was asked last? */
+    /* Is it the answer to the last request, for the same object? */
     if (node->answered == node->requested ||
         !host_cia402.request(host, bus, id, node->answered, &request) ||
         memcmp(request.frame.data + 1, frame->data + 1, 3) != 0) {
@@ -192,6 +205,7 @@ static void host_cia402_read_sdo(struct host *host, size_t bus, struct host_node
     }
 }
 
+/* Passes a frame to the reader of its service, which the upper bits of its identifier name. */
 static void host_cia402_read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     unsigned id = frame->id & NODE_ID_MASK, function = frame->id & ~(unsigned)NODE_ID_MASK;
@@ -231,6 +245,7 @@ static void host_cia402_read_frame(struct host *host, size_t bus, const struct b
 
 /* ---- the start-up ---- */
 
+/* Queues a frame for the end of the period. */
 static void host_cia402_queue(struct host *host, size_t bus, uint32_t id, uint8_t len,
                               const uint8_t *data)
 {
@@ -239,7 +254,8 @@ static void host_cia402_queue(struct host *host, size_t bus, uint32_t id, uint8_
     host_queue(host, bus, &frame);
 }
 
-/* Whoever was host before, the nodes are as they were stored; then each says what it is. */
+/* Resets the communication of all nodes, so that they are as they were stored, whoever was host
+ * before, then asks each what it is. */
 static void host_cia402_discover(struct host *host, size_t bus)
 {
     const uint8_t reset[CIA402_NMT_LENGTH] = {CIA402_NMT_RESET_COMMUNICATION};
@@ -256,14 +272,14 @@ static void host_cia402_discover(struct host *host, size_t bus)
     }
 }
 
-/* An object that is written, of so many bytes. */
+/* A write to an object, with its size in bytes. */
 struct setting {
     unsigned index, sub, bytes;
     uint32_t value;
 };
 
-/* The step-th write that sets a PDO up: off, its parameters, no objects, each object, so many
- * objects, on. Returns how many there are. */
+/* Finds the step-th write that sets a PDO up: disable, its parameters, no objects, each object,
+ * number of objects, enable (CiA 301 demands that order). Returns the number of writes. */
 static unsigned host_cia402_plan_pdo(const struct cia402_plan *plan, unsigned id, unsigned type,
                                      unsigned step, struct setting *setting)
 {
@@ -294,7 +310,8 @@ static unsigned host_cia402_plan_pdo(const struct cia402_plan *plan, unsigned id
     return objects + 2;
 }
 
-/* The number-th write to a node; false when there are no more. */
+/* Finds the number-th write to a node: its PDOs, the modes of its axes, its heartbeat. Returns
+ * false when there are no more. */
 static bool host_cia402_find_setting(const struct host *host, const struct host_node *node,
                                      unsigned id, unsigned number, struct setting *setting)
 {
@@ -302,6 +319,7 @@ static bool host_cia402_find_setting(const struct host *host, const struct host_
     int64_t sync_ns = host->config.period_ns > HOST_MS ? host->config.period_ns : HOST_MS;
     struct cia402_plan plan;
 
+    /* PDOs follow every so many SYNCs, as the rig's period says */
     for (unsigned row = 0; cia402_plan_row(host_cia402_kind(node), axes, row, &plan); row++) {
         int64_t syncs = node->period_ns / sync_ns * plan.type;
         unsigned type = plan.type > SYNCS_MAX || syncs < 1 ? plan.type
@@ -314,6 +332,7 @@ static bool host_cia402_find_setting(const struct host *host, const struct host_
         }
         number -= count;
     }
+    /* Voltage mode of each axis; the heartbeat comes last */
     if (number < axes) {
         *setting = (struct setting){CIA402_O_MODE + CIA402_AXIS_STEP * number, 0, 1,
                                     (uint8_t)CIA402_VOLTAGE_MODE};
@@ -323,6 +342,7 @@ static bool host_cia402_find_setting(const struct host *host, const struct host_
     return number == axes;
 }
 
+/* Makes the number-th request of a node's start-up (struct host_ops). */
 static bool host_cia402_request(const struct host *host, size_t bus, unsigned address, int number,
                                 struct host_request *request)
 {
@@ -330,6 +350,7 @@ static bool host_cia402_request(const struct host *host, size_t bus, unsigned ad
     uint8_t data[CIA402_SDO_LENGTH] = {0};
     struct setting setting;
 
+    /* An expedited SDO download, confirmed by the node */
     if (host_cia402_find_setting(host, node, address, (unsigned)number, &setting)) {
         data[0] =
             (uint8_t)(CIA402_DOWNLOAD | (4 - setting.bytes) << 2 | CIA402_EXPEDITED | CIA402_SIZED);
@@ -355,6 +376,8 @@ static bool host_cia402_request(const struct host *host, size_t bus, unsigned ad
 
 /* ---- every period ---- */
 
+/* Notes what a motor is to be; controlwords follow at the end of the period. Switching off also
+ * resets its faults. */
 static void host_cia402_set_motor(struct host *host, size_t axis, bool on)
 {
     const struct host_axis *to = &host->config.axis[axis];
@@ -367,7 +390,7 @@ static void host_cia402_set_motor(struct host *host, size_t axis, bool on)
     }
 }
 
-/* The controlword that leads an axis a step further. */
+/* Returns the controlword that leads an axis a step further in the state machine of CiA 402. */
 static uint16_t host_cia402_control(struct host_node *node, int axis)
 {
     unsigned state = node->statusword[axis] & CIA402_SW_STATE_MASK;
@@ -393,6 +416,7 @@ static uint16_t host_cia402_control(struct host_node *node, int axis)
     }
 }
 
+/* Queues the controlwords of a node when one has changed, or again while the node does not obey. */
 static void host_cia402_queue_control(struct host *host, size_t bus, unsigned id)
 {
     struct host_node *node = &host->line[bus].node[id];
@@ -415,6 +439,7 @@ static void host_cia402_queue_control(struct host *host, size_t bus, unsigned id
     }
 }
 
+/* Queues the voltages of all axes of a node in one RPDO. */
 static void host_cia402_queue_voltages(struct host *host, size_t bus, unsigned id)
 {
     const struct host_node *node = &host->line[bus].node[id];
@@ -430,6 +455,7 @@ static void host_cia402_queue_voltages(struct host *host, size_t bus, unsigned i
     host_cia402_queue(host, bus, CIA402_RPDO + id, (uint8_t)(2 * axes), data);
 }
 
+/* Queues the frames of a period: controlwords and voltages of every motor board, then SYNC. */
 static void host_cia402_end_period(struct host *host, size_t bus)
 {
     struct host_line *line = &host->line[bus];

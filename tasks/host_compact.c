@@ -18,11 +18,13 @@ static const char *const fault_name[32] = {
 
 /* ---- what arrives ---- */
 
+/* Returns the lowest bits of a field as a signed number of that width. */
 static int32_t compact_sign_extend(uint64_t bits, int width)
 {
     return (int32_t)((int64_t)(bits << (64 - width)) >> (64 - width));
 }
 
+/* Translates a board's mode into the state of a motor. */
 static void compact_set_joint_mode(struct host_joint *joint, unsigned mode)
 {
     joint->motor = mode == COMPACT_VOLTAGE ? HOST_MOTOR_ON
@@ -31,6 +33,8 @@ static void compact_set_joint_mode(struct host_joint *joint, unsigned mode)
                                            : HOST_MOTOR_OTHER;
 }
 
+/* Reads the telemetry of an axis: rotor angle (22 bits), deflection (16), current and torque (12
+ * each). */
 static void host_compact_read_telemetry(struct host *host, struct host_joint *joint,
                                         const struct bus_frame *frame)
 {
@@ -44,6 +48,7 @@ static void host_compact_read_telemetry(struct host *host, struct host_joint *jo
     joint->motor_time_ns = joint->joint_time_ns = joint->torque_time_ns = host->now_ns;
 }
 
+/* Reads the telemetry of an axis in an FD frame, with its mode. */
 static void host_compact_read_telemetry_fd(struct host *host, struct host_joint *joint,
                                            const uint8_t *data)
 {
@@ -56,7 +61,7 @@ static void host_compact_read_telemetry_fd(struct host *host, struct host_joint 
     compact_set_joint_mode(joint, data[15] & 7);
 }
 
-/* A frame that a board sends about one of its axes. */
+/* Reads a frame that a board sends about one of its axes, whose slot is in the identifier. */
 static void host_compact_read_axis(struct host *host, struct host_line *line,
                                    const struct bus_frame *frame)
 {
@@ -74,6 +79,7 @@ static void host_compact_read_axis(struct host *host, struct host_line *line,
     }
 }
 
+/* Reads forces, moments, or both in an FD frame. */
 static void host_compact_read_wrench(struct host *host, const struct host_node *node,
                                      const struct bus_frame *frame)
 {
@@ -97,8 +103,8 @@ static void host_compact_read_wrench(struct host *host, const struct host_node *
     }
 }
 
-/* A board's answer to discovery says which slots its axes have; what contradicts the rig ends the
- * start-up. */
+/* Reads a board's answer to discovery, which says which slots its axes have. What contradicts
+ * the rig ends the start-up. */
 static void host_compact_read_identity(struct host *host, size_t bus, struct host_node *node,
                                        const struct bus_frame *frame)
 {
@@ -137,6 +143,7 @@ static void host_compact_read_identity(struct host *host, size_t bus, struct hos
     node->found = true;
 }
 
+/* Reads the answer to a start-up request; a refusal ends the start-up. */
 static void host_compact_read_reply(struct host *host, size_t bus, struct host_node *node,
                                     const struct bus_frame *frame)
 {
@@ -150,7 +157,7 @@ static void host_compact_read_reply(struct host *host, size_t bus, struct host_n
     node->answered = node->requested;
 }
 
-/* A frame of a board as a whole. */
+/* Reads a frame that is about a board as a whole. */
 static void host_compact_read_node(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     struct host_node *node = &host->line[bus].node[frame->id & 0x1f];
@@ -203,6 +210,7 @@ static void host_compact_read_node(struct host *host, size_t bus, const struct b
     }
 }
 
+/* Passes a frame to the reader of axes or of boards (struct host_ops). */
 static void host_compact_read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     unsigned function = frame->id >> 5;
@@ -216,6 +224,7 @@ static void host_compact_read_frame(struct host *host, size_t bus, const struct 
 
 /* ---- what is sent ---- */
 
+/* Queues a frame, in FD format on FD buses. */
 static void host_compact_queue(struct host *host, size_t bus, uint32_t id, uint8_t len,
                                const uint8_t *data)
 {
@@ -226,6 +235,7 @@ static void host_compact_queue(struct host *host, size_t bus, uint32_t id, uint8
     host_queue(host, bus, &frame);
 }
 
+/* Queues the question who is there. */
 static void host_compact_discover(struct host *host, size_t bus)
 {
     static const uint8_t nothing[1];
@@ -233,7 +243,8 @@ static void host_compact_discover(struct host *host, size_t bus)
     host_compact_queue(host, bus, compact_id(COMPACT_DISCOVER, 0), 0, nothing);
 }
 
-/* The one request of the start-up: telemetry once a control period, or as the rig says. */
+/* Makes the one request of the start-up: telemetry once a control period, or as often as the rig
+ * says. */
 static bool host_compact_request(const struct host *host, size_t bus, unsigned address, int number,
                                  struct host_request *request)
 {
@@ -249,7 +260,8 @@ static bool host_compact_request(const struct host *host, size_t bus, unsigned a
     return number == 0;
 }
 
-/* All motors of a bus that are switched in one period are switched by one frame at its end. */
+/* Notes the slot of a motor that is switched: one frame at the end of the period switches all of
+ * a bus. */
 static void host_compact_set_motor(struct host *host, size_t axis, bool on)
 {
     struct host_line *line = &host->line[host->config.axis[axis].bus];
@@ -262,6 +274,7 @@ static void host_compact_set_motor(struct host *host, size_t axis, bool on)
     }
 }
 
+/* Queues a mode for a set of slots and empties the set. */
 static void host_compact_queue_mode(struct host *host, size_t bus, enum compact_mode mode,
                                     uint32_t *slots)
 {
@@ -274,7 +287,7 @@ static void host_compact_queue_mode(struct host *host, size_t bus, enum compact_
     }
 }
 
-/* Queues COMMAND for the slots from first on, as far as there are axes of ours. */
+/* Queues COMMAND with the voltages of the slots from first on, as far as there are axes of ours. */
 static void host_compact_queue_command(struct host *host, size_t bus, unsigned first,
                                        unsigned count)
 {
@@ -298,7 +311,7 @@ static void host_compact_queue_command(struct host *host, size_t bus, unsigned f
     }
 }
 
-/* Modes first, then the set-points of all axes. */
+/* Queues the frames of a period: modes first, then the set-points of all axes. */
 static void host_compact_end_period(struct host *host, size_t bus)
 {
     struct host_line *line = &host->line[bus];

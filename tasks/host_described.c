@@ -14,17 +14,19 @@
 _Static_assert((int)DESCRIBED_FRAMES_MAX <= HOST_ROWS && (int)DESCRIBED_SLOTS <= HOST_SLOTS,
                "counters of every row and number");
 
-/* A frame to be filled. */
+/* A frame to be filled, and what its fields may need. */
 struct described_letter {
     const struct described_frame *row;
     const struct host_node *node;
     unsigned address;
-    int axis; /* of the host, -1: none in particular */
+    int axis; /* axis of the host, -1: none in particular */
     int state;
     uint32_t slots;
     int64_t period_ns;
 };
 
+/* Returns the value that the file gives the host for a field of that meaning; 0 when the frame
+ * has none. */
 static double host_value_of(const struct described_frame *row, enum described_meaning meaning)
 {
     int field = described_find_field(row, meaning);
@@ -32,17 +34,20 @@ static double host_value_of(const struct described_frame *row, enum described_me
     return field < 0 ? 0.0 : row->field[field].host;
 }
 
+/* Returns the reference of a motor, rad; its present angle while there is none. */
 static double described_wanted_rad(const struct host *host, size_t axis)
 {
     return host->want[axis].referred ? host->want[axis].rad : host->joint[axis].motor_rad;
 }
 
+/* Returns the rate of the reference, rad/s; 0 while there is none. */
 static double described_wanted_rad_s(const struct host *host, size_t axis)
 {
     return host->want[axis].referred ? host->want[axis].rad_s : 0.0;
 }
 
-/* The current that the voltage drives through the winding in the steady state. */
+/* Returns the current (A) that the voltage drives through the winding in the steady state,
+ * against the back-EMF. */
 static double described_wanted_a(const struct host *host, size_t axis)
 {
     const struct host_drive *drive = &host->config.axis[axis].drive;
@@ -51,7 +56,8 @@ static double described_wanted_a(const struct host *host, size_t axis)
     return drive->winding_ohm > 0.0 ? (host->volts[axis] - back_v) / drive->winding_ohm : 0.0;
 }
 
-/* The torque of that current, less what the board makes by itself of the other fields. */
+/* Returns the torque of that current (N m), less what the board adds by itself for the frame's
+ * kp and kd. */
 static double described_wanted_nm(const struct host *host, size_t axis,
                                   const struct described_frame *row)
 {
@@ -62,7 +68,7 @@ static double described_wanted_nm(const struct host *host, size_t axis,
            kd * (described_wanted_rad_s(host, axis) - host->want[axis].motor_rad_s);
 }
 
-/* The law in which the host drives: of its state, or the one that it selects. */
+/* Returns the law in which the host drives: that of its state, or the one that a frame selects. */
 static enum described_law described_host_law(const struct described_protocol *protocol)
 {
     enum described_law law = protocol->state[protocol->host.on_state].law;
@@ -79,8 +85,8 @@ static enum described_law described_host_law(const struct described_protocol *pr
     return law;
 }
 
-/* A set-point in SI; the file's value where the task has none. Drives that close a loop of speed or
- * position make the torque themselves. */
+/* Returns a set-point in SI units; the file's value (otherwise) where the task has none. Drives
+ * that close a loop of speed or position make the torque themselves. */
 static double described_target(const struct host *host, const struct described_protocol *protocol,
                                size_t axis, const struct described_frame *row,
                                enum described_meaning meaning, double otherwise)
@@ -107,7 +113,7 @@ static double described_target(const struct host *host, const struct described_p
     }
 }
 
-/* A set-point of the state that the host commands. */
+/* Returns the set-point of the state that the host commands, in counts of its field. */
 static int64_t described_set_point(const struct host *host, size_t axis,
                                    const struct described_protocol *protocol,
                                    const struct described_frame *row, const struct field *layout,
@@ -127,16 +133,19 @@ static int64_t described_set_point(const struct host *host, size_t axis,
         described_target(host, protocol, axis, row, of_law[state->law], field->host));
 }
 
+/* Returns the value of the i-th field of a frame to be sent, in counts. */
 static int64_t described_letter_count(const struct host *host,
                                       const struct described_protocol *protocol,
                                       const struct described_letter *letter, size_t i)
 {
     const struct described_field *field = &letter->row->field[i];
     const struct field *layout = described_layout(letter->row, i);
+    /* Whose axis: the one the frame is about, or the field's own in a frame about a whole board */
     int axis =
         letter->row->of_one || !letter->node ? letter->axis : letter->node->axis[field->axis];
 
     switch (field->meaning) {
+    /* What the frame says of itself: constants, selections, addresses, states */
     case DESCRIBED_CONSTANT:
         return field->constant;
     case DESCRIBED_SLOTS_MASK:
@@ -147,6 +156,7 @@ static int64_t described_letter_count(const struct host *host,
         return letter->axis < 0 ? 0 : host->config.axis[letter->axis].axis;
     case DESCRIBED_STATE:
         return protocol->state[letter->state].value;
+    /* Physical values, with the field's scale */
     case DESCRIBED_TELEMETRY_PERIOD:
         return described_count(layout, field, (double)letter->period_ns * 1e-9);
     case DESCRIBED_SET_POINT:
@@ -164,12 +174,14 @@ static int64_t described_letter_count(const struct host *host,
                                    ? field->host
                                    : described_target(host, protocol, (size_t)axis, letter->row,
                                                       field->meaning, field->host));
+    /* Anything else is what the file says */
     default:
         return described_count(layout, field, field->host);
     }
 }
 
-/* Writes the data of a frame, or of one repetition; returns the identifier. */
+/* Writes the data of a frame, or of one repetition in it, with its counter advanced. Returns the
+ * identifier. */
 static uint32_t described_fill(const struct host *host, size_t bus,
                                const struct described_letter *letter, unsigned number,
                                uint8_t *data)
@@ -189,6 +201,7 @@ static uint32_t described_fill(const struct host *host, size_t bus,
     return described_encode(row, number, values, data);
 }
 
+/* Makes a frame; remote frames have no data. */
 static struct bus_frame described_write(const struct host *host, size_t bus,
                                         const struct described_letter *letter, unsigned number)
 {
@@ -202,7 +215,8 @@ static struct bus_frame described_write(const struct host *host, size_t bus,
     return frame;
 }
 
-/* A frame that is not of one axis: once a bus, or to every board. */
+/* Queues a frame that is not about one axis: once a bus, or once for every board of the kinds
+ * that take it. */
 static void described_send_to_boards(struct host *host, size_t bus,
                                      const struct described_frame *row)
 {
@@ -226,7 +240,7 @@ static void described_send_to_boards(struct host *host, size_t bus,
     }
 }
 
-/* Axes are numbered through in the order of the rig. */
+/* Numbers the axes of a bus in the order of the rig and queues what asks who is there. */
 static void host_described_discover(struct host *host, size_t bus)
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
@@ -243,6 +257,7 @@ static void host_described_discover(struct host *host, size_t bus)
     }
 }
 
+/* Makes the number-th configuring frame of a board (struct host_ops). */
 static bool host_described_request(const struct host *host, size_t bus, unsigned address,
                                    int number, struct host_request *request)
 {
@@ -269,6 +284,7 @@ static bool host_described_request(const struct host *host, size_t bus, unsigned
     return false;
 }
 
+/* Notes that a motor is switched; its frames are queued at the end of the period. */
 static void host_described_set_motor(struct host *host, size_t axis, bool on)
 {
     host->want[axis].on = on;
@@ -276,12 +292,13 @@ static void host_described_set_motor(struct host *host, size_t axis, bool on)
     host->want[axis].switch_off = !on;
 }
 
+/* Returns whether an axis was switched on (or off) in this period. */
 static bool described_is_switched(const struct host *host, int axis, bool on)
 {
     return axis >= 0 && (on ? host->want[axis].switch_on : host->want[axis].switch_off);
 }
 
-/* A frame about one axis or about its board. */
+/* Queues a frame about one axis, or about its board, which gets it with its first axis. */
 static void described_send_to_axis(struct host *host, size_t bus, const struct described_frame *row,
                                    unsigned slot, int state)
 {
@@ -305,7 +322,8 @@ static void described_send_to_axis(struct host *host, size_t bus, const struct d
     host_queue(host, bus, &frame);
 }
 
-/* What is switched in this period: by one frame where a field selects axes, else each. */
+/* Queues what switches motors in this period: one frame where a field selects axes, else one for
+ * each. */
 static void described_send_switches(struct host *host, size_t bus, bool on)
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
@@ -335,7 +353,7 @@ static void described_send_switches(struct host *host, size_t bus, bool on)
     }
 }
 
-/* All set-points of a group in one frame, as far as there are axes. */
+/* Queues the set-points of a group of axes in one frame, as far as there are axes. */
 static void described_send_group(struct host *host, size_t bus, const struct described_frame *row,
                                  unsigned first)
 {
@@ -358,6 +376,7 @@ static void described_send_group(struct host *host, size_t bus, const struct des
     }
 }
 
+/* Queues the frames of a period: motors that are switched, then set-points. */
 static void host_described_end_period(struct host *host, size_t bus)
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
@@ -365,12 +384,14 @@ static void host_described_end_period(struct host *host, size_t bus)
 
     described_send_switches(host, bus, false);
     described_send_switches(host, bus, true);
+    /* Each switch is sent once */
     for (unsigned slot = 0; slot < HOST_SLOTS; slot++) {
         if (line->slot[slot] >= 0) {
             host->want[line->slot[slot]].switch_on = host->want[line->slot[slot]].switch_off =
                 false;
         }
     }
+    /* Set-points, by group or by axis as the file says */
     for (size_t i = 0; i < protocol->host.command.count && line->driving; i++) {
         const struct described_frame *row = &protocol->frame[protocol->host.command.frame[i]];
 

@@ -24,7 +24,7 @@ static inline unsigned described_node_kind(const struct host_node *node)
                                                : 0;
 }
 
-/* A frame that has arrived (struct host_ops). */
+/* Reads a frame that has arrived (struct host_ops). */
 void host_described_read(struct host *host, size_t bus, const struct bus_frame *frame);
 
 #endif

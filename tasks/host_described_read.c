@@ -1,21 +1,25 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the boards of a described protocol tell the host: see tasks/host_described.c. */
+/* Reads the frames of the boards of a described protocol; tasks/host_described.c writes the
+ * host's. */
 #include "tasks/host_described.h"
 
-/* A frame from a board: which it is, of which board and axis. */
+/* A frame from a board: its row in the description, its board and axis, its fields. */
 struct described_news {
     const struct described_frame *row;
     struct host_node *node;
-    int axis; /* of the board */
+    int axis; /* axis of the board, 0 to HOST_AXES - 1 */
     int64_t values[DESCRIBED_FIELDS_MAX];
 };
 
+/* Finds the board and axis that a frame is from, by the number in its identifier or by a field.
+ * Returns false when they are none of ours. */
 static bool described_find_node(const struct host *host, struct host_line *line, size_t bus,
                                 unsigned number, struct described_news *news)
 {
     int field;
 
     news->axis = 0;
+    /* The identifier tells the address, or the axis of the bus; otherwise a field does */
     switch (news->row->by) {
     case DESCRIBED_BY_ADDRESS:
         news->node = &line->node[number];
@@ -35,6 +39,7 @@ static bool described_find_node(const struct host *host, struct host_line *line,
         news->node = &line->node[news->values[field]];
         break;
     }
+    /* A field may say which axis of the board it is */
     (void)bus;
     field = described_find_field(news->row, DESCRIBED_AXIS);
     if (field >= 0) {
@@ -43,6 +48,8 @@ static bool described_find_node(const struct host *host, struct host_line *line,
     return described_node_kind(news->node) & news->row->of;
 }
 
+/* Finds the row of the description that a frame matches, with its board. Returns false when
+ * there is none. */
 static bool host_described_identify(const struct host *host, struct host_line *line, size_t bus,
                                     const struct bus_frame *frame, struct described_news *news)
 {
@@ -62,7 +69,7 @@ static bool host_described_identify(const struct host *host, struct host_line *l
     return false;
 }
 
-/* Whether a frame answers one of a list, sent to a board of the kind. */
+/* Returns whether a frame answers one of a list, as sent to boards of that kind. */
 static bool described_is_answer(const struct described_protocol *protocol,
                                 const struct described_list *list, unsigned kind,
                                 const struct described_frame *row)
@@ -77,6 +84,7 @@ static bool described_is_answer(const struct described_protocol *protocol,
     return false;
 }
 
+/* Translates a state of the protocol into the state of a motor. */
 static void described_read_state(const struct described_protocol *protocol,
                                  struct host_joint *joint, int64_t value)
 {
@@ -89,7 +97,8 @@ static void described_read_state(const struct described_protocol *protocol,
                                                       : HOST_MOTOR_OTHER;
 }
 
-/* A drive without a state of its own for it is in fault when it is off and tells of one. */
+/* Sets a motor to fault that is off and tells of a fault, where the protocol has no state of its
+ * own for that. */
 static void described_judge_fault(const struct described_protocol *protocol,
                                   struct host_joint *joint)
 {
@@ -99,7 +108,8 @@ static void described_judge_fault(const struct described_protocol *protocol,
     }
 }
 
-/* The rotor's angle; the link's by the torque of the spring where no frame tells it. */
+/* Takes the rotor's angle. Computes the link's from the torque of the spring and the rate by
+ * difference where no frame tells them. */
 static void described_read_position(struct host *host, const struct described_protocol *protocol,
                                     size_t axis, double rad, bool tells_speed)
 {
@@ -122,6 +132,7 @@ static void described_read_position(struct host *host, const struct described_pr
     }
 }
 
+/* Takes one field of a frame from a motor board. */
 static void described_read_motor_field(struct host *host, const struct described_protocol *protocol,
                                        const struct described_news *news, size_t field)
 {
@@ -135,6 +146,7 @@ static void described_read_motor_field(struct host *host, const struct described
     if (!joint) {
         return;
     }
+    /* Angles: of the rotor, of the link, or the deflection between them */
     switch (of->meaning) {
     case DESCRIBED_MOTOR_POSITION:
         described_read_position(host, protocol, (size_t)news->node->axis[k], value,
@@ -154,6 +166,7 @@ static void described_read_motor_field(struct host *host, const struct described
                                            news->values[motor] - news->values[field]);
         joint->joint_time_ns = host->now_ns;
         break;
+    /* Rate, current and torque */
     case DESCRIBED_MOTOR_VELOCITY:
         host->want[news->node->axis[k]].motor_rad_s = value;
         break;
@@ -165,6 +178,7 @@ static void described_read_motor_field(struct host *host, const struct described
         joint->torque_nm = value;
         joint->torque_time_ns = host->now_ns;
         break;
+    /* States and faults, which depend on each other */
     case DESCRIBED_STATE:
         described_read_state(protocol, joint, news->values[field]);
         described_judge_fault(protocol, joint);
@@ -178,6 +192,7 @@ static void described_read_motor_field(struct host *host, const struct described
     }
 }
 
+/* Takes one field of a frame from a force-torque board: a channel, N or N m, or its overflow. */
 static void described_read_force(struct host *host, const struct described_news *news, size_t field)
 {
     struct host_force *force = &host->force[news->node->ft];
@@ -196,6 +211,7 @@ static void described_read_force(struct host *host, const struct described_news 
     }
 }
 
+/* Takes one field of a frame from an inertial board. */
 static void described_read_motion(struct host *host, const struct described_news *news,
                                   size_t field)
 {
@@ -237,7 +253,7 @@ void host_described_read(struct host *host, size_t bus, const struct bus_frame *
         news.node->answered = news.node->requested;
     }
 
-    /* What it tells; torques before the angles that are computed with them */
+    /* What it tells; torques and rates come before the angles that are computed with them */
     for (int pass = 0; pass < 2; pass++) {
         for (size_t i = 0; i < news.row->nfield; i++) {
             bool torque = news.row->field[i].meaning == DESCRIBED_AXIS_TORQUE ||

@@ -10,7 +10,8 @@
 
 #include <math.h>
 
-static const int64_t TARGET_PERIOD_NS = 1000000; /* the boards answer each DESIRED_TARGETS */
+static const int64_t TARGET_PERIOD_NS = 1000000; /* period of DESIRED_TARGETS; the boards answer
+                                                  * each one */
 
 static const char *const fault_name[32] = {
     "wrong CAN protocol",
@@ -49,6 +50,8 @@ static const char *const fault_name[32] = {
 
 /* ---- what arrives ---- */
 
+/* Reads current and rotor angle of an axis and computes the link's angle from the measured
+ * torque and the spring. */
 static void host_foc_read_feedback(struct host *host, const struct host_node *node,
                                    const struct bus_frame *frame)
 {
@@ -65,12 +68,14 @@ static void host_foc_read_feedback(struct host *host, const struct host_node *no
     joint->joint_time_ns = host->now_ns;
 }
 
+/* Reads faults and mode of an axis. */
 static void host_foc_read_status(struct host_joint *joint, const struct bus_frame *frame)
 {
     joint->fault = get_u32_le(frame->data + 4);
     joint->motor = host_motor_of_mode(frame->data[0]);
 }
 
+/* Passes a frame to the reader of its class (struct host_ops). */
 static void host_foc_read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     struct host_node *node = &host->line[bus].node[frame->id >> 4 & 0xf];
@@ -94,14 +99,15 @@ static void host_foc_read_frame(struct host *host, size_t bus, const struct bus_
 
 /* ---- what is sent ---- */
 
+/* Writes a current in mA, 1 to INT16_MAX. */
 static void host_foc_put_milliamperes(uint8_t *data, double ampere)
 {
     put_u16_le(data, (uint16_t)lrint(fmin(fmax(ampere * 1e3, 1), INT16_MAX)));
 }
 
-/* The PI law that holds the current at its peak; once a millisecond in the board, so that the
- * winding has the pole a = exp(-1 ms R/L) and the law puts one at 1/2. Gains are in thousandths of
- * the supply a mA, as 16 bits with a common shift. */
+/* Computes and writes the PI gains that hold the current at its peak. The law runs once a
+ * millisecond in the board, so that the winding has the pole a = exp(-1 ms R/L) and the gains
+ * put one at 1/2. Gains are in thousandths of the supply a mA, as 16 bits with a common shift. */
 static void host_foc_put_current_law(const struct host *host, const struct host_drive *drive,
                                      uint8_t *data)
 {
@@ -109,6 +115,7 @@ static void host_foc_put_current_law(const struct host *host, const struct host_
         drive->winding_h > 0 ? portable_exp(-1e-3 * drive->winding_ohm / drive->winding_h) : 0;
     double sum = 0.5 * drive->winding_ohm / (1 - a) / host->config.supply_v;
     double kp = sum * (1 + a) / 2, ki = sum * (1 - a);
+    /* The largest shift with which both gains fit */
     int shift = 15;
 
     while (shift > 0 && fmax(kp, ki) * (1 << shift) > INT16_MAX) {
@@ -119,8 +126,8 @@ static void host_foc_put_current_law(const struct host *host, const struct host_
     data[6] = (uint8_t)shift;
 }
 
-/* The start-up: firmware version with the protocol check, without which nothing is obeyed; the
- * motor; the limits of its current; the gains that hold them. */
+/* Makes a request of the start-up: firmware version with the protocol check, without which
+ * nothing is obeyed; the motor; the limits of its current; the gains that hold them. */
 static bool host_foc_request(const struct host *host, size_t bus, unsigned address, int number,
                              struct host_request *request)
 {
@@ -166,6 +173,7 @@ static bool host_foc_request(const struct host *host, size_t bus, unsigned addre
     return number <= 3;
 }
 
+/* Queues the mode of a motor: open loop (voltage), or idle. */
 static void host_foc_set_motor(struct host *host, size_t axis, bool on)
 {
     const struct host_axis *at = &host->config.axis[axis];
@@ -176,7 +184,8 @@ static void host_foc_set_motor(struct host *host, size_t axis, bool on)
     host_queue(host, (size_t)at->bus, &frame);
 }
 
-/* Queues DESIRED_TARGETS when it is due; on a bus without motors it never is. */
+/* Queues DESIRED_TARGETS with the duties of all axes of a bus when it is due; on a bus without
+ * motors it never is. */
 static void host_foc_send_targets(struct host *host, size_t bus)
 {
     struct host_line *line = &host->line[bus];

@@ -1,12 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Whether the boards are healthy, and what is wrong when they are not. */
+/* Checks whether the boards are healthy, and says what is wrong when they are not. */
 #include "tasks/host_private.h"
 
 #include <stdio.h>
 
-static const int64_t TELEMETRY_TIMEOUT_NS = 200 * HOST_MS; /* without rotor positions */
-static const int64_t SENSOR_TIMEOUT_NS = 100 * HOST_MS;    /* without a watched sensor's values, */
-enum { SENSOR_TIMEOUT_PERIODS = 10 };                      /* or so many of its periods */
+static const int64_t TELEMETRY_TIMEOUT_NS = 200 * HOST_MS; /* longest time without rotor
+                                                            * positions */
+static const int64_t SENSOR_TIMEOUT_NS = 100 * HOST_MS;    /* longest time without a watched
+                                                            * sensor's values, ... */
+enum {
+    SENSOR_TIMEOUT_PERIODS = 10
+}; /* ... or so many of its periods, if
+                                                            * that is longer */
 
 void host_fail_node(struct host *host, size_t bus, unsigned address, const char *what)
 {
@@ -19,7 +24,8 @@ void host_fail_node(struct host *host, size_t bus, unsigned address, const char 
 
 enum { FAULTS_TEXT = 128 };
 
-/* ": over-current, under-voltage", what a fault without a name may mean, or nothing */
+/* Writes the names of a joint's faults, ": over-current, under-voltage"; or what a fault without
+ * a bit may mean, or nothing. Returns text. */
 static const char *host_list_faults(const struct host *host, size_t axis, char text[FAULTS_TEXT])
 {
     const struct host_ops *ops = host->line[host->config.axis[axis].bus].ops;
@@ -65,8 +71,8 @@ void host_watch_motion(struct host *host)
     host->motion_watched = true;
 }
 
-/* A value that a task needs and that came at time_ns, -1 = never: one from before the start-up's
- * end is waited for from there on. */
+/* Fails the host when a value that a task needs came too long ago: at time_ns, -1 = never. One
+ * from before the end of the start-up is waited for from there on. */
 static void host_judge_sensor(struct host *host, int bus, unsigned address, int64_t time_ns,
                               const char *what)
 {
@@ -81,6 +87,7 @@ static void host_judge_sensor(struct host *host, int bus, unsigned address, int6
     }
 }
 
+/* Checks the age of all watched values. */
 static void host_judge_sensors(struct host *host)
 {
     const struct host_imu *imu = &host->config.imu;

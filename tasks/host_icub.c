@@ -20,6 +20,7 @@ static const char *const fault_name[32] = {
 
 /* ---- what arrives ---- */
 
+/* Takes the rotor's or link's encoder of the k-th axis of a board. */
 static void host_icub_read_position(struct host *host, const struct host_node *node, int k,
                                     int32_t ticks, bool rotor)
 {
@@ -35,6 +36,7 @@ static void host_icub_read_position(struct host *host, const struct host_node *n
     }
 }
 
+/* Reads a periodic message of a motor board, which has both axes. */
 static void host_icub_read_periodic(struct host *host, const struct host_node *node,
                                     const struct bus_frame *frame)
 {
@@ -61,6 +63,7 @@ static void host_icub_read_periodic(struct host *host, const struct host_node *n
     }
 }
 
+/* Passes a frame to the reader of its class (struct host_ops). */
 static void host_icub_read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     struct host_node *node = &host->line[bus].node[frame->id >> 4 & 0xf];
@@ -81,7 +84,8 @@ static void host_icub_read_frame(struct host *host, size_t bus, const struct bus
 
 /* ---- what is sent ---- */
 
-/* The start-up: firmware version with the protocol check, and which telemetry to send. */
+/* Makes a request of the start-up: firmware version with the protocol check, then which
+ * telemetry to send. */
 static bool host_icub_request(const struct host *host, size_t bus, unsigned address, int number,
                               struct host_request *request)
 {
@@ -102,6 +106,7 @@ static bool host_icub_request(const struct host *host, size_t bus, unsigned addr
     return number <= 1;
 }
 
+/* Queues a command to an axis: its byte with the axis bit, then the payload. */
 static void host_icub_queue_command(struct host *host, size_t axis, uint8_t command, uint8_t len,
                                     const uint8_t *payload)
 {
@@ -114,6 +119,7 @@ static void host_icub_queue_command(struct host *host, size_t axis, uint8_t comm
     host_queue(host, (size_t)at->bus, &frame);
 }
 
+/* Queues the mode of a motor: open loop (voltage), or idle. */
 static void host_icub_set_motor(struct host *host, size_t axis, bool on)
 {
     uint8_t mode = on ? ICUB_MODE_OPEN_LOOP : ICUB_MODE_FORCE_IDLE;
@@ -121,6 +127,7 @@ static void host_icub_set_motor(struct host *host, size_t axis, bool on)
     host_icub_queue_command(host, axis, ICUB_SET_CONTROL_MODE, 2, &mode);
 }
 
+/* Queues the duty of a motor. */
 static void host_icub_set_voltage(struct host *host, size_t axis)
 {
     uint8_t payload[2];

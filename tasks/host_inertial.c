@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The host's side of the inertial board, of either protocol. */
+/* The host's side of the inertial board, in the icub, compact and cia402 protocols. */
 #include "tasks/host_private.h"
 
 #include "boards/cia402/protocol.h"
@@ -8,6 +8,7 @@
 
 #include <math.h>
 
+/* Takes count signed 16-bit values with a scale, and notes the time. */
 static void host_motion_take(struct host *host, double *to, int64_t *time_ns, const uint8_t *data,
                              int count, double worth)
 {
@@ -44,7 +45,8 @@ void host_inertial_read(struct host *host, struct host_node *node, const struct 
     }
 }
 
-/* The start-up: firmware version, the sensors, then the period, which starts the board. */
+/* Makes a request of the start-up: firmware version, the sensors, then the period, which starts
+ * the board. */
 bool host_inertial_request(const struct host_node *node, unsigned address, int number,
                            struct host_request *request)
 {
@@ -75,7 +77,7 @@ void host_inertial_read_compact(struct host *host, const struct bus_frame *frame
     static const struct {
         enum compact_function function;
         uint8_t length;
-        int acceleration, rate, orientation; /* where they begin; -1: not in it */
+        int acceleration, rate, orientation; /* offsets in the frame, -1: not in it */
     } layout[] = {
         {COMPACT_ACCELERATION, COMPACT_ACCELERATION_LENGTH, 0, -1, -1},
         {COMPACT_RATE, COMPACT_ACCELERATION_LENGTH, -1, 0, -1},

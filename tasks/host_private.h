@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the host is made of: the core (host.c) keeps phases, time and queues; what differs between
- * protocols is behind struct host_ops, one for each bus.
- * RT-safe, as all that is called in the loop.
+ * The parts of the host: the core (host.c) has phases, time and queues; what differs between
+ * protocols is behind struct host_ops, one for each bus. RT-safe, as all that is called in the
+ * loop.
  */
 #ifndef TASKS_HOST_PRIVATE_H
 #define TASKS_HOST_PRIVATE_H
@@ -13,10 +13,10 @@
 
 enum {
     HOST_ADDRESSES = 32, /* 0 to 31; each protocol has its own maximum */
-    HOST_AXES = 4,       /* of a motor board, at most */
-    HOST_SLOTS = 32,     /* of a bus where set-points go by slot */
-    HOST_ROWS = 32,      /* frames of a described protocol */
-    HOST_CHANNELS = 6,   /* of a force-torque or torque board */
+    HOST_AXES = 4,       /* axes of a motor board, at most */
+    HOST_SLOTS = 32,     /* slots of a bus where set-points go by slot */
+    HOST_ROWS = 64,      /* frames of a described protocol */
+    HOST_CHANNELS = 6,   /* channels of a force-torque or torque board */
     HOST_QUEUE = 96,     /* frames that one bus may be sent in one period */
 };
 
@@ -28,16 +28,16 @@ enum host_kind {
     HOST_INERTIAL_BOARD,
 };
 
-/* What stands at one address of one bus. */
+/* The board at one address of one bus. */
 struct host_node {
     enum host_kind kind;
     int axis[HOST_AXES];        /* HOST_MOTOR_BOARD: host axis, -1 = not ours */
     int ft;                     /* HOST_FT_BOARD: host sensor */
     int channel[HOST_CHANNELS]; /* HOST_TORQUE_BOARD: host axis, -1 = unused */
-    int64_t period_ns;          /* that telemetry is to have; 0 = the board's own */
+    int64_t period_ns;          /* wanted period of its telemetry; 0 = the board's own */
     bool found;                 /* answered discovery */
     int requested, answered;    /* start-up requests sent and confirmed */
-    int tries;                  /* of the last one */
+    int tries;                  /* tries of the last request */
     int64_t request_time_ns;
     double full_scale[HOST_CHANNELS]; /* as the board says */
 
@@ -45,12 +45,12 @@ struct host_node {
     uint16_t statusword[HOST_AXES], controlword[HOST_AXES];
     bool wanted[HOST_AXES], clearing[HOST_AXES]; /* on; a fault is to be reset */
     bool status_seen;
-    int64_t control_due_ns; /* of controlwords that have not been obeyed */
+    int64_t control_due_ns; /* time to repeat controlwords that have not been obeyed */
 };
 
-/* described: what an axis is to be and how fast it is. */
+/* described: the reference of an axis, its switches and measured rate. */
 struct host_want {
-    double rad, rad_s;              /* of the reference; of the motor until there is one */
+    double rad, rad_s;              /* reference; that of the motor until there is one */
     bool referred;                  /* there is one */
     bool on, switch_on, switch_off; /* switched in this period */
     double motor_rad_s;
@@ -76,19 +76,19 @@ struct host {
     struct host_force *force;
     bool *force_watched, motion_watched;
     struct host_motion motion;
-    double *volts; /* what each axis is to have, within the supply */
+    double *volts; /* commanded voltage of each axis, within the supply */
     struct host_want *want;
     enum host_phase phase;
     int64_t phase_since_ns;
-    bool asked;           /* who is there */
-    int64_t asked_ns;     /* the last time, or told the motors */
-    int enabling;         /* times that the motors were told: off, on, on, ... */
+    bool asked;           /* discovery was sent */
+    int64_t asked_ns;     /* time of the last discovery or of the last switching of motors */
+    int enabling;         /* how often the motors were switched in the start-up: off, on, on, ... */
     int64_t now_ns;       /* host time */
-    uint32_t tick;        /* lockstep: that the simulator is at, as far as we know */
-    uint32_t step_tick;   /* that the last STEP expects */
+    uint32_t tick;        /* lockstep: the tick that the simulator is at, as far as we know */
+    uint32_t step_tick;   /* the tick that the last STEP expects */
     int64_t step_sent_ns; /* caller's time of the last STEP */
     bool step_waits;      /* a STEP is out and its DONE has not come on every bus */
-    bool step_refused;    /* it was not the tick that the simulator is at */
+    bool step_refused;    /* its tick was not the one that the simulator is at */
     bool lost;            /* HOST_FAILED: the boards are gone, or were restarted */
     char message[192];
 };
@@ -99,9 +99,9 @@ struct host_request {
     bool reply; /* an answer is due: read() sets answered = requested */
 };
 
-/* The host's side of a protocol. All are called in the loop; bus is an index. */
+/* The host's side of a protocol. All functions are called in the loop; bus is an index. */
 struct host_ops {
-    const char *name; /* of the protocol */
+    const char *name; /* name of the protocol */
     unsigned motor_address_max, address_max;
     uint8_t axes;      /* of a motor board */
     bool extended;     /* frames with identifiers of 29 bits mean something */
@@ -115,8 +115,8 @@ struct host_ops {
                     struct host_request *request);
     void (*read)(struct host *host, size_t bus, const struct bus_frame *frame);
     void (*set_motor)(struct host *host, size_t axis, bool on);
-    /* Voltages: a frame for each when it is set, or what is due for the whole bus at the end of the
-     * period. NULL where there is no such. */
+    /* Voltages: set_voltage queues a frame for an axis at once, end_period what is due for the
+     * whole bus at the end of the period. Either may be NULL. */
     void (*set_voltage)(struct host *host, size_t axis);
     void (*end_period)(struct host *host, size_t bus);
     const char *const *fault_name; /* by bit, NULL = no such bit; 32 entries */
@@ -140,16 +140,17 @@ HOST_PROTOCOLS(HOST_DECLARE)
 
 void host_queue(struct host *host, size_t bus, const struct bus_frame *frame);
 
-/* The axis that a motor board's axis is, or NULL when it is none of ours. */
+/* Returns the joint of a motor board's axis, NULL when it is none of ours. */
 struct host_joint *host_node_joint(struct host *host, const struct host_node *node, int axis);
 
-/* Volts as a share of the supply, -1 to 1. */
+/* Returns the voltage of an axis as a fraction of the supply, -1 to 1. */
 double host_duty(const struct host *host, size_t axis);
 
-/* "board 3 on can0 <what>"; the host has failed. */
+/* Fails the host with the message "board 3 on can0 <what>". */
 void host_fail_node(struct host *host, size_t bus, unsigned address, const char *what);
 
-/* "joint LKneeSag <what>", or which faults it is in; returns HOST_FAILED. */
+/* Fails the host with the message "joint LKneeSag <what>", or with the joint's faults; returns
+ * HOST_FAILED. */
 enum host_phase host_fail_joint(struct host *host, size_t axis, const char *what);
 
 /* The same for both kinds of iCub motor boards (host_strain.c): class 7 discovery, what a mode

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* How the host starts: finds its boards, configures each, switches the motors on. */
+/* The host's start-up: finds its boards, configures each, switches the motors on. */
 #include "tasks/host_private.h"
 
 static const int64_t DISCOVERY_TIMEOUT_NS = 8000 * HOST_MS; /* boards may boot for five seconds */
 static const int64_t DISCOVERY_REPEAT_NS = 250 * HOST_MS;
 static const int64_t ENABLE_TIMEOUT_NS = 1000 * HOST_MS; /* a status follows a mode within 10 ms */
-static const int64_t REPLY_TIMEOUT_NS = 300 * HOST_MS;   /* a request, as real hosts wait */
+static const int64_t REPLY_TIMEOUT_NS = 300 * HOST_MS;   /* for a request, as long as real hosts
+                                                          * wait */
 
 enum { REQUEST_TRIES = 3 };
 
@@ -15,7 +16,7 @@ static void host_enter_phase(struct host *host, enum host_phase phase)
     host->phase_since_ns = host->now_ns;
 }
 
-/* Calls step for every board of ours; true when it was true for all. */
+/* Calls step for every board of ours; returns true when it was true for all. */
 static bool host_every_node(struct host *host,
                             bool (*step)(struct host *, size_t bus, unsigned address))
 {
@@ -36,7 +37,8 @@ static bool host_node_found(struct host *host, size_t bus, unsigned address)
     return host->line[bus].node[address].found;
 }
 
-/* host_fail_node keeps the first of these failures. */
+/* Fails the host for a board that has not answered; host_fail_node keeps the first of these
+ * failures. */
 static bool host_fail_missing(struct host *host, size_t bus, unsigned address)
 {
     if (!host->line[bus].node[address].found) {
@@ -46,6 +48,7 @@ static bool host_fail_missing(struct host *host, size_t bus, unsigned address)
     return true;
 }
 
+/* Asks who is there until all boards have answered, and fails after DISCOVERY_TIMEOUT_NS. */
 static enum host_phase host_discover(struct host *host)
 {
     if (host_every_node(host, host_node_found)) {
@@ -72,13 +75,15 @@ static enum host_phase host_discover(struct host *host)
     return host->phase;
 }
 
-/* One request after the other, each repeated until it is answered; true when all have been. */
+/* Sends a board one request after the other, each repeated until it is answered. Returns true
+ * when all have been. */
 static bool host_configure_node(struct host *host, size_t bus, unsigned address)
 {
     struct host_node *node = &host->line[bus].node[address];
     struct host_request request = {0};
     bool waits = node->answered < node->requested;
 
+    /* An answer is still due: wait, give up, or ask again */
     if (waits && host->now_ns - node->request_time_ns <= REPLY_TIMEOUT_NS) {
         return false;
     }
@@ -90,6 +95,7 @@ static bool host_configure_node(struct host *host, size_t bus, unsigned address)
     if (!host->line[bus].ops->request(host, bus, address, node->answered, &request)) {
         return true;
     }
+    /* Requests without an answer count as answered */
     host_queue(host, bus, &request.frame);
     node->requested = node->answered + 1;
     node->answered += !request.reply;
@@ -98,6 +104,7 @@ static bool host_configure_node(struct host *host, size_t bus, unsigned address)
     return false;
 }
 
+/* Switches all motors off, then on, until every board says so; fails after ENABLE_TIMEOUT_NS. */
 static enum host_phase host_enable_motors(struct host *host)
 {
     bool all = true;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What both kinds of iCub motor boards have in common: class 7 discovery, modes, and the boards
- * beside them with forces, joint torques or the inertial sensor (host_inertial.c).
+ * The host's side that both kinds of iCub motor boards share: class 7 discovery, modes, and the
+ * boards beside them with forces, joint torques or the inertial sensor (host_inertial.c).
  */
 #include "tasks/host_private.h"
 
@@ -51,11 +51,14 @@ enum host_motor host_motor_of_mode(uint8_t mode)
     }
 }
 
+/* Returns the value of a STRAIN channel, an offset binary of 16 bits, in units of its full
+ * scale. */
 static double host_strain_value(const uint8_t *data, double full_scale)
 {
     return (get_u16_le(data) - ICUB_STRAIN_ZERO) * full_scale / ICUB_STRAIN_ZERO;
 }
 
+/* Reads a periodic frame: three channels of a force-torque sensor, or of joint torques. */
 static void host_strain_read_forces(struct host *host, struct host_node *node,
                                     const struct bus_frame *frame)
 {
@@ -67,7 +70,7 @@ static void host_strain_read_forces(struct host *host, struct host_node *node,
         return;
     }
 
-    /* Forces and torques of a sensor, in halves */
+    /* A force-torque sensor sends forces and torques in two frames */
     if (node->kind == HOST_FT_BOARD) {
         struct host_force *force = &host->force[node->ft];
 
@@ -112,8 +115,8 @@ void host_strain_read(struct host *host, struct host_node *node, const struct bu
     }
 }
 
-/* The start-up: firmware version, the full scale of each channel of forces, the period when the rig
- * has one, then the command to transmit. */
+/* Makes a request of the start-up: firmware version, the full scale of each channel of forces,
+ * the period when the rig has one, then the command to transmit. */
 bool host_strain_request(const struct host_node *node, unsigned address, int number,
                          struct host_request *request)
 {

@@ -16,8 +16,9 @@ static const char *const leg_joint_name[BODY_SIDES][LEG_JOINTS] = {
 /* The axis of each joint: 0 = x, 1 = y, 2 = z. */
 static const int leg_axis[LEG_JOINTS] = {1, 0, 2, 1, 0, 1};
 
-/* The kinds of legs, from the pelvis to the foot: the joints, and along which axes each may be away
- * from the one before it, along what keeps axes in one point and the knee in line. */
+/* The kinds of legs, from the pelvis to the foot: the joints, and along which axes each may be
+ * offset from the one before it without breaking the closed form (axes in one point, knee in
+ * line). */
 static const struct leg_kind {
     enum leg_joint joint[LEG_JOINTS];
     bool may_shift[LEG_JOINTS][3];
@@ -38,6 +39,8 @@ static const struct leg_kind {
       {false, false, false}}},
 };
 
+/* Returns whether a joint turns about a coordinate axis (0 = x, 1 = y, 2 = z) and its offset is
+ * zero where it must be. */
 static bool leg_link_fits(const struct body_link *link, int axis, const bool may_shift[3])
 {
     for (int k = 0; k < 3; k++) {
@@ -51,7 +54,7 @@ static bool leg_link_fits(const struct body_link *link, int axis, const bool may
     return mat3_is_identity(link->rotation);
 }
 
-/* Its lengths; at: links in the order of the chain. */
+/* Computes the lengths of a leg; at: links in the order of the chain. */
 static void leg_measure(const struct body_link *const at[LEG_JOINTS], struct leg_geometry *leg)
 {
     memcpy(leg->hip, at[0]->origin, sizeof leg->hip);
@@ -83,9 +86,11 @@ enum error_code leg_find(const struct body_model *model, int side, int link[LEG_
                              name);
         }
     }
+    /* A roll joint at the pelvis tells the second kind */
     leg->roll_first = model->link[link[LEG_HIP_ROLL]].parent == 0;
     kind = &leg_kinds[leg->roll_first];
     memcpy(leg->chain, kind->joint, sizeof leg->chain);
+    /* The closed form holds only for that chain of axes and offsets */
     for (int i = 0; i < LEG_JOINTS; i++) {
         int joint = leg->chain[i];
 
@@ -107,7 +112,7 @@ enum error_code leg_find(const struct body_model *model, int side, int link[LEG_
     return ERROR_NONE;
 }
 
-/* R <- R * rotation about x, y or z by an angle */
+/* Rotates R about its own x, y or z axis: R <- R * rotation by the angle, rad. */
 static void leg_turn(double R[9], int axis, double angle)
 {
     const double unit[3] = {axis == 0, axis == 1, axis == 2};
@@ -118,28 +123,8 @@ static void leg_turn(double R[9], int axis, double angle)
     mat3_mul(old, turn, R);
 }
 
-void leg_forward(const struct leg_geometry *leg, const double angle[LEG_JOINTS],
-                 struct body_pose *foot)
-{
-    double step[LEG_JOINTS][3] = {{0}}, offset[3];
-
-    /* From joint to joint of the chain, at the angles 0 */
-    vec3_sub(leg->hip, leg->offset, step[0]);
-    memcpy(step[1], leg->offset, sizeof step[1]);
-    step[3][2] = -leg->thigh_m;
-    step[4][2] = -leg->shank_m;
-
-    mat3_identity(foot->R);
-    memset(foot->p, 0, sizeof foot->p);
-    for (int i = 0; i < LEG_JOINTS; i++) {
-        mat3_apply(foot->R, step[i], offset);
-        vec3_add_scaled(foot->p, 1, offset, foot->p);
-        leg_turn(foot->R, leg_axis[leg->chain[i]], angle[leg->chain[i]]);
-    }
-}
-
-/* The knee's angle from the distance that it is to span. Within its limits; when these change it
- * the result is false and scale what the distance becomes by. */
+/* Computes the knee's angle from the distance that it spans (law of cosines), within its limits.
+ * Returns false when the limits change it; scale is then what the distance changes by. */
 static bool leg_bend_knee(const struct leg_geometry *leg, double length, double least_knee,
                           double greatest_knee, double *knee, double *scale)
 {
@@ -158,6 +143,8 @@ static bool leg_bend_knee(const struct leg_geometry *leg, double length, double 
     return false;
 }
 
+/* Computes the joint angles of a leg of the first kind (header). Returns false when the foot is
+ * out of reach. */
 static bool leg_inverse_pitch_first(const struct leg_geometry *leg, const struct body_pose *foot,
                                     double least_knee, double greatest_knee,
                                     double angle[LEG_JOINTS])
@@ -166,7 +153,7 @@ static bool leg_inverse_pitch_first(const struct leg_geometry *leg, const struct
     double away[3], hip[3], R[9], along, up, scale;
     bool reached;
 
-    /* The hip as the foot sees it; the knee from its distance */
+    /* Hip in the foot's frame; the knee from its distance */
     vec3_sub(leg->hip, foot->p, away);
     mat3_apply_transposed(foot->R, away, hip);
     reached =
@@ -175,7 +162,7 @@ static bool leg_inverse_pitch_first(const struct leg_geometry *leg, const struct
         hip[k] *= scale;
     }
 
-    /* The ankle points the shank there */
+    /* The ankle turns the shank and thigh toward the hip */
     along = -T * portable_sin(angle[LEG_KNEE]);
     up = S + T * portable_cos(angle[LEG_KNEE]);
     angle[LEG_ANKLE_ROLL] = portable_asin(fmin(fmax(hip[1] / up, -1), 1));
@@ -183,7 +170,7 @@ static bool leg_inverse_pitch_first(const struct leg_geometry *leg, const struct
     angle[LEG_ANKLE_PITCH] =
         portable_atan2(up * -hip[0] + along * hip[2], along * hip[0] + up * hip[2]);
 
-    /* The hip turns what is left */
+    /* The hip takes the rest of the rotation, Ry Rx Rz */
     memcpy(R, foot->R, sizeof R);
     leg_turn(R, 1, -angle[LEG_ANKLE_PITCH]);
     leg_turn(R, 0, -angle[LEG_ANKLE_ROLL]);
@@ -194,7 +181,7 @@ static bool leg_inverse_pitch_first(const struct leg_geometry *leg, const struct
     return reached;
 }
 
-/* v <- rotation about x, y or z by minus an angle * v */
+/* Rotates v by minus an angle about the x, y or z axis. */
 static void leg_turn_back(double v[3], int axis, double angle)
 {
     const double unit[3] = {axis == 0, axis == 1, axis == 2};
@@ -205,6 +192,8 @@ static void leg_turn_back(double v[3], int axis, double angle)
     mat3_apply_transposed(turn, old, v);
 }
 
+/* Computes the joint angles of a leg of the second kind (header). Returns false when the foot is
+ * out of reach. */
 static bool leg_inverse_roll_first(const struct leg_geometry *leg, const struct body_pose *foot,
                                    double least_knee, double greatest_knee,
                                    double angle[LEG_JOINTS])
@@ -215,7 +204,8 @@ static bool leg_inverse_roll_first(const struct leg_geometry *leg, const struct 
     double A, B, ratio, along, down, scale;
     bool reached, in_plane;
 
-    /* Roll: ankle and foot in the plane of the leg */
+    /* Roll: the equation of the header, A cos h1 + B sin h1 = fx dy, puts ankle and foot in the
+     * leg's plane */
     vec3_sub(foot->p, leg->hip, a);
     vec3_add_scaled(a, 1, d, a);
     A = f[0] * a[1] - f[1] * (a[0] - d[0]);
@@ -225,20 +215,20 @@ static bool leg_inverse_roll_first(const struct leg_geometry *leg, const struct 
     ratio = in_plane ? ratio : ratio > 0 ? 1 : -1;
     angle[LEG_HIP_ROLL] = portable_atan2(B, A) + portable_acos(ratio);
 
-    /* Yaw: where the foot points; then the ankle from the hip, in the plane */
+    /* Yaw: the direction of the foot's x axis; then the ankle from the hip, in the plane */
     leg_turn_back(a, 0, angle[LEG_HIP_ROLL]);
     leg_turn_back(f, 0, angle[LEG_HIP_ROLL]);
     angle[LEG_HIP_YAW] = portable_atan2(f[1], f[0]);
     vec3_sub(a, d, a);
     leg_turn_back(a, 2, angle[LEG_HIP_YAW]);
 
-    /* Two links that reach it */
+    /* Thigh and shank reach the ankle */
     reached = leg_bend_knee(leg, vec3_norm(a), least_knee, greatest_knee, &angle[LEG_KNEE], &scale);
     along = -S * portable_sin(angle[LEG_KNEE]);
     down = -T - S * portable_cos(angle[LEG_KNEE]);
     angle[LEG_HIP_PITCH] = portable_atan2(down * a[0] - along * a[2], along * a[0] + down * a[2]);
 
-    /* The ankle turns what is left */
+    /* The ankle takes the rest of the rotation, Ry Rx */
     mat3_identity(turned);
     leg_turn(turned, 0, angle[LEG_HIP_ROLL]);
     leg_turn(turned, 2, angle[LEG_HIP_YAW]);

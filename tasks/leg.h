@@ -44,25 +44,23 @@ enum leg_joint {
 struct leg_geometry {
     bool roll_first;                  /* the second kind */
     enum leg_joint chain[LEG_JOINTS]; /* from the pelvis to the foot */
-    double hip[3];           /* where the hip's last axes meet, at the angles 0, in the pelvis */
-    double offset[3];        /* from the roll axis to there, of the second kind */
+    double hip[3];           /* point where the hip's last axes meet, at zero angles, in the
+                              * pelvis's frame */
+    double offset[3];        /* second kind: from the roll axis to there */
     double thigh_m, shank_m; /* hip to knee, knee to ankle */
 };
 
-/* The links of a leg, by enum leg_joint, and its geometry; link[leg->chain[LEG_JOINTS - 1]] is the
- * foot. side: BODY_RIGHT or BODY_LEFT.
- * ERROR_INPUT when the robot has no such leg, says what differs. */
+/* Finds the links of a leg, by enum leg_joint, and its geometry; link[leg->chain[LEG_JOINTS -
+ * 1]] is the foot. side: BODY_RIGHT or BODY_LEFT. ERROR_INPUT when the robot has no such leg,
+ * says what differs. */
 enum error_code leg_find(const struct body_model *model, int side, int link[LEG_JOINTS],
                          struct leg_geometry *leg, struct error *error);
 
-/* The foot's pose for joint angles. */
-void leg_forward(const struct leg_geometry *leg, const double angle[LEG_JOINTS],
-                 struct body_pose *foot);
-
-/* Joint angles for a pose of the foot; the knee bends forward (k >= 0). When the foot is out of
- * reach the leg stretches or folds in its direction as far as least_knee and greatest_knee (rad)
- * allow, and the result is false. Of the second kind the foot's pitch against the pelvis, hip +
- * knee + ankle, is within pi/2, and the hip above the ankle as the foot sees it. */
+/* Computes the joint angles for a pose of the foot; the knee bends forward (k >= 0). When the
+ * foot is out of reach the leg stretches or folds in its direction as far as least_knee and
+ * greatest_knee (rad) allow, and the result is false. Of the second kind the foot's pitch
+ * against the pelvis, hip + knee + ankle, is within pi/2, and the hip above the ankle as seen
+ * from the foot. */
 bool leg_inverse(const struct leg_geometry *leg, const struct body_pose *foot, double least_knee,
                  double greatest_knee, double angle[LEG_JOINTS]);
 

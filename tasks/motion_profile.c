@@ -3,8 +3,8 @@
 
 #include <math.h>
 
-/* The greatest rate from which a distance is enough to stop, slowing down by a dt in each step: the
- * steps cover v dt + (v - a dt) dt + ... = v^2 / (2 a) + v dt / 2. */
+/* Returns the greatest rate from which a distance is enough to stop when the rate falls by a dt
+ * in each step: the steps cover v dt + (v - a dt) dt + ... = v^2 / (2 a) + v dt / 2. */
 static double stopping_rate(double distance, double acceleration, double dt)
 {
     return acceleration * (sqrt(dt * dt / 4 + 2 * distance / acceleration) - dt / 2);

@@ -14,17 +14,18 @@ enum { POSE_RATE, POSE_JOINTS }; /* settings: the rate, then the joints by axis 
 
 enum { POSE_NAME_SIZE = 96 };
 
-static const double POSE_RATE_RAD_S = 0.5; /* of joints, at first */
+static const double POSE_RATE_RAD_S = 0.5; /* default rate of the joints */
 static const double POSE_LEAST_RAD_S = 0.01, POSE_MOST_RAD_S = 3;
-static const double POSE_SPEED_UP_S = 0.3;     /* from rest to that rate */
-static const double POSE_LONGEST_STEP_S = 0.1; /* after a pause a joint does not jump */
+static const double POSE_SPEED_UP_S = 0.3;     /* time from rest to that rate */
+static const double POSE_LONGEST_STEP_S = 0.1; /* longest step, so that a joint does not jump
+                                                * after a pause */
 
 struct pose {
     size_t nsetting;
     struct task_setting *setting;
     _Atomic double *value;          /* by setting; another thread writes them */
     struct motion_profile *profile; /* by axis */
-    double *deviation;              /* by axis: of the link's angle, rad */
+    double *deviation;              /* by axis: deviation of the link's angle, rad */
     double last_s;
 };
 
@@ -52,7 +53,8 @@ static double pose_get(const struct task *task, size_t index)
     return pose->value[index];
 }
 
-/* The rate, and for each joint its range, which its initial angle belongs to. */
+/* Makes the settings: the rate, and for each joint its range, widened to hold its initial angle.
+ * Returns false without memory. */
 static bool pose_make_settings(const struct task *task, struct pose *pose, struct arena *arena)
 {
     const struct host_config *host = &task->config.host;
@@ -78,6 +80,7 @@ static bool pose_make_settings(const struct task *task, struct pose *pose, struc
 
 /* ---- task ---- */
 
+/* Creates the task's state, with a setting for each joint. */
 static enum error_code pose_create(struct task *task, struct arena *arena, struct error *error)
 {
     const size_t naxis = task->config.host.naxis;
@@ -108,6 +111,7 @@ static void pose_start(struct task *task)
     }
 }
 
+/* Writes the message: how many joints move and which deviate most. */
 static void pose_tell(struct task *task)
 {
     const struct pose *pose = task->state;
@@ -122,6 +126,7 @@ static void pose_tell(struct task *task)
     task_tell_worst(task, pose->deviation);
 }
 
+/* Moves every reference toward its setting, with bounded rate and acceleration. */
 static enum task_status pose_step(struct task *task, double t_s)
 {
     struct pose *pose = task->state;

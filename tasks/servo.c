@@ -4,8 +4,8 @@
 
 #include <math.h>
 
-/* Rates are differences over this span at least: in less the jitter of the messages' arrival
- * counts */
+/* Least span of the difference that gives a rate: over shorter ones the jitter of the messages'
+ * arrival counts */
 enum { RATE_SPAN_NS = 2000000 };
 
 /* Time constant of the mean deflection, s: an oscillation of one second passes by it, the weight of
@@ -16,9 +16,9 @@ struct loop {
     double wanted, rate;
     double trim, integral;
     double excitation_v;          /* added by servo_excite */
-    double load_v;                /* carries what the joint bore at the start */
-    double mean_deflection;       /* of the spring over the last while */
-    double motor_rad, motor_rate; /* of the latest message of the motor's angle */
+    double load_v;                /* voltage that carries the load of the joint */
+    double mean_deflection;       /* of the spring, smoothed with SWAY_S */
+    double motor_rad, motor_rate; /* angle of the latest message used, and the rate up to it */
     int64_t motor_time_ns;
 };
 
@@ -26,7 +26,7 @@ struct servo {
     struct servo_config config;
     struct host *host;
     struct loop *loop;
-    int64_t last_ns; /* of the last commands; -1 = none yet */
+    int64_t last_ns; /* time of the last commands; -1 = none yet */
 };
 
 enum error_code servo_create(const struct servo_config *config, struct host *host,
@@ -47,7 +47,8 @@ enum error_code servo_create(const struct servo_config *config, struct host *hos
     return ERROR_NONE;
 }
 
-/* What the spring is deflected by, rad: by the torque where it is measured, or both encoders. */
+/* Returns the spring's deflection, rad: by the torque where it is measured, else by both
+ * encoders. */
 static double servo_deflection(const struct servo *servo, size_t axis)
 {
     const struct host_config *config = host_configuration(servo->host);
@@ -65,6 +66,7 @@ void servo_start(struct servo *servo)
     for (size_t i = 0; i < host_configuration(servo->host)->naxis; i++) {
         const struct host_joint *joint = host_joint(servo->host, i);
         const struct servo_gains *gains = &servo->config.gains[i];
+        /* With an outer loop the link's angle is what is wanted, else the motor's */
         double wanted = gains->trim_per_s > 0 ? joint->joint_rad : joint->motor_rad;
 
         servo->loop[i] = (struct loop){
@@ -111,9 +113,9 @@ double servo_reference(const struct servo *servo, size_t axis)
     return servo->loop[axis].wanted + servo->loop[axis].trim;
 }
 
-/* The error of the link's angle with a dead zone of one encoder tick. Without it the rounding
- * errors of two legs on the same ground, integrated, would press them against each other more and
- * more. */
+/* Returns the error of the link's angle with a dead zone of one encoder tick. Without it the
+ * rounding errors of two legs on the same ground, integrated, would press them against each
+ * other more and more. */
 static double servo_link_error(const struct servo *servo, size_t axis)
 {
     double step = 1 / host_configuration(servo->host)->axis[axis].joint_ticks_per_rad;
@@ -122,7 +124,7 @@ static double servo_link_error(const struct servo *servo, size_t axis)
     return error > step ? error - step : error < -step ? error + step : 0;
 }
 
-/* Keeps the mean deflection of an axis; returns what is above it. */
+/* Updates the mean deflection of an axis; returns the deflection above the mean, rad. */
 static double servo_sway(struct servo *servo, size_t axis, double dt)
 {
     struct loop *loop = &servo->loop[axis];
@@ -132,6 +134,7 @@ static double servo_sway(struct servo *servo, size_t axis, double dt)
     return deflection - loop->mean_deflection;
 }
 
+/* Updates the motor's rate by the difference of two messages. */
 static void servo_estimate_rate(struct loop *loop, const struct host_joint *joint)
 {
     int64_t span = joint->motor_time_ns - loop->motor_time_ns;
@@ -143,8 +146,8 @@ static void servo_estimate_rate(struct loop *loop, const struct host_joint *join
     }
 }
 
-/* The voltage of one axis; the integral is held while the voltage saturates in its direction
- * (anti-windup). */
+/* Computes the voltage of one axis by the law of struct servo_gains. The integrals are held
+ * while the voltage saturates in the error's direction (anti-windup). */
 static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
 {
     const struct servo_gains *gains = &servo->config.gains[axis];
@@ -163,6 +166,7 @@ static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
         loop->trim += gains->trim_per_s * servo_link_error(servo, axis) * dt;
         loop->trim -= gains->sway_damping_per_s * sway * dt;
     }
+    /* Limit the torque: the voltage beyond the back-EMF is proportional to it */
     if (gains->torque_limit_nm > 0) {
         double back = gains->kw_v_s_per_rad * loop->motor_rate;
         double most = gains->load_v_per_nm * gains->torque_limit_nm;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A sine by least squares: the normal equations, eliminated in order of their terms. */
+/* Fits a sine by least squares: the normal equations, eliminated in order of their terms. */
 #include "tasks/sine_fit.h"
 
 #include "base/portable_math.h"
@@ -9,7 +9,7 @@
 
 enum { DRIFT_TERMS = 2, COSINE = 2, SINE = 3, VALUE = 4 };
 
-/* Least mean square of a term that must be left when those before it are taken out */
+/* Least mean square that a term must have left after the elimination of those before it */
 static const double SINGULAR = 1e-6;
 
 void sine_fit_start(struct sine_fit *fit)
@@ -43,6 +43,7 @@ bool sine_fit_solve(const struct sine_fit *fit, struct sine *sine)
     /* What is left of the signal's square after each term: about its drift, then its residual */
     *sine = (struct sine){0};
     memcpy(m, fit->product, sizeof m);
+    /* Gaussian elimination of the symmetric normal equations, upper triangle */
     for (int i = 0; i < VALUE; i++) {
         if (!(m[i][i] > SINGULAR * (double)fit->count)) {
             return false;
@@ -60,7 +61,7 @@ bool sine_fit_solve(const struct sine_fit *fit, struct sine *sine)
         return false;
     }
 
-    /* Back from the last term; a constant signal has no sine */
+    /* Back-substitution from the last term; a constant signal has no sine */
     sine->sine = m[SINE][VALUE] / m[SINE][SINE];
     sine->cosine = (m[COSINE][VALUE] - m[COSINE][SINE] * sine->sine) / m[COSINE][COSINE];
     if (total > 1e-14 * fit->product[VALUE][VALUE]) {

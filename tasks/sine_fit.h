@@ -17,7 +17,7 @@ enum { SINE_FIT_TERMS = 5 }; /* 1, u, cos, sin, y */
 
 struct sine_fit {
     double product[SINE_FIT_TERMS][SINE_FIT_TERMS]; /* sums over the samples; the upper triangle */
-    double first; /* sample; the others are taken relative to it */
+    double first; /* first sample; the others are taken relative to it */
     size_t count;
 };
 
@@ -30,11 +30,12 @@ struct sine {
 
 void sine_fit_start(struct sine_fit *fit);
 
-/* A sample: phase in rad; u from -1 to 1; share is what the sample has of the sine at that phase:
- * 1, or sin(x)/x for a mean over 2 x rad. */
+/* Adds a sample: phase in rad; u from -1 to 1; share is the gain of the sine in the sample: 1,
+ * or sin(x)/x for a mean over 2 x rad. */
 void sine_fit_add(struct sine_fit *fit, double phase_rad, double u, double share, double y);
 
-/* False, and zeros, when the samples do not tell: too few, or all at the same phases. */
+/* Solves for the sine. Returns false, and zeros, when the samples do not tell: too few, or all
+ * at the same phases. */
 bool sine_fit_solve(const struct sine_fit *fit, struct sine *sine);
 
 #endif

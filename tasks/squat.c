@@ -20,17 +20,21 @@ static const char *const joint_name[LEGS][PITCH_JOINTS] = {
 };
 static const char *const foot_name[LEGS] = {"r_leg_ft", "l_leg_ft"};
 
-static const double RAMP_S = 1.0;   /* from where the joints were to the initial pose */
-static const double SETTLE_S = 1.0; /* standing still before and after */
-static const double WEIGH_S = 0.25; /* end of settling, in which the weight is measured */
-static const double LIGHT = 0.3;    /* feet carry less than this part of the weight: fallen, ... */
-static const double LIGHT_S = 0.25; /* ... when it lasts so long */
+static const double RAMP_S = 1.0;   /* duration of the ramp from where the joints were to the
+                                     * initial pose */
+static const double SETTLE_S = 1.0; /* time of standing still before and after */
+static const double WEIGH_S = 0.25; /* at the end of settling: the time in which the weight is
+                                     * measured */
+static const double LIGHT = 0.3;    /* fallen when the feet carry less than this part of the
+                                     * weight, ... */
+static const double LIGHT_S = 0.25; /* ... for so long */
 
 struct leg {
     size_t axis[PITCH_JOINTS];
     double initial[PITCH_JOINTS];
-    double lean;                /* of the trunk, forward, when the foot is flat */
-    double hip_height, ankle_x; /* of the hip over the ankle, of the ankle ahead of the hip */
+    double lean;                /* lean of the trunk, forward, over a flat foot, rad */
+    double hip_height, ankle_x; /* height of the hip over the ankle; distance of the ankle ahead
+                                 * of the hip */
 };
 
 struct squat {
@@ -39,12 +43,12 @@ struct squat {
     double *from; /* joint angles at the start */
     double weight_sum;
     size_t weighed;
-    double light_since_s; /* < 0: the feet carry */
+    double light_since_s; /* when the feet became light; < 0: they carry */
     double deepest_m, worst_error_rad;
 };
 
-/* Height of the hip over the ankle and how far the ankle is ahead of the hip, from the thigh's
- * pitch in the world and the knee's angle. */
+/* Computes the height of the hip over the ankle and the distance of the ankle ahead of the hip,
+ * m, from the thigh's pitch in the world and the knee's angle. */
 static void squat_leg_forward(const struct squat_config *config, double thigh, double knee,
                               double *height, double *ahead)
 {
@@ -52,8 +56,8 @@ static void squat_leg_forward(const struct squat_config *config, double thigh, d
     *ahead = -config->thigh_m * portable_sin(thigh) - config->shank_m * portable_sin(thigh + knee);
 }
 
-/* The inverse for joint angles, knee bent forward; the trunk keeps its lean over a flat foot. False
- * when out of reach. */
+/* Computes the joint angles for a height of the hip: knee bent forward, foot flat, trunk at its
+ * lean. Returns false when it is out of reach. */
 static bool squat_leg_inverse(const struct squat_config *config, const struct leg *leg,
                               double height, double angle[PITCH_JOINTS])
 {
@@ -73,6 +77,7 @@ static bool squat_leg_inverse(const struct squat_config *config, const struct le
     return true;
 }
 
+/* Returns how far the hips are to be below the initial height at time t, m. */
 static double squat_depth_at(const struct squat_config *config, double t)
 {
     double length = config->period_s * config->cycles;
@@ -82,7 +87,7 @@ static double squat_depth_at(const struct squat_config *config, double t)
                : config->depth_m / 2 * (1 - portable_cos(2 * M_PI * t / config->period_s));
 }
 
-/* The axes of a leg; at the deepest point all of them must be within their limits. */
+/* Finds the axes of a leg and checks that at the deepest point they are within their limits. */
 static enum error_code squat_find_leg(struct task *task, int side, struct leg *leg,
                                       struct error *error)
 {
@@ -122,6 +127,7 @@ static enum error_code squat_find_leg(struct task *task, int side, struct leg *l
     return ERROR_NONE;
 }
 
+/* Creates the task's state and finds legs and feet. ERROR_INPUT when the rig lacks one. */
 static enum error_code squat_create(struct task *task, struct arena *arena, struct error *error)
 {
     const struct squat_config *config = &task->config.squat;
@@ -162,6 +168,7 @@ static void squat_start(struct task *task)
     squat->light_since_s = -1;
 }
 
+/* Sets the references of both legs for t seconds after the first cycle began. */
 static void squat_bend_legs(struct task *task, double t)
 {
     const struct squat *squat = task->state;
@@ -182,6 +189,7 @@ static void squat_bend_legs(struct task *task, double t)
     }
 }
 
+/* Returns the vertical force on both feet, N. */
 static double squat_feet_force(const struct task *task)
 {
     const struct squat *squat = task->state;
@@ -190,7 +198,8 @@ static double squat_feet_force(const struct task *task)
            host_force(task->host, squat->foot[1])->force_n[2];
 }
 
-/* How far the hips are below the initial height, by the link encoders */
+/* Returns how far the hips are below the initial height, m, by the link encoders; the mean of
+ * both legs. */
 static double squat_measured_depth(const struct task *task)
 {
     const struct squat *squat = task->state;
@@ -208,7 +217,8 @@ static double squat_measured_depth(const struct task *task)
     return sum / LEGS;
 }
 
-/* False with a message when the robot no longer stands or a motor does not follow its reference. */
+/* Checks motors and feet. Returns false with a message when the robot no longer stands or a
+ * motor does not follow its reference. */
 static bool squat_is_healthy(struct task *task, double t, double weight)
 {
     struct squat *squat = task->state;
@@ -228,6 +238,7 @@ static bool squat_is_healthy(struct task *task, double t, double weight)
     return true;
 }
 
+/* Runs one period: stand and weigh, bend and stretch, stand again. */
 static enum task_status squat_step(struct task *task, double t)
 {
     struct squat *squat = task->state;

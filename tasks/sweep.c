@@ -31,11 +31,13 @@ enum sweep_setting {
     SWEEP_SETTINGS,
 };
 
-static const double SWEEP_RAMP_S = 1.0;   /* from where the joints were to the pose */
-static const double SWEEP_STAND_S = 1.0;  /* before the first frequency */
-static const double SWEEP_NYQUIST = 0.25; /* of the commands' rate, at most */
+static const double SWEEP_RAMP_S = 1.0;   /* duration of the ramp from where the joints were to
+                                           * the pose */
+static const double SWEEP_STAND_S = 1.0;  /* time of standing still before the first frequency */
+static const double SWEEP_NYQUIST = 0.25; /* highest frequency, as a fraction of the commands'
+                                           * rate */
 
-/* The settings as they were at the beginning of a point: they may change meanwhile. */
+/* A copy of the settings at the beginning of a point, since they may change meanwhile. */
 struct sweep_now {
     double volts, radians; /* amplitudes, one of them 0 */
     double hz, from_s;     /* phase 0 at from_s, the beginning of the settling */
@@ -51,8 +53,8 @@ struct sweep {
     size_t npoint;
     struct sweep_point point[SWEEP_POINTS_MAX];
     struct sine_fit input, output[SWEEP_RESPONSES];
-    int64_t seen_ns[SWEEP_RESPONSES]; /* of the newest sample */
-    double last_s;                    /* of the last step */
+    int64_t seen_ns[SWEEP_RESPONSES]; /* time of the newest sample */
+    double last_s;                    /* time of the last step */
 };
 
 /* ---- settings ---- */
@@ -68,6 +70,8 @@ static const char *const sweep_setting_name[SWEEP_SETTINGS + 1] = {
     [SWEEP_MEASURE_PERIODS] = "sweep.measure_periods",
 };
 
+/* Makes the settings with their ranges and defaults: amplitudes by the supply, frequencies by
+ * the commands' rate. */
 static void sweep_make_settings(struct sweep *sweep, const struct task_config *config)
 {
     double period_s = 1e-9 * (double)(config->servo.command_period_ns > config->host.period_ns
@@ -119,6 +123,7 @@ static double sweep_get(const struct task *task, size_t index)
 
 /* ---- the task ---- */
 
+/* Creates the task's state and finds the joint. ERROR_INPUT when it is not named or not there. */
 static enum error_code sweep_create(struct task *task, struct arena *arena, struct error *error)
 {
     struct sweep *sweep = arena_alloc(arena, 1, sizeof *sweep);
@@ -147,7 +152,7 @@ static void sweep_start(struct task *task)
     sweep->now = (struct sweep_now){.end_s = SWEEP_RAMP_S + SWEEP_STAND_S};
 }
 
-/* Frequencies at equal ratios. */
+/* Returns the frequency of a point, Hz: points are at equal ratios. */
 static double sweep_frequency(const struct sweep *sweep, size_t point)
 {
     double from = sweep->value[SWEEP_FROM], to = sweep->value[SWEEP_TO];
@@ -156,7 +161,8 @@ static double sweep_frequency(const struct sweep *sweep, size_t point)
     return last > 0 ? from * portable_pow(to / from, fmin((double)point / last, 1)) : from;
 }
 
-/* The next frequency, from t_s on. False with a message when the amplitude leaves no room. */
+/* Begins the next frequency at t_s. Returns false with a message when the amplitude is 0 or
+ * leaves the joint's limits. */
 static bool sweep_begin_point(struct task *task, double t_s)
 {
     struct sweep *sweep = task->state;
@@ -192,7 +198,7 @@ static bool sweep_begin_point(struct task *task, double t_s)
     return true;
 }
 
-/* The excitation of this step. */
+/* Sets the excitation of this step: a voltage, or the reference. */
 static void sweep_excite(struct task *task, double t_s)
 {
     const struct sweep *sweep = task->state;
@@ -207,7 +213,7 @@ static void sweep_excite(struct task *task, double t_s)
 
 /* ---- measuring ---- */
 
-/* A sample taken at t_s, or a mean over hold_s about it. */
+/* Adds a sample to a fit: taken at t_s, or a mean over hold_s about it. */
 static void sweep_sample(const struct sweep *sweep, struct sine_fit *fit, double t_s, double hold_s,
                          double value)
 {
@@ -221,7 +227,8 @@ static void sweep_sample(const struct sweep *sweep, struct sine_fit *fit, double
     }
 }
 
-/* What was sent since the last step, and what has arrived since. */
+/* Adds what was sent since the last step to the input, and what has arrived since to the
+ * outputs. */
 static void sweep_measure(struct task *task, double t_s)
 {
     struct sweep *sweep = task->state;
@@ -234,6 +241,7 @@ static void sweep_measure(struct task *task, double t_s)
                                               [SWEEP_TORQUE] = joint->torque_time_ns};
     double held = t_s - sweep->last_s;
 
+    /* The input: the reference now, or the voltage as it was held since the last step */
     if (sweep->now.radians > 0) {
         double sine = portable_sin(2 * M_PI * sweep->now.hz * (t_s - sweep->now.from_s));
 
@@ -242,6 +250,7 @@ static void sweep_measure(struct task *task, double t_s)
         sweep_sample(sweep, &sweep->input, t_s - held / 2, held,
                      host_voltage(task->host, sweep->axis));
     }
+    /* The outputs, each at the time of its frame */
     for (int k = 0; k < SWEEP_RESPONSES; k++) {
         if (time_ns[k] >= 0 && time_ns[k] != sweep->seen_ns[k]) {
             sweep_sample(sweep, &sweep->output[k], (double)(time_ns[k] - task->start_ns) * 1e-9, 0,
@@ -251,7 +260,7 @@ static void sweep_measure(struct task *task, double t_s)
     }
 }
 
-/* The ratio of two sines as complex numbers a - i b. */
+/* Returns the ratio of two sines as complex numbers a - i b. */
 static struct sweep_response sweep_divide(const struct sine *output, const struct sine *input)
 {
     double square = input->cosine * input->cosine + input->sine * input->sine;
@@ -265,6 +274,7 @@ static struct sweep_response sweep_divide(const struct sine *output, const struc
     };
 }
 
+/* Computes the responses of the point that has ended. */
 static void sweep_end_point(struct sweep *sweep)
 {
     struct sweep_point *point = &sweep->point[sweep->npoint++];
@@ -280,7 +290,7 @@ static void sweep_end_point(struct sweep *sweep)
     }
 }
 
-/* The frequency at which the link moves most. */
+/* Writes the message at the end, with the frequency at which the joint's torque responds most. */
 static void sweep_tell_end(struct task *task)
 {
     const struct sweep *sweep = task->state;
@@ -300,6 +310,7 @@ static void sweep_tell_end(struct task *task)
              peak->response[SWEEP_TORQUE].magnitude, peak->by_angle ? "rad" : "V");
 }
 
+/* Runs one period: the pose, then one frequency after the other. */
 static enum task_status sweep_step(struct task *task, double t_s)
 {
     struct sweep *sweep = task->state;
@@ -315,6 +326,7 @@ static enum task_status sweep_step(struct task *task, double t_s)
     if (!task_motors_follow(task, &worst)) {
         return TASK_FAILED;
     }
+    /* A point is over: evaluate it, then begin the next one or end */
     if (t_s >= sweep->now.end_s) {
         if (sweep->now.hz > 0) {
             sweep_end_point(sweep);
@@ -327,6 +339,7 @@ static enum task_status sweep_step(struct task *task, double t_s)
             return TASK_FAILED;
         }
     }
+    /* Excite, and tell the progress */
     if (sweep->now.hz > 0) {
         sweep_excite(task, t_s);
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What all tasks share: start-up of the boards, poses, health, stopping. */
+/* What all tasks share: start-up of the boards, poses, health, settings, stopping. */
 #include "tasks/task_private.h"
 
 #include "base/count.h"
@@ -11,7 +11,8 @@
 
 enum { TELL_STEPS = 20, TEXT_SIZE = 100, WORST_TOLD = 3 };
 
-static const double STRAY_RAD = 0.4; /* a motor so far from its reference: fallen or stuck */
+static const double STRAY_RAD = 0.4; /* a motor that far from its reference is stuck, or the
+                                      * robot has fallen */
 
 static const struct task_ops *const known[] = {&task_squat, &task_grasp, &task_hold,   &task_stand,
                                                &task_walk,  &task_sweep, &task_follow, &task_pose};
@@ -25,6 +26,7 @@ const char *const *task_names(void)
     return names;
 }
 
+/* Returns the task of that name, NULL when there is none. */
 static const struct task_ops *task_find_ops(const char *name)
 {
     for (size_t i = 0; i < KNOWN; i++) {
@@ -133,7 +135,8 @@ void task_hold_pose(struct task *task, const double *from, double ramp_s, double
     task_move_pose(task, from, task->config.initial_rad, ramp_s, t_s);
 }
 
-/* The axis with the largest deviation below that of the axes in told[count]; -1 = none left. */
+/* Returns the axis with the largest deviation that is not among the count axes of told; -1 when
+ * none is left. */
 static int task_next_worst(const struct task *task, const double *worst, const int *told, int count)
 {
     int next = -1;
@@ -181,6 +184,7 @@ bool task_motors_follow(struct task *task, double *worst_error_rad)
 
 /* ---- a step ---- */
 
+/* Continues the start-up of the boards by one period; starts the task when the motors are on. */
 static enum task_status task_start_up(struct task *task)
 {
     static const char *const doing[] = {
@@ -213,6 +217,7 @@ enum task_status task_step(struct task *task, int64_t now_ns)
         host_repeat_step(task->host, now_ns);
         return TASK_RUNNING;
     }
+    /* Boards first; then the task as long as they are healthy */
     if (!task->started) {
         status = task_start_up(task);
     } else if (!host_healthy(task->host)) {
@@ -223,6 +228,7 @@ enum task_status task_step(struct task *task, int64_t now_ns)
         status = task->ops->step(task, (double)(host_time_ns(task->host) - task->start_ns) * 1e-9);
         servo_update(task->servo);
     }
+    /* Whatever ends a task switches the motors off */
     if (status == TASK_RUNNING) {
         host_send(task->host);
     } else {
@@ -277,6 +283,7 @@ uint64_t task_changes(const struct task *task)
     return atomic_load(&task->changes);
 }
 
+/* Refuses a setting that the task does not have; the message names the nearest one. */
 static enum error_code task_refuse_setting(const struct task *task, const char *name,
                                            struct error *error)
 {
@@ -295,6 +302,8 @@ static enum error_code task_refuse_setting(const struct task *task, const char *
                      nearest ? "; the nearest is " : "", nearest ? nearest : "");
 }
 
+/* Changes a setting as "NAME=VALUE" says. ERROR_INPUT when there is no such setting or the value
+ * is out of its range. */
 static enum error_code task_set_pair(struct task *task, const char *pair, struct error *error)
 {
     const char *equals = strchr(pair, '=');

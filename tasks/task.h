@@ -23,14 +23,14 @@
 struct host_drive {
     bool valve;           /* a servo valve (docs/hydraulics.md): no current, no spring */
     double gear;          /* rotor turns a link turn */
-    double spring_nm_rad; /* of the series spring */
+    double spring_nm_rad; /* stiffness of the series spring, at the link */
     double winding_ohm, winding_h;
-    double current_limit_a;           /* for ever; half as much again for some seconds */
+    double current_limit_a;           /* continuous; half as much again for some seconds */
     int poles;                        /* of the rotor */
     double torque_nm_a, bemf_v_s_rad; /* link-side; described: what a voltage is as torque */
 };
 
-/* Where a joint is found on the buses, and its scales. */
+/* The place of a joint on the buses, and its scales. */
 struct host_axis {
     const char *joint;
     int bus;
@@ -153,31 +153,38 @@ struct hold_config {
 /* ---- stand and walk; docs/walking.md ---- */
 
 struct estimate_config {
-    double attitude_per_s;    /* the gyro's attitude goes to the board's, or to the plumb line */
-    double com_per_s;         /* bandwidth of the center of mass's correction by the encoders */
+    double attitude_per_s;    /* rate at which the gyro's attitude is corrected toward the
+                               * board's, or toward gravity */
+    double com_per_s;         /* bandwidth of the correction of the center of mass by the
+                               * encoders */
     double com_walking_per_s; /* the same while it is told to walk fast; 0: com_per_s */
     double com_walking_m_s;   /* that fast or faster; com_per_s up to half of it, between the two a
                                * straight line; 0: whatever the speed */
-    double loaded_n;          /* a foot with more has a center of pressure */
+    double loaded_n;          /* least load of a foot that has a center of pressure */
 };
 
 struct gait_config {
-    double swing_s, transfer_s; /* of a step: one foot stands, both do */
+    double swing_s, transfer_s; /* durations in a step: one foot stands; both do */
     double start_s;             /* first transfer, from both feet to one, and the last one back */
-    double clearance_m;         /* of the foot in the air */
-    double width_m, least_width_m; /* between the feet */
+    double clearance_m;         /* height of the foot in the air */
+    double width_m, least_width_m; /* distance between the feet: wanted, least */
     double zmp_ahead_m;  /* where the plan puts the zero-moment point, from the sole's origin */
     double zmp_inward_m; /* and towards the other foot */
-    double reach_ahead_m, reach_back_m, reach_out_m; /* of a step; the last beyond width_m */
-    double adjust;             /* how far a foothold follows the DCM's error, 0 to 1; 0: never */
-    double ankle_m;            /* error that is left to the center of pressure: so far it moves */
+    double reach_ahead_m, reach_back_m, reach_out_m; /* largest step ahead, back, outward (beyond
+                                                      * width_m) */
+    double adjust;             /* gain with which a foothold follows the DCM's error, 0 to 1; 0:
+                                * never */
+    double ankle_m;            /* reach of the center of pressure: errors up to what it takes out
+                                * need no step */
     double lower_m_s, lower_m; /* a foot that comes down late is lowered at that rate, so far */
     double press_n;            /* load of a foot that came down early, until its time */
     double ground_follow;      /* how far the next foothold is expected in the plane of the
                                 * standing sole, 0 to 1 */
-    double tilt_s;             /* in which a sole's target takes the ground's tilt */
+    double tilt_s;             /* time constant with which a sole's target takes the ground's
+                                * tilt */
     double sole_front_m, sole_back_m, sole_side_m; /* edges of the sole from its origin */
-    double sole_margin_m;                          /* that the center of pressure keeps from them */
+    double sole_margin_m;                          /* distance that the center of pressure keeps
+                                                    * from them */
     double catch_swing_s; /* of a step that catches a robot that stands; 0: it does not step */
     double
         catch_margin_m; /* it steps when the DCM is so near to where the center of pressure ends */
@@ -189,30 +196,34 @@ struct balance_config {
     struct estimate_config estimate;
     struct gait_config gait;
     const struct servo_gains *gains; /* one an axis; trim, integral and sway damping are 0 */
-    double ankle_roll_kp_v_per_rad;  /* of these two: with more the foot tips before it yields */
-    double pelvis_height_m;          /* of its origin over the soles */
-    double lean_rad;                 /* of the pelvis, forward */
-    double touch_n, touch_s;         /* so much load for so long: the foot has met the ground */
+    double ankle_roll_kp_v_per_rad;  /* gain of these two: with more the foot tips before it
+                                      * yields */
+    double pelvis_height_m;          /* height of its origin over the soles */
+    double lean_rad;                 /* lean of the pelvis, forward */
+    double touch_n, touch_s;         /* load and time after which the foot has met the ground */
     double flat_n;             /* a sole with more, its center of pressure within, lies flat */
-    double height_s;           /* in which the pelvis follows the feet's heights */
+    double height_s;           /* time constant with which the pelvis follows the feet's heights */
     double dcm_gain;           /* r = r_ref + dcm_gain (xi - xi_ref) */
-    double cop_pitch_rad_s_nm; /* rate at which a foot turns, of what its moment is off */
+    double cop_pitch_rad_s_nm; /* rate of a foot's tilt for an error of its moment */
     double cop_roll_rad_s_nm;
-    double land_turn_rad_s_nm; /* the same, of a foot that bears little yet */
-    double cop_leak_per_s;     /* at which it turns back */
-    double force_m_s_n;        /* rate at which legs stretch, of what the difference of the ... */
-    double force_leak_per_s;   /* ... feet's forces is off; at which they go back */
+    double land_turn_rad_s_nm; /* the same, of a foot with little load yet */
+    double cop_leak_per_s;     /* rate at which the tilt decays */
+    double force_m_s_n;        /* rate of the legs' lengths for an error of the difference ... */
+    double force_leak_per_s;   /* ... of the feet's forces; rate at which they decay */
     double swing_follow;       /* how far a foot in the air allows for the pelvis's true height */
-    double carry_s;            /* in which a foot that touches down goes over to the plan */
-    double swing_torque;       /* how much of the torque that swings a leg both hips give, 0 to 1 */
+    double carry_s;            /* time constant with which a foot that touches down goes over to
+                                * the plan */
+    double swing_torque;       /* share of the torque that swings a leg that both hips give, 0 to
+                                * 1 */
     double ankle_follow;       /* how far standing ankles go along with their links, 0 to 1 */
 };
 
 struct walk_config {
     struct balance_config balance;
-    double begin_s;    /* of the steps, after the motors are on */
-    int64_t steps;     /* then it stands; 0: for ever */
-    double distance_m; /* so far from where its steps begin it stops, and is done; 0: never */
+    double begin_s;    /* time of the first step, after the motors are on */
+    int64_t steps;     /* number of steps, then it stands; 0: no end */
+    double distance_m; /* distance from where its steps begin at which it stops and is done; 0:
+                        * never */
     double forward_m_s, left_m_s, turn_rad_s;
 };
 
@@ -220,7 +231,7 @@ struct walk_config {
 
 struct trajectory;
 
-/* What they are told beside the rig; the caller's, must outlive the task. */
+/* What they get beside the rig; the caller's, must outlive the task. */
 struct task_input {
     const char *joint;                   /* sweep; NULL: it refuses */
     const struct trajectory *trajectory; /* follow (tasks/trajectory.h); NULL: it refuses */
@@ -229,11 +240,11 @@ struct task_input {
 enum sweep_response_of { SWEEP_JOINT, SWEEP_MOTOR, SWEEP_TORQUE, SWEEP_RESPONSES };
 enum { SWEEP_POINTS_MAX = 200 };
 
-/* Of the link's angle, the rotor's (both rad at the link) or the joint's torque (N m), a unit of
- * input; the phase is from -pi to pi, positive when the response leads. */
+/* The response of the link's angle, the rotor's (both rad at the link) or the joint's torque (N
+ * m), for a unit of input; the phase is from -pi to pi, positive when the response leads. */
 struct sweep_response {
     double magnitude, phase_rad;
-    double coherence; /* part of the signal's variance that is the response, 0: nothing was heard */
+    double coherence; /* part of the signal's variance that is the response; 0: no response */
 };
 
 struct sweep_point {
@@ -243,7 +254,7 @@ struct sweep_point {
     struct sweep_response response[SWEEP_RESPONSES];
 };
 
-/* Measured less wanted, at the frames of the link's angle. */
+/* Measured less wanted angle of a joint, at the frames of its link's angle. */
 struct follow_error {
     const char *joint;
     bool moves; /* has a column in the file */
@@ -271,70 +282,74 @@ enum task_status {
     TASK_FAILED, /* boards missing, faults, robot fell: see task_message */
 };
 
-/* name: "squat", ... Memory from arena; ports stay the caller's. Not RT-safe. */
+/* Creates the task of that name ("squat", ...) in the arena; ports stay the caller's. Not
+ * RT-safe. */
 enum error_code task_create(const char *name, const struct task_config *config, struct arena *arena,
                             struct task **task, struct error *error);
 
-/* One control period: reads every port, decides, sends (in lockstep also the STEP frame). now_ns:
- * the caller's time. RT-safe. */
+/* Runs one control period: reads every port, decides, sends (in lockstep also the STEP frame).
+ * now_ns: the caller's time. RT-safe. */
 enum task_status task_step(struct task *task, int64_t now_ns);
 
-/* Whether the task goes on until it is stopped or fails, as a walk does. RT-safe. */
+/* Returns whether the task goes on until it is stopped or fails, as a walk does. RT-safe. */
 bool task_is_endless(const struct task *task);
 
-/* Motors off; call it when stopping early. RT-safe. */
+/* Switches the motors off; call it when stopping early. RT-safe. */
 void task_stop(struct task *task);
 
-/* What a user may change while a task runs: the wanted speed of a walk, ... */
+/* A setting that a user may change while a task runs: the wanted speed of a walk, ... */
 struct task_setting {
     const char *name, *unit; /* "walk.forward_m_s", "m/s"; "" = a count */
     double min, max;
     bool whole; /* takes whole numbers only */
 };
 
-/* How many settings a task has, and which; the task's. RT-safe. */
+/* Returns the number of a task's settings, and which; the task's. RT-safe. */
 size_t task_settings(const struct task *task, const struct task_setting **setting);
 
-/* Changes one from the next step on; false when there is no such setting or the value is out of its
- * range. Before the first step, then from one thread, which need not be the task's. RT-safe. */
+/* Changes a setting from the next step on. Returns false when there is no such setting or the
+ * value is out of its range. Before the first step, then from one thread, which need not be the
+ * task's. RT-safe. */
 bool task_set(struct task *task, size_t index, double value);
 
-/* The value of one; any thread. RT-safe. */
+/* Returns the value of a setting; any thread. RT-safe. */
 double task_get(const struct task *task, size_t index);
 
-/* A count that changes whenever some setting may have another value; any thread. RT-safe. */
+/* Returns a count that changes whenever some setting may have another value; any thread.
+ * RT-safe. */
 uint64_t task_changes(const struct task *task);
 
-/* Settings before the first step, each "NAME=VALUE". ERROR_INPUT. Not RT-safe. */
+/* Changes settings before the first step, each "NAME=VALUE". ERROR_INPUT. Not RT-safe. */
 enum error_code task_set_all(struct task *task, const char *const *pair, size_t npair,
                              struct error *error);
 
-/* What a task estimates and plans, for recordings: how many signals it has, and their names, with
- * the units at the end. RT-safe. */
+/* Returns the number of signals that a task estimates and plans, for recordings, and their
+ * names, with the units at the end. RT-safe. */
 size_t task_signals(const struct task *task, const char *const **name);
 
-/* Their values after the last step; zeros before the boards are ready. RT-safe. */
+/* Reads their values after the last step; zeros before the boards are ready. RT-safe. */
 void task_read_signals(const struct task *task, double *value);
 
-/* Frequencies that a sweep has measured, and the errors of a task that follows, one a joint: the
- * task's; 0 of another task. In the task's thread, or when it has ended. */
+/* Return the frequencies that a sweep has measured, and the errors of a task that follows, one a
+ * joint: the task's; 0 of another task. In the task's thread, or when it has ended. */
 size_t task_sweep_points(const struct task *task, const struct sweep_point **point);
 size_t task_follow_errors(const struct task *task, const struct follow_error **error);
 
-/* One line about its progress ("cycle 2 of 4, 43 mm down") or why it failed. RT-safe. */
+/* Returns one line about its progress ("cycle 2 of 4, 43 mm down") or why it failed. RT-safe. */
 const char *task_message(const struct task *task);
 
-/* Whether it failed because the boards are gone or were restarted: a new task may find them
- * again. */
+/* Returns whether it failed because the boards are gone or were restarted: a new task may find
+ * them again. */
 bool task_lost(const struct task *task);
 
-/* Names of all tasks, NULL-terminated, for --help. RT-safe. */
+/* Returns the names of all tasks, NULL-terminated, for --help. RT-safe. */
 const char *const *task_names(void);
 
-/* One line on a task, NULL when there is none of that name. RT-safe. */
+/* Returns one line on a task, NULL when there is none of that name. RT-safe. */
 const char *task_summary(const char *name);
 
-/* Names of the settings of a task, NULL-terminated; none when there is no such task. RT-safe. */
+/* Returns the names of the settings of a task, NULL-terminated; none when there is no such task.
+ * RT-safe. */
 const char *const *task_setting_names(const char *name);
 
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What a task is made of: the host and the servo loops are shared, the behavior is its own. Angles
- * in rad, times in s since the start. RT-safe but for what creates and finds.
+ * The parts of a task: the host and the servo loops are shared, the behavior is its own. Angles in
+ * rad, times in s since the start. RT-safe but for what creates and finds.
  */
 #ifndef TASKS_TASK_PRIVATE_H
 #define TASKS_TASK_PRIVATE_H
@@ -17,21 +17,21 @@ struct task_ops {
     const char *name, *summary;
     /* Makes task->state; checks that the host has the joints it needs. */
     enum error_code (*create)(struct task *task, struct arena *arena, struct error *error);
-    /* The boards are ready and hold still: t_s = 0 is now. */
+    /* Starts: the boards are ready and hold still, and t_s = 0 is now. */
     void (*start)(struct task *task);
-    /* Sets the servo's references for t_s; writes task->message when it ends or task->tells: a text
-     * in every step would take a tenth of the time. */
+    /* Sets the servo's references for t_s. Writes task->message when it ends or task->tells: a
+     * text in every step would take a tenth of the time. */
     enum task_status (*step)(struct task *task, double t_s);
-    /* Whether it goes on until it is stopped or fails; NULL: it does not. */
+    /* Returns whether it goes on until it is stopped or fails; NULL: it does not. */
     bool (*endless)(const struct task *task);
-    /* What it estimates and plans, for recordings; none when nsignal is 0. */
+    /* Signals that it estimates and plans, for recordings; none when nsignal is 0. */
     const char *const *signal_name;
     size_t nsignal;
     void (*signals)(const struct task *task, double *value);
-    /* What may change while it runs; NULL: nothing. Values are checked before. set is called from
-     * another thread than step. */
+    /* Settings that may change while it runs; NULL: none. Values are checked before. set is
+     * called from another thread than step. */
     size_t (*settings)(const struct task *task, const struct task_setting **setting);
-    const char *const *setting_name; /* of all that settings gives, NULL at the end */
+    const char *const *setting_name; /* names of all that settings gives, NULL at the end */
     void (*set)(struct task *task, size_t index, double value);
     double (*get)(const struct task *task, size_t index);
 };
@@ -45,7 +45,7 @@ struct task {
     bool started;
     int64_t start_ns;
     unsigned steps;
-    _Atomic uint64_t changes; /* of settings */
+    _Atomic uint64_t changes; /* number of changes of settings */
     bool tells; /* this step writes the message even if there is only progress to tell */
     char message[192];
 };
@@ -53,14 +53,15 @@ struct task {
 extern const struct task_ops task_squat, task_grasp, task_hold, task_stand, task_walk, task_sweep,
     task_follow, task_pose;
 
-/* The index of a joint's axis or of a force-torque board; the error says which one is missing. */
+/* Find the index of a joint's axis or of a force-torque board; the error says which one is
+ * missing. */
 enum error_code task_find_axis(const struct task *task, const char *joint, size_t *axis,
                                struct error *error);
 enum error_code task_find_force(const struct task *task, const char *name, size_t *ft,
                                 struct error *error);
 
-/* Every joint moves smoothly from where it was (from, by axis) to an angle (to) within ramp_s, and
- * stays there; task_hold_pose: to the initial pose. */
+/* Set the references of every joint: it moves smoothly (cubic) from where it was (from, by axis)
+ * to an angle (to) within ramp_s, and stays there; task_hold_pose: to the initial pose. */
 void task_move_pose(struct task *task, const double *from, const double *to, double ramp_s,
                     double t_s);
 void task_hold_pose(struct task *task, const double *from, double ramp_s, double t_s);
@@ -68,7 +69,7 @@ void task_hold_pose(struct task *task, const double *from, double ramp_s, double
 /* Adds the joints with the largest of these deviations (rad, by axis) to the message. */
 void task_tell_worst(struct task *task, const double *worst);
 
-/* Whether every motor is near its reference; false with a message. Keeps the worst error. */
+/* Checks whether every motor is near its reference; false with a message. Keeps the worst error. */
 bool task_motors_follow(struct task *task, double *worst_error_rad);
 
 #endif

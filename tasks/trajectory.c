@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Joint trajectories: the file, its limits, and what is between its rows. */
+/* Joint trajectories: reads the file, checks its limits, interpolates between its rows. */
 #include "tasks/trajectory.h"
 
 #include "base/csv.h"
@@ -16,23 +16,26 @@ enum {
     FIRST_ROW_LINE = 2,
 };
 
-static const double RATE_MOST_RAD_S = 1e3; /* where no drive's rate is known */
-static const double RATE_ROUNDING = 1e-9;  /* of a limit, for rates at exactly it */
+static const double RATE_MOST_RAD_S = 1e3; /* rate limit where no drive's is known */
+static const double RATE_ROUNDING = 1e-9;  /* relative tolerance of a limit, for rates at exactly
+                                            * it */
 
 /* A trajectory while it is read. */
 struct reader {
     struct csv *csv;
     const struct trajectory_limit *limit;
     size_t nlimit;
-    size_t joint[CSV_COLUMNS_MAX]; /* by column, but the first */
-    double unit[CSV_COLUMNS_MAX];  /* rad of 1 in the file */
+    size_t joint[CSV_COLUMNS_MAX]; /* which of the limits, by column; the first column is the
+                                    * time */
+    double unit[CSV_COLUMNS_MAX];  /* scale to rad, by column */
     double *row;                   /* on the heap: time and angles, row by row */
     size_t count, capacity;
 };
 
 /* ---- the titles ---- */
 
-/* The unit at the end of a title; the length of what stands before it, 0 = there is none. */
+/* Finds the unit at the end of a title. Returns the length of what stands before it, 0 when
+ * there is no unit. */
 static size_t trajectory_split_title(const char *title, double *unit)
 {
     size_t length = strlen(title);
@@ -47,6 +50,7 @@ static size_t trajectory_split_title(const char *title, double *unit)
     return length - 4;
 }
 
+/* Refuses a joint that the rig does not drive; the message names the nearest one. */
 static enum error_code trajectory_refuse_joint(const struct reader *reader, size_t column,
                                                const char *name, struct error *error)
 {
@@ -64,6 +68,7 @@ static enum error_code trajectory_refuse_joint(const struct reader *reader, size
                      nearest ? nearest : "");
 }
 
+/* Finds the joint and unit that a column's title names; each joint may have one column. */
 static enum error_code trajectory_find_joint(struct reader *reader, size_t column,
                                              struct error *error)
 {
@@ -94,6 +99,7 @@ static enum error_code trajectory_find_joint(struct reader *reader, size_t colum
     return ERROR_NONE;
 }
 
+/* Reads the line of titles: time_s, then a column for each joint. */
 static enum error_code trajectory_read_titles(struct reader *reader, struct error *error)
 {
     if (strcmp(reader->csv->title[0], "time_s") != 0 || reader->csv->ncolumn < 2) {
@@ -114,6 +120,7 @@ static enum error_code trajectory_read_titles(struct reader *reader, struct erro
 
 /* ---- the rows ---- */
 
+/* Doubles the capacity for rows. ERROR_INPUT beyond VALUES_MAX. */
 static enum error_code trajectory_grow(struct reader *reader, struct error *error)
 {
     size_t capacity = reader->capacity ? 2 * reader->capacity : 256;
@@ -132,7 +139,7 @@ static enum error_code trajectory_grow(struct reader *reader, struct error *erro
     return ERROR_NONE;
 }
 
-/* Times rise and angles are within their limits. */
+/* Checks that times rise and angles are within their limits. */
 static enum error_code trajectory_check_row(const struct reader *reader, const double *row,
                                             struct error *error)
 {
@@ -158,6 +165,7 @@ static enum error_code trajectory_check_row(const struct reader *reader, const d
     return ERROR_NONE;
 }
 
+/* Reads all rows, in radians, and checks each. */
 static enum error_code trajectory_read_rows(struct reader *reader, struct error *error)
 {
     const struct csv *csv = reader->csv;
@@ -197,8 +205,8 @@ static enum error_code trajectory_read_rows(struct reader *reader, struct error 
 
 /* ---- between the rows ---- */
 
-/* The rate at an inner row from those of the segments before and after it: their weighted harmonic
- * mean, 0 where the joint turns back. */
+/* Returns the rate at an inner row from those of the segments before and after it: their
+ * weighted harmonic mean, 0 where the joint turns back (Fritsch and Butland). */
 static double trajectory_slope(double h0, double rate0, double h1, double rate1)
 {
     double w0 = 2 * h1 + h0, w1 = h1 + 2 * h0;
@@ -206,6 +214,7 @@ static double trajectory_slope(double h0, double rate0, double h1, double rate1)
     return rate0 * rate1 > 0 ? (w0 + w1) / (w0 / rate0 + w1 / rate1) : 0;
 }
 
+/* Returns the mean rate between a row and the next, rad/s. */
 static double trajectory_segment_rate(const struct trajectory *t, size_t row, size_t joint)
 {
     const double *angle = t->angle + row * t->njoint + joint;
@@ -213,6 +222,7 @@ static double trajectory_segment_rate(const struct trajectory *t, size_t row, si
     return (angle[t->njoint] - angle[0]) / (t->time_s[row + 1] - t->time_s[row]);
 }
 
+/* Computes the rates at all inner rows; the first and last stay 0. */
 static void trajectory_find_slopes(const struct trajectory *t, double *slope)
 {
     for (size_t row = 1; row + 1 < t->count; row++) {
@@ -226,7 +236,7 @@ static void trajectory_find_slopes(const struct trajectory *t, double *slope)
     }
 }
 
-/* The greatest rate between a row and the next: that of a cubic is a parabola. */
+/* Returns the greatest rate between a row and the next, rad/s: that of a cubic is a parabola. */
 static double trajectory_peak_rate(const struct trajectory *t, size_t row, size_t joint)
 {
     double rate = trajectory_segment_rate(t, row, joint), m0, m1, a, b, peak;
@@ -238,6 +248,7 @@ static double trajectory_peak_rate(const struct trajectory *t, size_t row, size_
     m1 = t->slope[(row + 1) * t->njoint + joint];
     a = 3 * (m0 + m1 - 2 * rate);
     b = 6 * rate - 4 * m0 - 2 * m1;
+    /* At an end, or at the parabola's vertex when that is between the rows */
     peak = fmax(fabs(m0), fabs(m1));
     if (a * b < 0 && fabs(b) < 2 * fabs(a)) {
         peak = fmax(peak, fabs(m0 - b * b / (4 * a)));
@@ -245,6 +256,7 @@ static double trajectory_peak_rate(const struct trajectory *t, size_t row, size_
     return peak;
 }
 
+/* Checks that no joint exceeds its rate between two rows. */
 static enum error_code trajectory_check_rates(const struct reader *reader,
                                               const struct trajectory *t, struct error *error)
 {
@@ -269,6 +281,8 @@ static enum error_code trajectory_check_rates(const struct reader *reader,
 
 /* ---- the whole ---- */
 
+/* Copies the rows into the arena, columns apart and time from 0, computes the slopes and checks
+ * the rates. */
 static enum error_code trajectory_keep(const struct reader *reader, struct arena *arena,
                                        enum trajectory_interpolation interpolation,
                                        const struct trajectory **out, struct error *error)
@@ -299,6 +313,7 @@ static enum error_code trajectory_keep(const struct reader *reader, struct arena
     return trajectory_check_rates(reader, t, error);
 }
 
+/* Reads a trajectory from an open file and closes it. */
 static enum error_code trajectory_take(struct csv *csv, enum trajectory_interpolation interpolation,
                                        const struct trajectory_limit *limit, size_t nlimit,
                                        struct arena *arena, const struct trajectory **out,
@@ -353,7 +368,8 @@ double trajectory_length_s(const struct trajectory *t)
     return t->time_s[t->count - 1];
 }
 
-/* The row at or before a time within the trajectory, but the last. */
+/* Returns the row at or before a time within the trajectory, the last but one at most, by
+ * bisection. */
 static size_t trajectory_find_row(const struct trajectory *t, double t_s)
 {
     size_t low = 0, high = t->count - 1;

@@ -17,11 +17,11 @@
 
 enum trajectory_interpolation { TRAJECTORY_CUBIC, TRAJECTORY_LINEAR };
 
-/* What a joint may be asked for. */
+/* Limits of a joint. */
 struct trajectory_limit {
     const char *joint;
     double lower_rad, upper_rad;
-    double rate_rad_s; /* 0: not known, up to 1000 */
+    double rate_rad_s; /* 0: not known, 1000 is the limit */
 };
 
 struct trajectory {
@@ -31,7 +31,7 @@ struct trajectory {
     size_t count;         /* rows, 2 or more */
     const double *time_s; /* count, the first is 0 */
     const double *angle;  /* count rows of njoint */
-    const double *slope;  /* rates at the rows, the same shape; NULL: linear */
+    const double *slope;  /* rates at the rows, in the order of angle; NULL: linear */
 };
 
 /* Reads and checks a file against the limits of the robot's joints: titles, times, angles, and the
@@ -49,11 +49,11 @@ enum error_code trajectory_read_memory(const char *path, const void *bytes, size
                                        struct arena *arena, const struct trajectory **trajectory,
                                        struct error *error);
 
-/* How long it lasts. RT-safe. */
+/* Returns the duration of the trajectory, s. RT-safe. */
 double trajectory_length_s(const struct trajectory *trajectory);
 
-/* Angle and rate of the joint-th of its joints; before the first row and after the last it rests
- * there. RT-safe. */
+/* Computes angle and rate of the joint-th of its joints; before the first row and after the last
+ * it rests there. RT-safe. */
 void trajectory_at(const struct trajectory *trajectory, size_t joint, double t_s, double *angle_rad,
                    double *rate_rad_s);
 

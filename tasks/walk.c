@@ -10,12 +10,12 @@
 #include <string.h>
 
 #define FALLEN_RAD 0.7
-#define SPEED_UP_M_S2 0.1 /* of the command */
+#define SPEED_UP_M_S2 0.1 /* acceleration of the command */
 #define TURN_UP_RAD_S2 0.3
 #define TURN_MOST_RAD_S 0.5
-#define HEADING_RAD_S 0.3 /* turning to a heading, at most */
-#define HEADING_STEPS 3   /* in which it would get there: slow enough for TURN_UP_RAD_S2 */
-#define STOOD_S 2.0       /* where the walk ends, until it is done */
+#define HEADING_RAD_S 0.3 /* fastest turn to a heading */
+#define HEADING_STEPS 3   /* steps to reach a heading: slow enough for TURN_UP_RAD_S2 */
+#define STOOD_S 2.0       /* time of standing at the end of the walk, until it is done */
 
 /* What a user may change (enum order). A step is the transfer and the swing of one foot. */
 enum walk_setting {
@@ -33,14 +33,15 @@ struct walk {
     struct balance *balance;
     struct gait_command command;
     double last_s;
-    unsigned from_steps; /* of the gait, when it began to walk */
+    unsigned from_steps; /* steps of the gait when the walk began */
     struct task_setting setting[WALK_SETTINGS];
     _Atomic double value[WALK_SETTINGS]; /* another thread writes them */
-    atomic_bool holds_heading;           /* of WALK_HEADING, rather than to turn at a rate */
-    double kept_rad;  /* heading when it is not to turn: that of its begin, or of its last turn */
+    atomic_bool holds_heading;           /* it turns to WALK_HEADING, instead of at a rate */
+    double kept_rad;  /* heading to keep while the turn rate is 0: that at the begin of the walk
+                       * or after the last turn */
     double from_m[2]; /* where its steps begin, as estimated */
     bool arrived;     /* it has gone its distance */
-    double stood_s;   /* since it has come to rest there */
+    double stood_s;   /* time since it has come to rest there */
 };
 
 /* ---- settings ---- */
@@ -55,13 +56,15 @@ static const char *const walk_setting_name[WALK_SETTINGS + 1] = {
     [WALK_STEP_LENGTH] = "walk.step_length_m",
 };
 
-/* The range of a rate: what a step of the rig's time reaches, and what the rig asks for. */
+/* Returns a setting for a rate: its range is what a step of the rig's duration reaches, widened
+ * to what the rig asks for. */
 static struct task_setting walk_rate(const char *name, const char *unit, double least, double most,
                                      double asked)
 {
     return (struct task_setting){name, unit, fmin(least, asked), fmax(most, asked), false};
 }
 
+/* Makes the settings with their ranges and the rig's values. */
 static void walk_make_settings(struct walk *walk, const struct walk_config *config)
 {
     const struct gait_config *gait = &config->balance.gait;
@@ -97,6 +100,7 @@ static size_t walk_settings(const struct task *task, const struct task_setting *
     return WALK_SETTINGS;
 }
 
+/* Changes a setting. A step length sets the speed; a heading or a turn rate replaces the other. */
 static void walk_set(struct task *task, size_t index, double value)
 {
     struct walk *walk = task->state;
@@ -121,6 +125,7 @@ static double walk_get(const struct task *task, size_t index)
 
 /* ---- task ---- */
 
+/* Creates the task's state and its balance controller. */
 static enum error_code walk_create(struct task *task, struct arena *arena, struct error *error)
 {
     struct walk *walk = arena_alloc(arena, 1, sizeof *walk);
@@ -146,13 +151,15 @@ static void walk_start(struct task *task)
     balance_start(walk->balance);
 }
 
+/* Returns now, moved toward the goal by most at most. */
 static double walk_approach(double now, double goal, double most)
 {
     return now + fmin(fmax(goal - now, -most), most);
 }
 
-/* The rate that turns the next foot to the wanted heading, seen from the one that stands: feet slip
- * and land askew, so that without it a walk straight on becomes a curve. */
+/* Returns the turn rate (rad/s) that brings the next foot to the wanted heading, seen from the
+ * one that stands. Feet slip and land askew, so that without it a walk straight on becomes a
+ * curve. */
 static double walk_turn(struct walk *walk, const struct gait *gait)
 {
     bool holds = walk->holds_heading;
@@ -168,8 +175,8 @@ static double walk_turn(struct walk *walk, const struct gait *gait)
     return fmin(fmax(rate, -HEADING_RAD_S), HEADING_RAD_S);
 }
 
-/* The command of this period: on the spot for two steps, then gaining speed. No step is longer than
- * the legs reach, whatever its time. */
+/* Updates the command of this period: stepping on the spot for two steps, then accelerating. No
+ * step is longer than the legs reach, whatever its duration. */
 static void walk_command(struct walk *walk, const struct walk_config *config, double dt)
 {
     const struct gait *gait = balance_gait(walk->balance);
@@ -192,7 +199,7 @@ static void walk_command(struct walk *walk, const struct walk_config *config, do
     }
 }
 
-/* Decides whether the steps or the distance that the rig asks for are made. */
+/* Returns whether the steps or the distance that the rig asks for are done. */
 static bool walk_is_complete(struct walk *walk, const struct walk_config *config)
 {
     const struct gait *gait = balance_gait(walk->balance);
@@ -205,7 +212,7 @@ static bool walk_is_complete(struct walk *walk, const struct walk_config *config
            (config->steps > 0 && gait->steps - walk->from_steps >= (uint64_t)config->steps);
 }
 
-/* Begins and ends to step: the command of the user, or as far as the rig asks for. */
+/* Begins and ends stepping, by the user's setting or where the rig's walk is complete. */
 static void walk_begin_or_halt(struct task *task, double t_s)
 {
     struct walk *walk = task->state;
@@ -233,6 +240,7 @@ static void walk_begin_or_halt(struct task *task, double t_s)
     walk->command.step = on;
 }
 
+/* Runs one period of standing or walking: command, balance, verdict. */
 static enum task_status walk_advance(struct task *task, double t_s, bool walks)
 {
     struct walk *walk = task->state;

@@ -11,9 +11,9 @@ set(HIL_SHORT_TESTS service_dbc service_described service_gateway service_goodby
 # background, a task in a thread of its own
 set(HIL_THREADS_TESTS base_ring boards_event_text canbus_gateway canbus_gateway_lockstep
     canbus_local canbus_local_wire control_control control_hostile control_socket fuzz_gateway
-    page_recording rt_histogram rt_loop rt_loop_steering rt_recorder rt_recorder_contacts
-    rt_recorder_events rt_snapshot rt_stream service_page service_program service_recording
-    service_run sim_robot_steering sim_robot_steering_threads sim_robot_steering_timed)
+    page_recording rt_histogram rt_loop rt_loop_requests rt_recorder rt_recorder_events rt_snapshot
+    rt_stream service_page service_program service_recording service_run
+    sim_robot_requests sim_robot_requests_threads sim_robot_requests_timed)
 
 get_property(tests DIRECTORY PROPERTY TESTS)
 foreach(test ${tests})

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Connections of the page's server: bytes in and out, and when a client is disconnected. */
+/* Serves the connections of the page's server: bytes in and out, and when a client is
+ * disconnected. */
 #include "viewer/private.h"
 
 #include "rt/clock.h"
@@ -10,9 +11,10 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+/* Frames and connections after which others have their turn. */
 enum { FRAMES_A_TURN = 32, ACCEPTS_A_TURN = 8 };
 
-#define SILENCE_NS (10 * CLOCK_SECOND) /* for a request, and for the token */
+#define SILENCE_NS (10 * CLOCK_SECOND) /* wait for a request, and for the token */
 #define PATIENCE_NS (10 * CLOCK_SECOND)
 
 /* ---- out ---- */
@@ -33,7 +35,7 @@ void client_close(struct viewer *viewer, struct viewer_client *client)
     }
 }
 
-/* Sends some bytes; returns how many, -1 when the connection is lost. */
+/* Sends some bytes; returns how many, 0 = none now, -1 = the connection is lost. */
 static ssize_t client_send_some(const struct viewer_client *client, const void *from, size_t size)
 {
     for (;;) {
@@ -80,7 +82,7 @@ uint8_t *client_room(struct viewer *viewer, struct viewer_client *client, size_t
     if (client_waiting(client) == 0) {
         client->taken_ns = viewer->now_ns;
     }
-    /* What follows a body has to wait until the body is gone */
+    /* Nothing may follow a body until the body is gone */
     if (client->body_size > 0) {
         return NULL;
     }
@@ -115,7 +117,7 @@ bool client_send_object(struct viewer *viewer, struct viewer_client *client, jso
     char *text = size > 0 ? (char *)client_room(viewer, client, WEBSOCKET_HEADER + size) : NULL;
     bool sent = false;
 
-    /* Written behind the place of its header, which is shorter or as long */
+    /* The text is written behind the greatest header, and moved up to the actual one */
     if (text && json_dumpb(object, text + WEBSOCKET_HEADER, size, flags) == size) {
         size_t header = websocket_header((uint8_t *)text, WEBSOCKET_TEXT, size);
 
@@ -145,7 +147,8 @@ void client_bye(struct viewer *viewer, struct viewer_client *client, enum websoc
 
 /* ---- in ---- */
 
-/* A whole frame: part of a message, or of the protocol itself. False: no more are to be read. */
+/* Handles a whole frame: part of a message, or one of the protocol itself. False = no more are
+ * to be read. */
 static bool client_take_frame(struct viewer *viewer, struct viewer_client *client,
                               const struct websocket_frame *frame)
 {
@@ -165,7 +168,7 @@ static bool client_take_frame(struct viewer *viewer, struct viewer_client *clien
         break;
     }
 
-    /* A fragment continues a message, and nothing else does */
+    /* A fragment must continue a message, and nothing else may come between */
     if ((frame->opcode == WEBSOCKET_CONTINUATION) != client->fragmented) {
         viewer->counters.cut_junk++;
         client_bye(viewer, client, WEBSOCKET_PROTOCOL, "wrong order of fragments");
@@ -188,6 +191,7 @@ static bool client_take_frame(struct viewer *viewer, struct viewer_client *clien
     return client->socket >= 0 && client->mode == CLIENT_SOCKET;
 }
 
+/* Handles the frames in the inbox, at most FRAMES_A_TURN. */
 static void client_take_frames(struct viewer *viewer, struct viewer_client *client)
 {
     for (int i = 0; i < FRAMES_A_TURN && client->socket >= 0 && client->mode == CLIENT_SOCKET;
@@ -212,6 +216,7 @@ static void client_take_frames(struct viewer *viewer, struct viewer_client *clie
     }
 }
 
+/* Parses the HTTP request in the inbox and answers it. */
 static void client_take_request(struct viewer *viewer, struct viewer_client *client)
 {
     struct http_request request;
@@ -264,6 +269,7 @@ void client_check(struct viewer *viewer, struct viewer_client *client)
     if (viewer->ended) {
         client_tell_end(viewer, client);
     }
+    /* Disconnect a client that reads nothing, asks nothing, or got its last message */
     if (client_waiting(client) > 0 && viewer->now_ns - client->taken_ns > PATIENCE_NS) {
         viewer->counters.cut_slow++;
         client_close(viewer, client);
@@ -276,12 +282,13 @@ void client_check(struct viewer *viewer, struct viewer_client *client)
             client_close(viewer, client);
         }
     } else if (client->mode == CLIENT_SOCKET && client->received > 0) {
-        client_take_frames(viewer, client); /* what a turn has left */
+        client_take_frames(viewer, client); /* frames that the last turn has left */
     }
 }
 
 /* ---- places ---- */
 
+/* Returns where a connection comes from; IPv4 as a mapped IPv6 address. */
 static struct viewer_origin origin_of(const struct sockaddr_storage *address)
 {
     struct viewer_origin origin = {{0}};
@@ -295,12 +302,14 @@ static struct viewer_origin origin_of(const struct sockaddr_storage *address)
     return origin;
 }
 
+/* Checks whether two origins are the same address. */
 static bool origin_equal(const struct viewer_origin *a, const struct viewer_origin *b)
 {
     return memcmp(a, b, sizeof *a) == 0;
 }
 
-/* Whether it is 127.0.0.1 or ::1, which all programs and tunnels of this machine share. */
+/* Checks whether an origin is 127.0.0.1 or ::1, which all programs and tunnels of this machine
+ * share. */
 static bool origin_is_shared(const struct viewer_origin *origin)
 {
     static const struct viewer_origin own[] = {{{[10] = 0xff, [11] = 0xff, [12] = 127, [15] = 1}},
@@ -309,8 +318,8 @@ static bool origin_is_shared(const struct viewer_origin *origin)
     return origin_equal(origin, &own[0]) || origin_equal(origin, &own[1]);
 }
 
-/* How little a connection has done to keep its place: one without a request is the first to go,
- * then one without a token, then one that has its answer; 0: it has shown a token. */
+/* Ranks how little a connection has done to keep its place: one without a request goes first
+ * (4), then one without a token (3), then one that has its answer (2); 0 = it has shown a token. */
 static int client_idleness(const struct viewer_client *client)
 {
     return client->mode == CLIENT_SOCKET ? (client->right == RIGHT_NONE ? 3 : 0)
@@ -319,8 +328,8 @@ static int client_idleness(const struct viewer_client *client)
                                          : 1;
 }
 
-/* The connection to go first, of those of an address or, NULL, of all; NULL when all have shown a
- * token. */
+/* Finds the connection to drop first, of an address or (origin NULL) of all; NULL = all have
+ * shown a token. */
 static struct viewer_client *viewer_find_idlest(struct viewer *viewer,
                                                 const struct viewer_origin *origin)
 {
@@ -341,6 +350,7 @@ static struct viewer_client *viewer_find_idlest(struct viewer *viewer,
     return found;
 }
 
+/* Counts the connections of an address that have shown no token. */
 static size_t viewer_count_asking(const struct viewer *viewer, const struct viewer_origin *origin)
 {
     size_t count = 0;
@@ -380,6 +390,7 @@ bool viewer_give_place(struct viewer *viewer, struct viewer_client *client, enum
 
 /* ---- new connections ---- */
 
+/* Returns a free place; NULL = all are taken. */
 static struct viewer_client *viewer_free_place(struct viewer *viewer)
 {
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
@@ -390,8 +401,8 @@ static struct viewer_client *viewer_free_place(struct viewer *viewer)
     return NULL;
 }
 
-/* A place for a connection from there: that of an idler one where an address has too many without a
- * token, or where all are taken. */
+/* Makes a place for a connection from an address; an idle one is dropped when the address has
+ * too many without a token, or when all places are taken. NULL = there is none. */
 static struct viewer_client *viewer_make_place(struct viewer *viewer,
                                                const struct viewer_origin *origin)
 {
@@ -426,6 +437,7 @@ void viewer_accept_client(struct viewer *viewer)
         if (socket < 0) {
             return;
         }
+        /* When there is no place, send the browser an answer before closing */
         client = viewer_make_place(viewer, &origin);
         if (!client) {
             (void)!send(socket, busy, sizeof busy - 1, MSG_NOSIGNAL | MSG_DONTWAIT);
@@ -433,6 +445,7 @@ void viewer_accept_client(struct viewer *viewer)
             viewer->counters.refused++;
             continue;
         }
+        /* A new client begins empty; its buffers stay those of the place */
         *client = (struct viewer_client){
             .socket = socket,
             .origin = origin,

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A client's connection to the control socket: its requests go there as lines, the answers come
- * back as messages. */
+/* Connects a client to the control socket: its requests go there as lines, the answers come back
+ * as messages. */
 #include "viewer/private.h"
 
-#include "app/control/socket.h"
+#include "control/socket.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -57,7 +57,7 @@ void control_link_read(struct viewer *viewer, struct viewer_client *client)
     }
     client->line_size += (size_t)count;
 
-    /* Each line is a message; one that is too long for us is none of ours */
+    /* Each line is a message; a line longer than the buffer cannot come from our server */
     while ((end = memchr(client->line, '\n', client->line_size))) {
         size_t size = (size_t)(end - client->line);
 

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the frames of each bus mean, from the tables of its DBC database (rig/dbc.h), as JSON. */
+/* Describes what the frames of each bus mean, from the tables of its DBC database (rig/dbc.h),
+ * as JSON. */
 #include "viewer/private.h"
 
 #include "rig/dbc.h"
@@ -8,6 +9,7 @@
 
 #define MEMORY ((size_t)64 << 20) /* of address space */
 
+/* Makes the names of a signal's values, by number. */
 static json_t *database_values(const struct dbc_signal *signal)
 {
     json_t *values = json_object();
@@ -21,7 +23,7 @@ static json_t *database_values(const struct dbc_signal *signal)
     return values;
 }
 
-/* What is as usual is left out. */
+/* Describes a signal; what has its usual value is left out. */
 static json_t *database_signal(const struct dbc_signal *signal)
 {
     json_t *object = json_pack("{s:s, s:i, s:i}", "name", signal->name, "start", (int)signal->start,
@@ -53,6 +55,7 @@ static json_t *database_signal(const struct dbc_signal *signal)
     return object;
 }
 
+/* Describes the messages of a bus with their signals. */
 static json_t *database_bus(const struct dbc *dbc)
 {
     json_t *messages = json_array();

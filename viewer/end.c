@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The end of a run: what its pages are told, the files of its recording, and how long the server
- * stays for pages that are still open. */
+/* The end of a run: the message to its pages, the files of its recording, and how long the server
+ * waits for pages that are still open. */
 #include "viewer/private.h"
 
-#include "app/control/parse.h"
+#include "control/parse.h"
 #include "base/count.h"
 #include "rt/clock.h"
 
@@ -13,9 +13,9 @@
 #include <time.h>
 
 #define LINGER_SLICE_NS (50 * CLOCK_MS)
-#define LINGER_GRACE_NS (2 * CLOCK_SECOND) /* a page that is loaded anew is gone for a moment */
+#define LINGER_GRACE_NS (2 * CLOCK_SECOND) /* a page that is reloaded is gone for a moment */
 
-/* What a recording may consist of, and how a browser takes it. */
+/* The files that a recording may have, and their media types. */
 static const struct end_file {
     const char *name, *type;
 } end_files[VIEWER_FILES] = {
@@ -26,7 +26,7 @@ static const struct end_file {
 
 /* ---- the message ---- */
 
-/* Opens the files of the recording and describes those that there are. */
+/* Opens the files of the recording and lists those that exist. */
 static json_t *end_open_files(struct viewer *viewer, const char *directory)
 {
     json_t *list = json_array();
@@ -67,7 +67,7 @@ enum error_code viewer_end(struct viewer *viewer, const struct viewer_end *end, 
     }
     viewer->end_size = strlen(viewer->end);
 
-    /* Pages show the end, also when nobody looked while the last ticks ran */
+    /* Pages show the end even if nobody looked while the last ticks ran */
     if (viewer->config.simulator) {
         simulator_end_views(viewer->config.simulator);
     }

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The description that a client gets first: the run, its signals, buses, boards and faults. */
+/* Makes the description that a client gets first: the run, its signals, buses, boards and
+ * faults. */
 #include "viewer/private.h"
 
-#include "app/control/parse.h"
+#include "control/parse.h"
 #include "base/count.h"
 #include "boards/protocol.h"
 
@@ -28,7 +29,7 @@ json_t *hello_numbers(const double *value, size_t count)
 
 /* ---- signals ---- */
 
-/* The unit that a signal's name ends with. */
+/* Returns the unit that a signal's name ends with; "" = none. */
 static const char *signal_unit(const char *name)
 {
     static const struct {
@@ -51,6 +52,7 @@ static const char *signal_unit(const char *name)
     return unit;
 }
 
+/* Lists the signals with their units. */
 static json_t *hello_signals(const struct viewer *viewer)
 {
     const char *const *name = viewer->signal;
@@ -65,6 +67,7 @@ static json_t *hello_signals(const struct viewer *viewer)
 
 /* ---- buses and boards ---- */
 
+/* Lists the buses of the rig. */
 static json_t *hello_buses(const struct viewer *viewer)
 {
     json_t *array = json_array();
@@ -81,7 +84,7 @@ static json_t *hello_buses(const struct viewer *viewer)
     return array;
 }
 
-/* The words for the modes of a protocol, by their number. */
+/* Lists the words for the modes of a protocol, by number. */
 static json_t *hello_modes(const struct protocol *protocol)
 {
     json_t *modes = json_object();
@@ -98,6 +101,7 @@ static json_t *hello_modes(const struct protocol *protocol)
     return modes;
 }
 
+/* Describes a board: name, bus, address, kind, and the joints of its axes. */
 static json_t *hello_board(const struct board_config *board, const struct protocol *protocol)
 {
     static const char *const kinds[] = {[BOARD_MOTOR] = "motor",
@@ -116,6 +120,7 @@ static json_t *hello_board(const struct board_config *board, const struct protoc
                      (int)board->address, "kind", kinds[board->kind], "joints", axes);
 }
 
+/* Lists the boards; a recording has none. */
 static json_t *hello_boards(const struct viewer *viewer)
 {
     const struct boards_config *boards = &viewer->rig->boards;
@@ -129,7 +134,7 @@ static json_t *hello_boards(const struct viewer *viewer)
     return array;
 }
 
-/* The words for modes, once for each protocol that the rig has. */
+/* Lists the words for modes, once for each protocol that the rig has. */
 static json_t *hello_all_modes(const struct viewer *viewer)
 {
     json_t *all = json_object();
@@ -142,6 +147,7 @@ static json_t *hello_all_modes(const struct viewer *viewer)
     return all;
 }
 
+/* Lists the faults; a recording has none. */
 static json_t *hello_faults(const struct viewer *viewer)
 {
     const struct faults *faults =
@@ -159,6 +165,7 @@ static json_t *hello_faults(const struct viewer *viewer)
 
 /* ---- all of it ---- */
 
+/* Describes the run, or the recording that is played back. */
 static json_t *hello_run(const struct viewer *viewer)
 {
     const struct simulator_config *config =
@@ -171,7 +178,7 @@ static json_t *hello_run(const struct viewer *viewer)
         json_pack("{s:s, s:s, s:o, s:o, s:o, s:s, s:f, s:o, s:o, s:b}", "id", viewer->run,
                   "version", HIL_VERSION, "rig", control_text(rig->name), "robot",
                   control_text(rig->robot->name), "file", control_text(rig->file), "clock",
-                  config ? loop_clock_name(config->clock) : "recorded", "tick_s",
+                  config ? word_of(loop_clock_words, config->clock) : "recorded", "tick_s",
                   (double)rig->tick_ns * 1e-9, "task", task ? control_text(task) : json_null(),
                   "recording", directory ? control_text(directory) : json_null(), "frames",
                   recording ? recording->log.file.data != NULL : viewer->config.ports != NULL);

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The scene of the description: bodies, joints, shapes and what touches. Lengths in m, quaternions
- * wxyz, a body by its index: those of the robot, then the free ones; -1 is the world. */
+/* Describes the scene: bodies, joints, shapes and what touches. Lengths in m, quaternions wxyz,
+ * a body by its index: those of the robot, then the free ones; -1 is the world. */
 #include "viewer/private.h"
 
-#include "app/control/parse.h"
+#include "control/parse.h"
 #include "base/vec3.h"
 
+/* Describes a body: parent (-1 = the world), mass, center of mass and inertia about it. */
 static json_t *scene_body(const char *name, int parent, const struct robot_inertia *inertia)
 {
     return json_pack("{s:o, s:i, s:f, s:o, s:o}", "name", control_text(name), "parent", parent,
@@ -13,6 +14,7 @@ static json_t *scene_body(const char *name, int parent, const struct robot_inert
                      "inertia_kg_m2", hello_numbers(inertia->I, 6));
 }
 
+/* Lists the robot's bodies, then the free ones. */
 static json_t *scene_bodies(const struct rig *rig)
 {
     json_t *array = json_array();
@@ -28,6 +30,7 @@ static json_t *scene_bodies(const struct rig *rig)
     return array;
 }
 
+/* Lists the joints: axis, type and limits (rad or m). */
 static json_t *scene_joints(const struct rig *rig)
 {
     json_t *array = json_array();
@@ -48,7 +51,7 @@ static json_t *scene_joints(const struct rig *rig)
 
 /* ---- shapes ---- */
 
-/* Where something lies in its body. */
+/* Describes where a shape lies in its body's frame. */
 static json_t *scene_place(const char *name, int body, const char *shape, const double position[3],
                            const double rotation[9])
 {
@@ -60,6 +63,7 @@ static json_t *scene_place(const char *name, int body, const char *shape, const 
                      hello_numbers(quaternion, 4));
 }
 
+/* Describes a contact surface; a mesh by the path of its file. */
 static json_t *scene_surface(const struct viewer *viewer, size_t index)
 {
     static const char *const shapes[] = {
@@ -83,7 +87,7 @@ static json_t *scene_surface(const struct viewer *viewer, size_t index)
     return object;
 }
 
-/* Whether the rig gives a body's capsules a surface, which then shows them. */
+/* Checks whether the rig gives a body's capsules a surface, which then shows them. */
 static bool capsule_is_surface(const struct rig *rig, const struct robot_capsule *capsule)
 {
     for (size_t i = 0; i < rig->contact.nsurface; i++) {
@@ -97,6 +101,7 @@ static bool capsule_is_surface(const struct rig *rig, const struct robot_capsule
     return false;
 }
 
+/* Lists the contact surfaces, then the capsules that are none. */
 static json_t *scene_shapes(const struct viewer *viewer)
 {
     const struct rig *rig = viewer->rig;
@@ -121,7 +126,7 @@ static json_t *scene_shapes(const struct viewer *viewer)
     return array;
 }
 
-/* What the robot looks like: as its file has it, beside what can touch. */
+/* Describes a visual of the robot's file, which may differ from what can touch. */
 static json_t *scene_visual(const struct robot *robot, size_t index)
 {
     static const char *const shapes[] = {
@@ -156,6 +161,7 @@ static json_t *scene_visuals(const struct robot *robot)
     return array;
 }
 
+/* Lists the bodies with contact. */
 static json_t *scene_contacts(const struct rig *rig)
 {
     json_t *array = json_array();

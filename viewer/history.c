@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Rows of signals in blocks of columns from one pool. */
+/* Keeps rows of signals in blocks of columns from one pool. */
 #include "viewer/history.h"
 
 #include <math.h>
 #include <stdbool.h>
 #include <string.h>
 
-/* Where a column of a block is: in the pool, or nowhere. */
+/* Values of a column's slot when it is not in the pool. */
 enum { COLUMN_CONSTANT = -1, COLUMN_DROPPED = -2 };
 
 struct history_column {
@@ -70,11 +70,13 @@ enum error_code history_create(size_t nsignal, size_t columns, struct arena *are
 
 /* ---- blocks ---- */
 
+/* Returns the place of a block by its number. */
 static struct history_block *history_block(const struct history *history, uint64_t number)
 {
     return &history->block[number % HISTORY_BLOCKS];
 }
 
+/* Frees a column, which then reads as NAN. */
 static void history_drop_column(struct history *history, struct history_column *column)
 {
     if (column->slot >= 0) {
@@ -83,7 +85,8 @@ static void history_drop_column(struct history *history, struct history_column *
     column->slot = COLUMN_DROPPED;
 }
 
-/* Frees the columns of a block; the open one has none yet. */
+/* Frees the columns of a block, those of chosen signals only if asked; the open block has none
+ * in the pool. */
 static void history_drop_block(struct history *history, uint64_t number, bool chosen_too)
 {
     struct history_block *block = history_block(history, number);
@@ -98,14 +101,15 @@ static void history_drop_block(struct history *history, uint64_t number, bool ch
     }
 }
 
+/* Drops the oldest block. */
 static void history_drop_oldest(struct history *history)
 {
     history_drop_block(history, history->oldest++, true);
     history->bare = history->bare > history->oldest ? history->bare : history->oldest;
 }
 
-/* Takes a slot of the pool, dropping what is the oldest until there is one; -1 when what is left is
- * the block that asks. */
+/* Takes a slot of the pool, dropping the oldest columns until there is one; -1 = only the asking
+ * block is left. */
 static int32_t history_take_slot(struct history *history, uint64_t asking)
 {
     while (history->nspare == 0) {
@@ -120,7 +124,8 @@ static int32_t history_take_slot(struct history *history, uint64_t asking)
     return history->spare[--history->nspare];
 }
 
-/* Moves the open block's columns from the stage to the pool. */
+/* Closes the open block: moves its columns from the stage to the pool. A column of equal values
+ * needs no slot. */
 static void history_close_block(struct history *history)
 {
     struct history_block *block = history_block(history, history->next - 1);
@@ -146,6 +151,7 @@ static void history_close_block(struct history *history)
     }
 }
 
+/* Opens the next block, dropping the oldest when there are HISTORY_BLOCKS. */
 static void history_open_block(struct history *history)
 {
     uint64_t first = history_end(history);
@@ -161,7 +167,7 @@ static void history_open_block(struct history *history)
 
 /* ---- rows ---- */
 
-/* Index of the first of a block's rows at or after a time. */
+/* Returns the index of the first of a block's rows at or after a time. */
 static size_t block_find(const struct history_block *block, int64_t time_ns)
 {
     size_t low = 0, high = block->count;
@@ -199,6 +205,7 @@ void history_put(struct history *history, int64_t time_ns, const double *value)
 {
     struct history_block *block;
 
+    /* Time that went back removes the rows that it undoes */
     if (history->next > history->oldest) {
         block = history_block(history, history->next - 1);
         if (block->count > 0 && block->time_ns[block->count - 1] >= time_ns) {
@@ -222,6 +229,7 @@ void history_choose(struct history *history, size_t signal)
 {
     size_t at = 0;
 
+    /* The chosen signal moves to the front; a full list loses its last one */
     while (at < history->nchosen && history->chosen[at] != signal) {
         at++;
     }
@@ -255,7 +263,7 @@ uint64_t history_begin(const struct history *history)
                                             : history_block(history, history->oldest)->first;
 }
 
-/* The block of a row that there is. */
+/* Returns the block of a row that is still kept, by bisection. */
 static const struct history_block *history_block_of(const struct history *history, uint64_t row)
 {
     uint64_t low = history->oldest, high = history->next - 1;

@@ -44,15 +44,15 @@ void history_put(struct history *history, int64_t time_ns, const double *value);
  * longest ago. */
 void history_choose(struct history *history, size_t signal);
 
-/* Number of the oldest row, and of the row that comes next. */
+/* Return the number of the oldest row, and of the row that comes next. */
 uint64_t history_begin(const struct history *history);
 uint64_t history_end(const struct history *history);
 
-/* Number of the first row at or after a time; history_end when there is none. */
+/* Returns the number of the first row at or after a time; history_end when there is none. */
 uint64_t history_find(const struct history *history, int64_t time_ns);
 
-/* The time and a value of a row from history_begin to before history_end; NAN when the value was
- * dropped. */
+/* Return the time and a value of a row from history_begin to before history_end; NAN = the value
+ * was dropped. */
 int64_t history_time(const struct history *history, uint64_t row);
 float history_value(const struct history *history, uint64_t row, size_t signal);
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Surfaces as files: number of vertices and of triangles (u32), then x y z of each vertex (f32, m),
- * then the corners of each triangle (u32); little-endian. */
+/* Writes surfaces as files: number of vertices and of triangles (u32), then x y z of each vertex
+ * (f32, m), then the corners of each triangle (u32); little-endian. */
 #include "viewer/bytes.h"
 #include "viewer/private.h"
 

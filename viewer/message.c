@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Carries out what clients ask. */
+/* Carries out the messages of clients. */
 #include "viewer/message.h"
 
-#include "app/control/parse.h"
+#include "control/parse.h"
 #include "rt/clock.h"
 #include "viewer/private.h"
 
@@ -10,6 +10,7 @@
 
 /* ---- answers ---- */
 
+/* Answers a message: its id, ok, and the body, which is taken over (NULL = no memory). */
 static void client_answer(struct viewer *viewer, struct viewer_client *client,
                           const struct viewer_message *message, json_t *body)
 {
@@ -23,6 +24,7 @@ static void client_answer(struct viewer *viewer, struct viewer_client *client,
     client_send_object(viewer, client, body);
 }
 
+/* Refuses a message with a code and a sentence. */
 static void client_refuse(struct viewer *viewer, struct viewer_client *client,
                           const struct viewer_message *message, const char *code, const char *text)
 {
@@ -35,7 +37,7 @@ static void client_refuse(struct viewer *viewer, struct viewer_client *client,
 
 /* ---- enter ---- */
 
-/* The description of the rig, with what this client may do. */
+/* Sends the description of the rig, with what this client may do. */
 static void client_send_hello(struct viewer *viewer, struct viewer_client *client)
 {
     static const char control[] = "{\"right\":\"control\",", look[] = "{\"right\":\"look\",";
@@ -48,7 +50,8 @@ static void client_send_hello(struct viewer *viewer, struct viewer_client *clien
         client_close(viewer, client);
         return;
     }
-    /* One message: its beginning from the outbox, the rest, without its brace, as it is */
+    /* One message in two parts: its beginning from the outbox, then the shared description
+     * without its opening brace */
     client->filled += websocket_header(to, WEBSOCKET_TEXT, size);
     memcpy(client->outbox + client->filled, begin, first);
     client->filled += first;
@@ -57,6 +60,7 @@ static void client_send_hello(struct viewer *viewer, struct viewer_client *clien
     client_flush(viewer, client);
 }
 
+/* Lets a client in whose token gives a right, if there is a place. */
 static void client_enter(struct viewer *viewer, struct viewer_client *client,
                          const struct viewer_message *message)
 {
@@ -82,7 +86,7 @@ static void client_enter(struct viewer *viewer, struct viewer_client *client,
 
 /* ---- watch ---- */
 
-/* The signals that a name or pattern means; false: there are none, or too many. */
+/* Adds the signals that a name or pattern matches; false = there are none, or too many. */
 static bool watch_add_signals(const struct viewer *viewer, const char *pattern,
                               struct viewer_watch *watch)
 {
@@ -100,8 +104,8 @@ static bool watch_add_signals(const struct viewer *viewer, const char *pattern,
     return watch->nsignal > before;
 }
 
-/* From which row on the client is told them: those that come, and what it has not been told yet of
- * signals that it has watched before. */
+/* Sets from which row on the client gets rows: those to come, and those it has not got yet of
+ * signals that it watched before. */
 static void client_begin_rows(struct viewer *viewer, struct viewer_client *client,
                               const struct viewer_watch *watch)
 {
@@ -109,7 +113,7 @@ static void client_begin_rows(struct viewer *viewer, struct viewer_client *clien
         return;
     }
     if (!client->watch.rows || client->watch.nsignal == 0) {
-        viewer_take_rows(viewer); /* what waits in the stream is of before */
+        viewer_take_rows(viewer); /* rows that wait in the stream are older than the wish */
         client->row = history_end(viewer->history);
         client->rows_lost = viewer->rows_lost;
     }
@@ -118,7 +122,7 @@ static void client_begin_rows(struct viewer *viewer, struct viewer_client *clien
     }
 }
 
-/* The time of the last row before those that come; null: there is none. */
+/* Returns the time of the last row before those that come; null = there is none. */
 static json_t *client_rows_begin(const struct viewer *viewer, const struct viewer_client *client)
 {
     if (!viewer->history || !client->watch.rows || client->row <= history_begin(viewer->history)) {
@@ -127,6 +131,7 @@ static json_t *client_rows_begin(const struct viewer *viewer, const struct viewe
     return json_real((double)history_time(viewer->history, client->row - 1) * 1e-9);
 }
 
+/* Changes what a client watches: states, signals, frames, rows, and how often. */
 static void client_watch(struct viewer *viewer, struct viewer_client *client,
                          const struct viewer_message *message)
 {
@@ -163,6 +168,7 @@ static void client_watch(struct viewer *viewer, struct viewer_client *client,
 
 /* ---- send ---- */
 
+/* Puts a client's frame on a bus. */
 static void client_put_frame(struct viewer *viewer, struct viewer_client *client,
                              struct viewer_message *message)
 {
@@ -191,6 +197,7 @@ static void client_put_frame(struct viewer *viewer, struct viewer_client *client
 
 /* ---- of a recording ---- */
 
+/* Carries out a message about a recording, or about the history of a run. */
 static void client_play(struct viewer *viewer, struct viewer_client *client,
                         const struct viewer_message *message)
 {
@@ -214,6 +221,7 @@ static void client_play(struct viewer *viewer, struct viewer_client *client,
 
 /* ---- any message ---- */
 
+/* Passes a request on to the control socket, connecting first if need be. */
 static void client_control(struct viewer *viewer, struct viewer_client *client,
                            const struct viewer_message *message, const char *text, size_t size)
 {
@@ -226,7 +234,7 @@ static void client_control(struct viewer *viewer, struct viewer_client *client,
     }
 }
 
-/* A message that was understood, of a client that has a right. */
+/* Carries out a valid message of a client that has a right. */
 static void client_carry_out(struct viewer *viewer, struct viewer_client *client,
                              struct viewer_message *message, const char *text, size_t size)
 {
@@ -267,7 +275,7 @@ void viewer_obey(struct viewer *viewer, struct viewer_client *client, const char
     struct error error;
 
     if (viewer_message_parse(text, size, &message, &error)) {
-        /* Nobody without a token is told what was wrong */
+        /* Without a token a client gets no explanation of the error */
         if (client->right == RIGHT_NONE) {
             viewer->counters.cut_junk++;
             client_bye(viewer, client, WEBSOCKET_POLICY, "expected a token first");

@@ -6,7 +6,7 @@
 #ifndef VIEWER_MESSAGE_H
 #define VIEWER_MESSAGE_H
 
-#include "app/control/parse.h"
+#include "control/parse.h"
 #include "base/error.h"
 #include "canbus/frame.h"
 
@@ -19,7 +19,7 @@ enum viewer_command {
     VIEWER_WATCH,   /* says what to send, and how often */
     VIEWER_SEND,    /* puts a frame on a bus */
     VIEWER_SEEK,    /* of a recording: shows a time */
-    VIEWER_SERIES,  /* tells signals between two times */
+    VIEWER_SERIES,  /* asks for signals between two times */
     VIEWER_CONTROL, /* a request for the control socket */
 };
 
@@ -29,7 +29,7 @@ struct viewer_message {
     enum viewer_command command;
     bool harmless;                /* VIEWER_CONTROL: changes nothing */
     enum control_command control; /* of VIEWER_CONTROL, with its value and count as in
-                                   * app/control/parse.h */
+                                   * control/parse.h */
     double value;
     int64_t count;
     double from_s, to_s;   /* of series; the time of seek is from_s */
@@ -43,7 +43,8 @@ struct viewer_message {
     struct bus_frame frame;
 };
 
-/* The error says what was found and what was expected; to be cleared in any case. */
+/* Parses a message; the error says what was found and what was expected. The message is to be
+ * cleared in any case. */
 enum error_code viewer_message_parse(const char *text, size_t size, struct viewer_message *message,
                                      struct error *error);
 void viewer_message_clear(struct viewer_message *message);

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Messages of clients: JSON, checked key by key. */
+/* Parses messages of clients: JSON, checked key by key. */
 #include "viewer/message.h"
 
 #include "base/count.h"
 #include "viewer/viewer.h"
 
+#include <ctype.h>
 #include <math.h>
 #include <string.h>
 
@@ -32,6 +33,7 @@ static enum error_code message_check_keys(const json_t *root, const char *comman
     return ERROR_NONE;
 }
 
+/* Reads a key that is true or false; false if it is missing. */
 static enum error_code message_read_switch(const json_t *root, const char *command, const char *key,
                                            bool *to, struct error *error)
 {
@@ -47,6 +49,7 @@ static enum error_code message_read_switch(const json_t *root, const char *comma
 
 /* ---- commands ---- */
 
+/* Reads an enter: token, stay. */
 static enum error_code message_read_enter(struct viewer_message *message, struct error *error)
 {
     static const char *const known[] = {"token", "stay"};
@@ -63,6 +66,7 @@ static enum error_code message_read_enter(struct viewer_message *message, struct
     return message_check_keys(message->root, "enter", known, ARRAY_COUNT(known), error);
 }
 
+/* Checks that the signals are an array of names, or missing. */
 static enum error_code message_read_signals(const struct viewer_message *message,
                                             const char *command, struct error *error)
 {
@@ -77,6 +81,7 @@ static enum error_code message_read_signals(const struct viewer_message *message
     return ERROR_NONE;
 }
 
+/* Reads a watch: rate, signals, trace, rows. */
 static enum error_code message_read_watch(struct viewer_message *message, struct error *error)
 {
     static const char *const known[] = {"rate_hz", "signals", "trace", "rows"};
@@ -101,6 +106,7 @@ static enum error_code message_read_watch(struct viewer_message *message, struct
 
 /* ---- of a recording ---- */
 
+/* Reads a time in seconds. */
 static enum error_code message_read_time(const json_t *root, const char *command, const char *key,
                                          double *to, struct error *error)
 {
@@ -113,6 +119,7 @@ static enum error_code message_read_time(const json_t *root, const char *command
     return ERROR_NONE;
 }
 
+/* Reads a seek: the time to show. */
 static enum error_code message_read_seek(struct viewer_message *message, struct error *error)
 {
     static const char *const known[] = {"time_s"};
@@ -123,6 +130,8 @@ static enum error_code message_read_seek(struct viewer_message *message, struct 
                 : message_read_time(message->root, "seek", "time_s", &message->from_s, error);
 }
 
+/* Reads a series: signals, span of time, points, and an id of 32 bits, which the binary answer
+ * carries. */
 static enum error_code message_read_series(struct viewer_message *message, struct error *error)
 {
     static const char *const known[] = {"signals", "from_s", "to_s", "points"};
@@ -149,15 +158,15 @@ static enum error_code message_read_series(struct viewer_message *message, struc
     return message_read_signals(message, "series", error);
 }
 
-/* Two hexadecimal digits a byte, blanks between bytes allowed; false: something else, or more than
- * a frame holds. */
+/* Reads data bytes, two hexadecimal digits each, with blanks allowed between bytes; false =
+ * something else, or more than a frame holds. */
 static bool message_read_bytes(const char *text, struct bus_frame *frame)
 {
     static const char digits[] = "0123456789abcdef";
 
     for (const char *at = text; *at;) {
-        const char *high = *at == ' ' ? NULL : strchr(digits, *at | 0x20);
-        const char *low = high && at[1] ? strchr(digits, at[1] | 0x20) : NULL;
+        const char *high = *at == ' ' ? NULL : strchr(digits, tolower((unsigned char)*at));
+        const char *low = high && at[1] ? strchr(digits, tolower((unsigned char)at[1])) : NULL;
 
         if (*at == ' ') {
             at++;
@@ -172,6 +181,7 @@ static bool message_read_bytes(const char *text, struct bus_frame *frame)
     return true;
 }
 
+/* Reads a send: bus, identifier, format and data of a frame. */
 static enum error_code message_read_send(struct viewer_message *message, struct error *error)
 {
     static const char *const known[] = {"bus", "frame_id", "extended", "fd", "brs", "data"};
@@ -220,13 +230,14 @@ static enum error_code message_read_send(struct viewer_message *message, struct 
     return ERROR_NONE;
 }
 
-/* What the control socket may be asked by those who only look. */
+/* Checks whether a command only reads, so that clients that may only look can send it. */
 static bool control_is_harmless(enum control_command command)
 {
     return command == CONTROL_HELLO || command == CONTROL_STATUS || command == CONTROL_STATISTICS ||
            command == CONTROL_LIST || command == CONTROL_GET;
 }
 
+/* Parses a request for the control socket by the rules of that socket. */
 static enum error_code message_read_control(const char *text, size_t size,
                                             struct viewer_message *message, struct error *error)
 {
@@ -248,7 +259,7 @@ enum error_code viewer_message_parse(const char *text, size_t size, struct viewe
 
     *message = (struct viewer_message){.command = VIEWER_CONTROL};
 
-    /* A line of the control socket has no end within */
+    /* The text will be a line of the control socket: it must not contain an end of line */
     if (memchr(text, '\n', size) || memchr(text, '\r', size)) {
         return error_set(error, ERROR_INPUT, "found an end of line, expected JSON in one line");
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A recording as the page shows it: every client has a time of its own in it. */
+/* Plays a recording back; every client has a time of its own in it. */
 #include "viewer/private.h"
 
 #include "rt/clock.h"
@@ -9,7 +9,8 @@
 #include <stdio.h>
 #include <string.h>
 
-/* So much of the time before a jump a client gets frames of: those of COMAN fit in VIEWER_TRACE. */
+/* Span before a jump whose frames a client gets: those of COMAN fit in VIEWER_TRACE. Span over
+ * which loads are means. */
 #define TRACE_SPAN_NS (CLOCK_SECOND / 5)
 #define LOAD_SPAN_NS CLOCK_SECOND
 
@@ -17,6 +18,7 @@ enum { RECORDING_PATH = 4096 };
 
 /* ---- opening ---- */
 
+/* Finds the column whose title is before + name + after; SIZE_MAX = none. */
 static size_t table_find_column(const struct recorded_table *table, const char *before,
                                 const char *name, const char *after)
 {
@@ -31,7 +33,7 @@ static size_t table_find_column(const struct recorded_table *table, const char *
     return SIZE_MAX;
 }
 
-/* The path of a file of the recording. */
+/* Makes the path of a file of the recording; false = it is too long. */
 static bool recording_path(const struct recording *recording, const char *name,
                            char path[RECORDING_PATH])
 {
@@ -39,6 +41,7 @@ static bool recording_path(const struct recording *recording, const char *name,
            RECORDING_PATH;
 }
 
+/* Opens signals.csv, which has to exist, and poses.csv. */
 static enum error_code recording_open_rows(struct recording *recording, struct arena *arena,
                                            struct error *error)
 {
@@ -61,7 +64,7 @@ static enum error_code recording_open_rows(struct recording *recording, struct a
     return code;
 }
 
-/* Frames and events, where the recording has them. */
+/* Opens frames and events, where the recording has them. */
 static enum error_code recording_open_rest(struct recording *recording, struct arena *arena,
                                            struct error *error)
 {
@@ -85,7 +88,7 @@ static enum error_code recording_open_rest(struct recording *recording, struct a
     return code == ERROR_SYSTEM ? ERROR_NONE : code;
 }
 
-/* The rows have to be of the rig: each joint and each body of it. */
+/* Checks that the recording is of the rig: it has each joint and each body. */
 static enum error_code recording_check_rig(struct recording *recording, struct arena *arena,
                                            struct error *error)
 {
@@ -116,7 +119,7 @@ static enum error_code recording_check_rig(struct recording *recording, struct a
                    : ERROR_NONE;
 }
 
-/* What is shown: as much as was asked for, of what there is. */
+/* Sets the span that is shown: as much as was asked for, of what exists. */
 static enum error_code recording_set_range(struct recording *recording, struct error *error)
 {
     const struct recorded_table *rows = &recording->signals;
@@ -202,6 +205,7 @@ enum error_code viewer_create_playback(struct viewer *viewer, struct error *erro
 
 /* ---- a client's time ---- */
 
+/* Limits a time to the span that is shown. */
 static int64_t playback_clamp(const struct viewer *viewer, double time_ns)
 {
     const struct recording *recording = viewer->config.recording;
@@ -209,7 +213,7 @@ static int64_t playback_clamp(const struct viewer *viewer, double time_ns)
     return (int64_t)fmin(fmax(time_ns, (double)recording->first_ns), (double)recording->last_ns);
 }
 
-/* Where a client is now; at the end it stays. */
+/* Returns the time at which a client is now; at the end it pauses. */
 static int64_t playback_time(const struct viewer *viewer, struct viewer_client *client)
 {
     struct viewer_playback *playback = &client->playback;
@@ -224,7 +228,7 @@ static int64_t playback_time(const struct viewer *viewer, struct viewer_client *
     return now;
 }
 
-/* Goes on from a time, at a speed that may have changed. */
+/* Lets a client go on from a time; its speed may have changed. */
 static void playback_move(const struct viewer *viewer, struct viewer_client *client, double time_ns)
 {
     client->playback.from_ns = playback_clamp(viewer, time_ns);
@@ -247,7 +251,7 @@ bool playback_obey(struct viewer *viewer, struct viewer_client *client,
     struct viewer_playback *playback = &client->playback;
     int64_t now = playback_time(viewer, client);
 
-    /* Whatever changes, it changes from here on */
+    /* Any change takes effect from the present time on */
     playback_move(viewer, client, (double)now);
     if (message->command == VIEWER_SEEK) {
         playback_move(viewer, client, message->from_s * 1e9);
@@ -286,7 +290,7 @@ bool playback_obey(struct viewer *viewer, struct viewer_client *client,
 
 /* ---- what is shown ---- */
 
-/* Frames and load of each bus, over the second before. */
+/* Counts frames and loads of each bus over the second before a time. */
 static void playback_count_frames(struct viewer *viewer, int64_t now_ns)
 {
     const struct recording *recording = viewer->config.recording;
@@ -352,7 +356,7 @@ void playback_trace(struct viewer *viewer, struct viewer_client *client)
     if (!client->watch.trace || !recording->log.file.data) {
         return;
     }
-    /* What came since the last state, but never more than that */
+    /* Frames since the last state, but of TRACE_SPAN_NS at most */
     if (playback->traced_ns >= from_ns) {
         from_ns = playback->traced_ns + 1;
     }

@@ -51,7 +51,7 @@ struct viewer_playback {
     bool paused;
     double speed;              /* recorded seconds a second */
     int64_t from_ns, since_ns; /* the recorded time at a time of the clock */
-    int64_t traced_ns;         /* frames up to then have been told */
+    int64_t traced_ns;         /* frames up to this time have been sent */
 };
 
 /* Where a connection comes from: an IPv6 address, or an IPv4 one mapped to such. */
@@ -65,8 +65,8 @@ struct viewer_client {
     enum viewer_mode mode;
     enum viewer_right right;
     bool stays;       /* goes on when the run has ended */
-    bool end_told;    /* knows how it ended */
-    int64_t since_ns; /* when it came */
+    bool end_told;    /* the end of the run has been sent to it */
+    int64_t since_ns; /* when it connected */
     int64_t taken_ns; /* when the last byte was taken, or the outbox began to fill */
 
     size_t received;
@@ -153,15 +153,15 @@ struct viewer {
     struct viewer_file *visual; /* by visual of the robot, likewise */
     size_t visual_bytes;        /* of all of them */
 
-    bool ended; /* the run is over, and viewer_end has told how: */
+    bool ended; /* the run is over, and viewer_end has set the following: */
     char *end;  /* JSON; on the heap */
     size_t end_size;
     struct recorded_file file[VIEWER_FILES]; /* of its recording */
     _Atomic unsigned staying;                /* clients */
-    char run[VIEWER_TOKEN];                  /* tells it from other runs at the same address */
+    char run[VIEWER_TOKEN]; /* distinguishes the run from others at the same address */
 
     struct viewer_counters told; /* counters, for other threads */
-    pthread_mutex_t events_lock; /* of told and of the following */
+    pthread_mutex_t events_lock; /* protects told and what follows */
     uint64_t nevent;             /* in all */
     struct viewer_event events[VIEWER_EVENTS];
 
@@ -171,25 +171,26 @@ struct viewer {
 
 /* ---- connection.c ---- */
 
-/* Room for so many bytes at the outbox's end, to be counted in filled; NULL when there is none. */
+/* Returns room for so many bytes at the outbox's end, to be counted in filled; NULL = there is
+ * none. */
 uint8_t *client_room(struct viewer *viewer, struct viewer_client *client, size_t size);
 
 void client_flush(struct viewer *viewer, struct viewer_client *client);
 size_t client_waiting(const struct viewer_client *client);
 void client_close(struct viewer *viewer, struct viewer_client *client);
 
-/* Sends a whole WebSocket message; one that has no room is dropped: false. */
+/* Sends a whole WebSocket message; false = there was no room and it is dropped. */
 bool client_send_message(struct viewer *viewer, struct viewer_client *client,
                          enum websocket_opcode opcode, const void *data, size_t size);
 
-/* The same for an object, which is taken over; NULL counts as no memory. */
+/* Sends an object, which is taken over, as a message; NULL counts as no memory. */
 bool client_send_object(struct viewer *viewer, struct viewer_client *client, json_t *object);
 
-/* Says why and closes, when what waits has been sent. */
+/* Tells the client why it is disconnected, and closes when what waits has been sent. */
 void client_bye(struct viewer *viewer, struct viewer_client *client, enum websocket_status status,
                 const char *reason);
 
-/* Bytes have come, or the end. */
+/* Reads bytes that have come, or the end of the connection. */
 void client_read(struct viewer *viewer, struct viewer_client *client);
 
 /* Once a turn: drops a client that has ended or was too slow. */
@@ -197,7 +198,7 @@ void client_check(struct viewer *viewer, struct viewer_client *client);
 
 void viewer_accept_client(struct viewer *viewer);
 
-/* Gives a client that has shown a token a place among those that have; false: there is none. */
+/* Gives a client that has shown a token a place among those that have; false = there is none. */
 bool viewer_give_place(struct viewer *viewer, struct viewer_client *client,
                        enum viewer_right right);
 
@@ -210,7 +211,7 @@ void viewer_give_order(struct viewer *viewer, enum viewer_order order);
 /* Tells a client how the run has ended, once; it is disconnected unless it stays. */
 void client_tell_end(struct viewer *viewer, struct viewer_client *client);
 
-/* A file of the recording by its name; false when there is none. */
+/* Finds a file of the recording by its name; false = there is none. */
 bool viewer_find_file(const struct viewer *viewer, const char *name, struct viewer_file *file);
 
 /* Publishes how many clients stay. */
@@ -222,12 +223,12 @@ void viewer_count_staying(struct viewer *viewer);
 void viewer_respond(struct viewer *viewer, struct viewer_client *client, int status,
                     const struct http_request *request);
 
-/* Which right a token gives. */
+/* Returns the right that a token gives. */
 enum viewer_right viewer_token_right(const struct viewer *viewer, const char *token);
 
 /* ---- message.c ---- */
 
-/* A message of a client, JSON as it should be. */
+/* Carries out a message of a client, which should be JSON. */
 void viewer_obey(struct viewer *viewer, struct viewer_client *client, const char *text,
                  size_t size);
 
@@ -240,28 +241,28 @@ void control_link_close(struct viewer_client *client);
 /* Passes a request on; false when it cannot be taken. */
 bool control_link_send(struct viewer_client *client, const char *text, size_t size);
 
-/* Answers have come. */
+/* Reads answers of the control socket and passes them to the client. */
 void control_link_read(struct viewer *viewer, struct viewer_client *client);
 
 /* ---- hello.c, hello_scene.c, database.c, mesh.c, visual.c ---- */
 
-/* Describes what does not change; NULL: no memory. */
+/* Describes what does not change during a run; NULL = no memory. */
 json_t *viewer_hello(const struct viewer *viewer);
 json_t *hello_scene(const struct viewer *viewer);
 json_t *hello_number(double value);
 json_t *hello_numbers(const double *value, size_t count);
 
-/* What the frames of all buses mean; false: no memory. */
+/* Describes what the frames of all buses mean; false = no memory. */
 bool viewer_make_database(struct viewer *viewer);
 
-/* A surface's triangles; NULL: it has none, or no memory. */
+/* Returns the file of a surface's triangles; NULL = it has none, or no memory. */
 const struct viewer_file *viewer_mesh_file(struct viewer *viewer, size_t surface);
 
-/* The STL file of a visual, read when first asked for; NULL with the reason, for people. */
+/* Returns the STL file of a visual, read when first asked for; NULL with the reason, for people. */
 const struct viewer_file *viewer_visual_file(struct viewer *viewer, size_t visual,
                                              struct error *error);
 
-/* The first visual with the same file. */
+/* Returns the first visual with the same file. */
 size_t viewer_visual_source(const struct robot *robot, size_t visual);
 
 /* ---- state.c ---- */
@@ -273,7 +274,7 @@ void viewer_send_states(struct viewer *viewer);
 
 /* ---- trace.c ---- */
 
-/* Takes what the buses have carried; puts it where clients trace. */
+/* Receives what the buses have carried, and keeps it for clients that trace. */
 void viewer_hear_buses(struct viewer *viewer);
 void viewer_trace_frame(struct viewer *viewer, size_t bus, const struct bus_frame *frame,
                         bool ours);
@@ -313,24 +314,23 @@ struct playback {
     int64_t counted_ns; /* the time of now */
 };
 
-/* Instead of viewer_create_state's view of a simulator. */
+/* Creates what playing back needs, instead of a view of a simulator. */
 enum error_code viewer_create_playback(struct viewer *viewer, struct error *error);
 
-/* The beginning of a recording, for a client that has just come. */
+/* Sets a client that has just come to the beginning of the recording. */
 void playback_begin(const struct viewer *viewer, struct viewer_client *client);
 
-/* Makes viewer->view that of the client's time. */
+/* Fills viewer->view with the recording at the client's time. */
 void playback_view(struct viewer *viewer, struct viewer_client *client);
 
-/* The pose of a body in that view: position, quaternion wxyz. */
+/* Returns the pose of a body in that view: position (m), quaternion wxyz. */
 const double *playback_pose(const struct viewer *viewer, size_t body);
 
-/* Puts the frames since the last state, or the last ones before a jump, where the client is sent
- * them from. */
+/* Keeps the frames since the last state, or the last ones before a jump, for the client. */
 void playback_trace(struct viewer *viewer, struct viewer_client *client);
 
-/* Pauses, goes on, jumps, changes the speed; false with the reason: the message asks for nothing
- * that a recording has. */
+/* Pauses, resumes, jumps or changes the speed of a client's playback; false with the reason: a
+ * recording cannot do what the message asks. */
 bool playback_obey(struct viewer *viewer, struct viewer_client *client,
                    const struct viewer_message *message, struct error *error);
 
@@ -342,15 +342,11 @@ struct series {
     uint64_t step;       /* rows that two points stand for; 1: each row is a point */
 };
 
-/* How many points, and bytes of their message. */
-size_t series_points(const struct series *series);
-size_t series_bytes(const struct series *series);
-
-/* Sends them as one binary message (docs/page.md); false: there is no room for it. */
+/* Sends a series as one binary message (docs/page.md); false = there is no room for it. */
 bool client_put_series(struct viewer *viewer, struct viewer_client *client,
                        const struct series *series, uint32_t id, uint64_t lost);
 
-/* The values of signals between two times; false with the reason. */
+/* Sends the values of signals between two times; false with the reason. */
 bool client_send_series(struct viewer *viewer, struct viewer_client *client,
                         const struct viewer_message *message, struct error *error);
 

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The files of a recording (rt/recorder.h) for playing it back: rows of signals.csv and poses.csv
- * and frames of candump.log by their time, read where they are needed, so that a long recording
- * opens as fast as its lines can be counted. The files are mapped and must not be cut short while
- * they are open; what is appended later is not seen, and a line without its end, as a run that was
- * killed leaves it, counts as none. Times in ns, virtual. Not RT-safe.
+ * The files of a recording (rt/recording/recorder.h) for playing it back: rows of signals.csv and
+ * poses.csv and frames of candump.log by their time, read where they are needed, so that a long
+ * recording opens as fast as its lines can be counted. The files are mapped and must not be cut
+ * short while they are open; what is appended later is not seen, and a line without its end, as a
+ * run that was killed leaves it, counts as none. Times in ns, virtual. Not RT-safe.
  */
 #ifndef VIEWER_RECORDED_H
 #define VIEWER_RECORDED_H
@@ -24,7 +24,7 @@ struct recorded_file {
     size_t size;
 };
 
-/* ERROR_SYSTEM with the reason. */
+/* Maps a file. ERROR_SYSTEM with the reason; ERROR_INPUT for what is no regular file. */
 enum error_code recorded_file_open(const char *path, struct recorded_file *file,
                                    struct error *error);
 void recorded_file_close(struct recorded_file *file); /* safe on a zeroed struct */
@@ -46,18 +46,18 @@ struct recorded_table {
     size_t nrow;
 };
 
-/* Titles and rows. A file without titles or without a row, or whose times do not grow, is
+/* Opens titles and rows. A file without titles or without a row, or whose times do not grow, is
  * ERROR_INPUT with file:line; close in any case. */
 enum error_code recorded_table_open(const char *path, struct arena *arena,
                                     struct recorded_table *table, struct error *error);
 void recorded_table_close(struct recorded_table *table); /* safe on a zeroed struct */
 
-/* The last row at or before a time, the first row before all. */
+/* Finds the last row at or before a time, or the first row. */
 size_t recorded_table_find(const struct recorded_table *table, int64_t time_ns);
 
-/* The first count columns of a row; a cell that is missing or no number is NAN. Of those that are
- * not wanted (NULL = all are) the value stays as it was: to find a number's end takes a tenth of
- * the time of its value. */
+/* Reads the first count columns of a row; a cell that is missing or no number is NAN. The value
+ * of a column that is not wanted (NULL = all are) stays as it was: finding a number's end takes
+ * a tenth of the time of parsing it. */
 void recorded_table_read(const struct recorded_table *table, size_t row, size_t count,
                          const bool *wanted, double *value);
 
@@ -65,7 +65,7 @@ void recorded_table_read(const struct recorded_table *table, size_t row, size_t 
 
 #define RECORDED_MARK_NS INT64_C(100000000)
 
-/* How things stand at a moment: where the log goes on, what each bus has carried up to then. */
+/* A mark in the log: where it goes on at a moment. */
 struct recorded_mark {
     int64_t time_ns;
     size_t at;
@@ -86,20 +86,21 @@ struct recorded_log {
     uint64_t strange; /* frames of other names */
 };
 
-/* ERROR_INPUT with file:line where a line is none of `candump -L`; close in any case. */
+/* Opens a log. ERROR_INPUT with file:line where a line is none of `candump -L`; close in any
+ * case. */
 enum error_code recorded_log_open(const char *path, const char *const *bus, size_t nbus,
                                   struct recorded_log *log, struct error *error);
 void recorded_log_close(struct recorded_log *log); /* safe on a zeroed struct */
 
-/* Where the frames of a time begin, those of before left out. */
+/* Finds where the frames at and after a time begin. */
 size_t recorded_log_find(const struct recorded_log *log, int64_t time_ns);
 
-/* The next frame of a known bus from *at on, which moves behind it; false at the end. */
+/* Reads the next frame of a known bus from *at on, which moves behind it; false = the end. */
 bool recorded_log_next(const struct recorded_log *log, size_t *at, size_t *bus,
                        struct bus_frame *frame);
 
-/* What each bus has carried up to a time: from the mark before it on, frame by frame. traffic has
- * nbus entries. */
+/* Counts what each bus has carried up to a time: from the mark before it on, frame by frame.
+ * traffic has nbus entries. */
 void recorded_log_count(const struct recorded_log *log, int64_t time_ns,
                         struct recorded_traffic *traffic);
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Frames of a recording: marks in the log from which those of a time are found. */
+/* Finds the frames of a recording by time: marks in the log say where to begin. */
 #include "viewer/recorded.h"
 
 #include "canbus/candump.h"
@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Parses the line at *at, which moves behind it. Returns 1; 0 at the end; -1 when it is none. */
+/* Parses the line at *at, which moves behind it. Returns 1; 0 at the end; -1 if it is no frame. */
 static int log_read_line(const struct recorded_log *log, size_t *at, char name[16],
                          struct bus_frame *frame, struct error *error)
 {
@@ -22,6 +22,7 @@ static int log_read_line(const struct recorded_log *log, size_t *at, char name[1
     return candump_parse(begin, size, frame, name, error) ? -1 : 1;
 }
 
+/* Returns the index of a bus by its name in the log; nbus = none. */
 static size_t log_find_bus(const struct recorded_log *log, const char *name)
 {
     size_t bus = 0;
@@ -32,7 +33,8 @@ static size_t log_find_bus(const struct recorded_log *log, const char *name)
     return bus;
 }
 
-/* Notes how things stand before the frame at a place. */
+/* Adds a mark: where the log goes on at a time, and what each bus had carried. False = no
+ * memory. */
 static bool log_add_mark(struct recorded_log *log, int64_t time_ns, size_t at,
                          const struct recorded_traffic *traffic)
 {
@@ -55,7 +57,7 @@ static bool log_add_mark(struct recorded_log *log, int64_t time_ns, size_t at,
     return true;
 }
 
-/* Reads every line once. traffic has nbus entries, all zero. */
+/* Reads every line once and sets the marks. traffic has nbus entries, all zero. */
 static enum error_code log_make_marks(struct recorded_log *log, const char *path,
                                       struct recorded_traffic *traffic, struct error *error)
 {
@@ -113,7 +115,7 @@ void recorded_log_close(struct recorded_log *log)
     log->nmark = log->capacity = 0;
 }
 
-/* The last mark at or before a time, the first before all; nmark when there are none. */
+/* Finds the last mark at or before a time, or the first mark; 0 when there are none. */
 static size_t log_find_mark(const struct recorded_log *log, int64_t time_ns)
 {
     size_t low = 0, high = log->nmark;

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Rows of a recording: where each begins and when it is of; its cells are read when asked for. */
+/* Reads rows of a recording: where each begins and its time are known, its cells are read when
+ * asked for. */
 #include "viewer/recorded.h"
 
 #include <errno.h>
@@ -11,7 +12,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define TIME_MAX_S 9e9 /* that nanoseconds hold */
+#define TIME_MAX_S 9e9 /* seconds that fit in ns of int64_t */
 
 /* ---- a file ---- */
 
@@ -57,14 +58,14 @@ void recorded_file_close(struct recorded_file *file)
 
 /* ---- titles ---- */
 
-/* The end of the line that begins at a place; NULL when it has none. */
+/* Returns the end of the line that begins at a place; NULL = it has none. */
 static const char *table_line_end(const struct recorded_table *table, size_t at)
 {
     return at < table->file.size ? memchr(table->file.data + at, '\n', table->file.size - at)
                                  : NULL;
 }
 
-/* Reads the titles behind the first; returns where the rows begin, 0 when there are no titles. */
+/* Reads the titles behind time_s; returns where the rows begin, 0 = there are no titles. */
 static size_t table_read_titles(struct recorded_table *table, struct arena *arena)
 {
     const char *end = table_line_end(table, 0), *at = end ? table->file.data : NULL;
@@ -96,7 +97,7 @@ static size_t table_read_titles(struct recorded_table *table, struct arena *aren
 
 /* ---- rows ---- */
 
-/* A cell that begins at a place and ends before a comma or the line's end. */
+/* Parses the cell at a place, up to a comma or the line's end; NAN if it is no number. */
 static double table_parse_cell(const char *at)
 {
     char *rest;
@@ -110,6 +111,7 @@ static double table_parse_cell(const char *at)
     return rest > at && (*rest == ',' || *rest == '\n' || *rest == '\r') ? value : (double)NAN;
 }
 
+/* Appends a row to the index of rows, which grows by doubling. */
 static enum error_code table_add_row(struct recorded_table *table, size_t *capacity,
                                      struct recorded_row row, struct error *error)
 {
@@ -127,6 +129,7 @@ static enum error_code table_add_row(struct recorded_table *table, size_t *capac
     return ERROR_NONE;
 }
 
+/* Indexes all rows by time; times must not go back. */
 static enum error_code table_read_rows(struct recorded_table *table, const char *path, size_t at,
                                        struct error *error)
 {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* HTTP requests: RFC 9112 as far as a page needs it. */
+/* Parses HTTP requests: RFC 9112 as far as a page needs it. */
 #include "viewer/request.h"
 
 #include <arpa/inet.h>
@@ -9,11 +9,12 @@
 
 enum { LINE_LIMIT = 64 }; /* of headers */
 
-/* What of a request makes it one for a WebSocket. */
+/* The headers that together ask for a WebSocket. */
 struct upgrade_signs {
     bool upgrade, connection, version;
 };
 
+/* Checks whether a text has printable ASCII only. */
 static bool text_is_visible(const char *text, size_t size)
 {
     for (size_t i = 0; i < size; i++) {
@@ -24,7 +25,7 @@ static bool text_is_visible(const char *text, size_t size)
     return true;
 }
 
-/* Copies a value without the blanks around it; false when it is too long. */
+/* Copies a value without the blanks around it; false = it is too long. */
 static bool request_copy_value(const char *from, size_t size, char to[REQUEST_TEXT])
 {
     while (size > 0 && (*from == ' ' || *from == '\t')) {
@@ -42,7 +43,7 @@ static bool request_copy_value(const char *from, size_t size, char to[REQUEST_TE
     return true;
 }
 
-/* Whether a list such as "keep-alive, Upgrade" has a word, in whatever case. */
+/* Checks whether a list such as "keep-alive, Upgrade" has a word, in any case. */
 static bool list_has_word(const char *list, const char *word)
 {
     size_t size = strlen(word);
@@ -60,7 +61,8 @@ static bool list_has_word(const char *list, const char *word)
     return false;
 }
 
-/* "GET /path HTTP/1.1"; a query is cut off. Returns 200 or why not. */
+/* Reads the request line, "GET /path HTTP/1.1", and cuts off a query. Returns 200 or the status
+ * to refuse with. */
 static int request_read_first_line(const char *line, size_t size, struct http_request *request)
 {
     static const char protocol[] = " HTTP/1.1";
@@ -89,12 +91,13 @@ static int request_read_first_line(const char *line, size_t size, struct http_re
     return 200;
 }
 
-/* A header that is given twice is refused where its value decides. */
+/* Keeps the value of a header that decides; given twice it is refused. Returns the status. */
 static int request_keep_once(const char *value, size_t size, char to[REQUEST_TEXT])
 {
     return to[0] ? 400 : request_copy_value(value, size, to) ? 200 : 431;
 }
 
+/* Reads a header line; returns 200 or the status to refuse with. */
 static int request_read_header(const char *line, size_t size, struct http_request *request,
                                struct upgrade_signs *signs)
 {
@@ -138,7 +141,7 @@ static int request_read_header(const char *line, size_t size, struct http_reques
     return 200;
 }
 
-/* 16 bytes in base64: 22 digits and two signs of equality. */
+/* Checks whether a key is 16 bytes in base64: 22 digits and two signs of equality. */
 static bool is_websocket_key(const char *key)
 {
     static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -146,7 +149,7 @@ static bool is_websocket_key(const char *key)
     return strlen(key) == 24 && strspn(key, digits) == 22 && strcmp(key + 22, "==") == 0;
 }
 
-/* The lines of a whole request. */
+/* Reads the lines of a whole request; returns 200 or the status to refuse with. */
 static int request_read_lines(const char *text, size_t size, struct http_request *request)
 {
     struct upgrade_signs signs = {0};
@@ -188,7 +191,7 @@ int http_request_parse(const char *text, size_t size, struct http_request *reque
 
 /* ---- who may ask ---- */
 
-/* Splits "host:port" or "[host]:port"; false when it is neither. */
+/* Splits "host:port" or "[host]:port", the port 80 if missing; false = it is neither. */
 static bool split_host(const char *text, char host[REQUEST_TEXT], char port[REQUEST_TEXT])
 {
     const char *colon = strrchr(text, ':');
@@ -205,7 +208,7 @@ static bool split_host(const char *text, char host[REQUEST_TEXT], char port[REQU
     return true;
 }
 
-/* Whether two numeric addresses are the same, however they are written. */
+/* Checks whether two numeric addresses are the same, however they are written. */
 static bool is_same_address(const char *a, const char *b)
 {
     unsigned char one[16], other[16];
@@ -233,7 +236,7 @@ bool http_request_is_ours(const struct http_request *request, const struct http_
         return false;
     }
 
-    /* A name can be made to point here; a number, and localhost, cannot */
+    /* A name can be made to point here (DNS rebinding); a numeric address and localhost cannot */
     if (strcasecmp(host, "localhost") == 0
             ? !bound->loopback && !bound->any
             : !is_same_address(host, bound->host) && !(bound->any && is_numeric_address(host))) {

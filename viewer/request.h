@@ -38,7 +38,7 @@ struct http_bound {
     bool any;      /* 0.0.0.0 or ::, all addresses of the machine */
 };
 
-/* Whether the request was sent to this server by one of its pages, or by no page at all. */
+/* Checks whether a request was sent to this server by one of its pages, or by no page at all. */
 bool http_request_is_ours(const struct http_request *request, const struct http_bound *bound);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Answers to requests of HTTP: the page, meshes, the database of messages, a WebSocket. */
+/* Answers HTTP requests: the page, meshes, the database of messages, a WebSocket. */
 #include "viewer/private.h"
 
 #include "base/count.h"
@@ -8,8 +8,8 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Nothing comes from another place, nobody else frames the page, and no answer is kept: tokens and
- * bundles change. */
+/* Headers of every answer: nothing is loaded from other sites, no site frames the page, and no
+ * answer is cached, as tokens and bundles change. */
 #define HEADERS                                                                                    \
     "Content-Security-Policy: default-src 'self'; base-uri 'none'; form-action 'none'; "           \
     "frame-ancestors 'none'\r\n"                                                                   \
@@ -36,7 +36,7 @@ static const char index_page[] =
     "<body><noscript>This page needs JavaScript.</noscript></body>\n"
     "</html>\n";
 
-/* A knee. */
+/* The icon, a knee. */
 static const char icon[] =
     "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 32 32\"><rect width=\"32\" "
     "height=\"32\" rx=\"7\" fill=\"#1f6feb\"/><path d=\"M12 5l7 10-7 10h9\" fill=\"none\" "
@@ -65,6 +65,7 @@ static const struct status_text texts[] = {
     {505, "HTTP Version Not Supported", "Only HTTP/1.1 is understood."},
 };
 
+/* Returns the texts of a status; those of 400 for an unknown one. */
 static const struct status_text *find_status_text(int status)
 {
     for (size_t i = 0; i < ARRAY_COUNT(texts); i++) {
@@ -75,8 +76,8 @@ static const struct status_text *find_status_text(int status)
     return &texts[1];
 }
 
-/* A head, with after it a text that does not stay (NULL: none), and what follows from memory that
- * does. */
+/* Sends a head, then a text that is copied (NULL = none), then the file's bytes from memory that
+ * does not change. */
 static void respond_with(struct viewer *viewer, struct viewer_client *client, int status,
                          const struct viewer_file *file, const char *text)
 {
@@ -111,7 +112,7 @@ static void respond_text(struct viewer *viewer, struct viewer_client *client, in
                  &(struct viewer_file){"text/plain; charset=utf-8", text, strlen(text), false});
 }
 
-/* Not found, and why: a text that does not stay. */
+/* Answers 404 with a reason, which is copied. */
 static void respond_reason(struct viewer *viewer, struct viewer_client *client, const char *text)
 {
     respond_with(viewer, client, 404,
@@ -120,7 +121,7 @@ static void respond_reason(struct viewer *viewer, struct viewer_client *client, 
 
 /* ---- tokens ---- */
 
-/* Compares in a time that does not tell how much of it is right. */
+/* Compares tokens in a time that does not tell how much of one is right. */
 static bool token_is(const char *token, const char *given)
 {
     unsigned difference = 0;
@@ -141,6 +142,7 @@ enum viewer_right viewer_token_right(const struct viewer *viewer, const char *to
                                                                        : RIGHT_NONE;
 }
 
+/* Checks whether a request carries a token that gives a right. */
 static bool request_has_token(const struct viewer *viewer, const struct http_request *request)
 {
     return strncmp(request->authorization, "Bearer ", 7) == 0 &&
@@ -149,6 +151,7 @@ static bool request_has_token(const struct viewer *viewer, const struct http_req
 
 /* ---- what there is ---- */
 
+/* Answers with the meaning of the buses' messages. */
 static void respond_database(struct viewer *viewer, struct viewer_client *client)
 {
     if (!viewer_make_database(viewer)) {
@@ -160,6 +163,7 @@ static void respond_database(struct viewer *viewer, struct viewer_client *client
         &(struct viewer_file){"application/json", viewer->database, viewer->database_size, false});
 }
 
+/* Answers with the mesh of a surface, by number. */
 static void respond_mesh(struct viewer *viewer, struct viewer_client *client, const char *number)
 {
     const struct viewer_file *file = NULL;
@@ -175,7 +179,7 @@ static void respond_mesh(struct viewer *viewer, struct viewer_client *client, co
     }
 }
 
-/* The mesh of a visual, or in words why there is none. */
+/* Answers with the mesh of a visual, or with the reason why there is none. */
 static void respond_visual(struct viewer *viewer, struct viewer_client *client, const char *number)
 {
     const struct viewer_file *file = NULL;
@@ -194,7 +198,7 @@ static void respond_visual(struct viewer *viewer, struct viewer_client *client, 
     }
 }
 
-/* The rows of the recording to compare with, as they were written. */
+/* Answers with the rows of the recording to compare with, as they were written. */
 static void respond_compared(struct viewer *viewer, struct viewer_client *client, const char *name)
 {
     const struct recording *with = viewer->config.with;
@@ -214,7 +218,7 @@ static void respond_compared(struct viewer *viewer, struct viewer_client *client
     }
 }
 
-/* From here on the connection carries messages. */
+/* Turns the connection into a WebSocket, which carries messages from now on. */
 static void respond_upgrade(struct viewer *viewer, struct viewer_client *client,
                             const struct http_request *request)
 {
@@ -240,7 +244,7 @@ void viewer_respond(struct viewer *viewer, struct viewer_client *client, int sta
     const char *path = request->path;
     struct viewer_file file;
 
-    /* Requests that are none, or not for us */
+    /* Refuse what is no request, or not addressed to this server */
     if (status != 200) {
         respond_text(viewer, client, status);
         return;
@@ -251,7 +255,7 @@ void viewer_respond(struct viewer *viewer, struct viewer_client *client, int sta
         return;
     }
 
-    /* The page itself has no secret; what it shows has */
+    /* The page itself is public; the data that it shows needs a token */
     if (strcmp(path, "/") == 0) {
         respond_file(viewer, client, 200,
                      &(struct viewer_file){"text/html; charset=utf-8", index_page,

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Rows of signals: from the loop to the history, and on to the clients that want each of them. */
+/* Moves rows of signals from the loop to the history, and on to the clients that want them. */
 #include "viewer/private.h"
 
 #include <string.h>
@@ -7,8 +7,7 @@
 enum {
     ROWS_MESSAGE = 64 * 1024,
     ROWS_MANY = 256,
-    ROWS_A_TURN =
-        1024, /* all that wait in a stream, and an end where its loop is as fast as this */
+    ROWS_A_TURN = 1024, /* all that wait in a stream; a bound if the loop is as fast as this */
 };
 
 enum error_code viewer_create_history(struct viewer *viewer, struct error *error)
@@ -20,7 +19,7 @@ enum error_code viewer_create_history(struct viewer *viewer, struct error *error
                           : ERROR_NONE;
 }
 
-/* Where time has gone back, clients go on from the first row that is new. */
+/* Makes clients go on from a row, if they are ahead of it because time has gone back. */
 static void viewer_rewind_clients(struct viewer *viewer, uint64_t row)
 {
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
@@ -43,7 +42,7 @@ void viewer_take_rows(struct viewer *viewer)
     viewer->rows_hurry = count >= ROWS_MANY;
 }
 
-/* Sends the next rows that fit in a message; false: there are none, or no room. */
+/* Sends the next rows that fit in a message; false = there are none, or no room. */
 static bool client_send_some_rows(struct viewer *viewer, struct viewer_client *client)
 {
     const struct viewer_watch *watch = &client->watch;
@@ -52,7 +51,7 @@ static bool client_send_some_rows(struct viewer *viewer, struct viewer_client *c
     uint64_t lost = viewer->rows_lost - client->rows_lost;
     uint64_t most = ROWS_MESSAGE / (8 + 4 * watch->nsignal);
 
-    /* What has left the history meanwhile is lost for this client */
+    /* Rows that have left the history meanwhile are lost for this client */
     series.first = client->row < begin ? begin : client->row;
     lost += series.first - client->row;
     series.end = history_end(viewer->history);

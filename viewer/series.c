@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Signals between two times, for plots: every row of the recording or of the run's history, or the
- * least and the greatest value of as many rows as it takes to make few enough. docs/page.md has the
- * bytes. */
+/* Sends signals between two times, for plots: every row of the recording or of the run's
+ * history, or the least and the greatest value of groups of rows when there are too many.
+ * docs/page.md has the bytes. */
 #include "viewer/bytes.h"
 #include "viewer/private.h"
 
@@ -47,6 +47,7 @@ static void series_read_row(const struct viewer *viewer, const struct series *se
 
 /* ---- what is asked for ---- */
 
+/* Finds the columns of the named signals; false with the reason. */
 static bool series_find_signals(struct viewer *viewer, const json_t *names, struct series *series,
                                 struct error *error)
 {
@@ -68,8 +69,8 @@ static bool series_find_signals(struct viewer *viewer, const json_t *names, stru
     return true;
 }
 
-/* Rows of a recording between two times, one more on either side so that a curve does not end
- * within the picture. */
+/* Finds the rows of a recording between two times, and one more on either side so that a curve
+ * does not end within the picture. */
 static void series_find_recorded(const struct recording *recording,
                                  const struct viewer_message *message, struct series *series)
 {
@@ -84,7 +85,7 @@ static void series_find_recorded(const struct recording *recording,
     }
 }
 
-/* Likewise of the history. */
+/* Finds the rows of the history in the same way. */
 static void series_find_kept(const struct history *history, const struct viewer_message *message,
                              struct series *series)
 {
@@ -98,19 +99,21 @@ static void series_find_kept(const struct history *history, const struct viewer_
     }
 }
 
-size_t series_points(const struct series *series)
+/* Returns how many points the message has: two for each group of rows. */
+static size_t series_points(const struct series *series)
 {
     uint64_t count = series->end - series->first;
 
     return (size_t)(series->step == 1 ? count : 2 * ((count + series->step - 1) / series->step));
 }
 
-size_t series_bytes(const struct series *series)
+static size_t series_bytes(const struct series *series)
 {
     return SERIES_HEADER + series_points(series) * (8 + 4 * series->nsignal);
 }
 
-/* Few enough points for one message that leaves room for others. */
+/* Chooses the size of the groups so that the points fit in one message that leaves room for
+ * others. */
 static void series_thin(struct series *series, size_t most)
 {
     size_t room = VIEWER_OUTBOX / 2 / (8 + 4 * series->nsignal);
@@ -130,7 +133,8 @@ static uint8_t *put_f64(uint8_t *to, double value)
     return put_u64(to, bits);
 }
 
-/* The values of a bucket's rows: the earlier and the later one of the least and the greatest. */
+/* Reduces a group of rows to two values of each signal: the least and the greatest, in the order
+ * of time. */
 static void series_reduce(const struct viewer *viewer, const struct series *series, uint64_t begin,
                           uint64_t end, double pair[2][VIEWER_SIGNALS])
 {
@@ -162,7 +166,7 @@ static void series_reduce(const struct viewer *viewer, const struct series *seri
     }
 }
 
-/* Times in one column, then the values of each signal in one. */
+/* Writes the times in one column, then the values of each signal in a column. */
 static void series_put_points(const struct viewer *viewer, const struct series *series, uint8_t *to)
 {
     size_t npoint = series_points(series), point = 0;
@@ -194,7 +198,7 @@ bool client_put_series(struct viewer *viewer, struct viewer_client *client,
     if (!to) {
         return false;
     }
-    /* What kind of message, for which question, then how much follows */
+    /* Kind of message, the id of the question, then how much follows */
     at = to + websocket_header(to, WEBSOCKET_BINARY, size);
     at = put_u8(at, SERIES_KIND);
     at = put_u8(at, VIEWER_PROTOCOL);

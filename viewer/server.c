@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The server's thread: one poll set with a descriptor for orders, the listening socket, the
- * clients and their connections to the control socket. */
+/* The server's thread, which waits in one poll on its orders, the listening socket, the clients
+ * and their connections to the control socket. */
 #include "viewer/private.h"
 
 #include "rt/clock.h"
@@ -23,7 +23,7 @@ enum { POLL_FIXED = 2, POLL_COUNT = POLL_FIXED + 2 * VIEWER_CLIENTS };
 enum {
     BACKLOG = 64,
     IDLE_MS = 500,
-    ROWS_MS = 20, /* a loop that is not paced fills its stream in 30 ms */
+    ROWS_MS = 20, /* a free run fills its stream in 30 ms */
     TRACE_MS = 5,
     AWAIT_MS = 5,
     AWAIT_LONGEST_MS = 500
@@ -31,7 +31,7 @@ enum {
 
 /* ---- the thread ---- */
 
-/* How long nothing is due. */
+/* Returns for how long nothing is due, ms. */
 static int viewer_idle_ms(const struct viewer *viewer)
 {
     int64_t wait_ns = (int64_t)IDLE_MS * CLOCK_MS;
@@ -54,6 +54,7 @@ static int viewer_idle_ms(const struct viewer *viewer)
     return wait_ns <= 0 ? 0 : (int)((wait_ns + CLOCK_MS - 1) / CLOCK_MS);
 }
 
+/* Fills in the descriptors to poll: orders, listener, then each client and its control socket. */
 static void viewer_prepare_poll(const struct viewer *viewer, struct pollfd fd[POLL_COUNT])
 {
     fd[0] = (struct pollfd){.fd = viewer->event, .events = POLLIN};
@@ -71,6 +72,7 @@ static void viewer_prepare_poll(const struct viewer *viewer, struct pollfd fd[PO
     }
 }
 
+/* Handles the events of a client and of its control socket. */
 static void viewer_serve_client(struct viewer *viewer, struct viewer_client *client, short events,
                                 short control)
 {
@@ -85,7 +87,7 @@ static void viewer_serve_client(struct viewer *viewer, struct viewer_client *cli
     }
 }
 
-/* Views are made while somebody looks at them. */
+/* Asks the simulator for views while a client watches. */
 static void viewer_update_wish(struct viewer *viewer)
 {
     bool wanted = false;
@@ -100,7 +102,7 @@ static void viewer_update_wish(struct viewer *viewer)
         return;
     }
 
-    /* What is there now is of the last time that somebody looked */
+    /* The present view is from the last time that a client watched: wait for a new one */
     if (wanted) {
         viewer->views_before = simulator_view_read(viewer->config.simulator, &viewer->view);
         viewer->awaited_till_ns = viewer->now_ns + AWAIT_LONGEST_MS * CLOCK_MS;
@@ -119,7 +121,7 @@ static void viewer_wait_for_order(struct viewer *viewer)
     }
 }
 
-/* The loop runs no more: what it has left is taken, and its last view is that of the end. */
+/* Notes that the loop has ended: takes its last rows; its last view is that of the end. */
 static void viewer_note_end(struct viewer *viewer)
 {
     viewer->ended = true;
@@ -141,6 +143,7 @@ static void viewer_publish_counters(struct viewer *viewer)
     pthread_mutex_unlock(&viewer->events_lock);
 }
 
+/* Tells all clients that the run is over, and disconnects them. */
 static void viewer_end_clients(struct viewer *viewer)
 {
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
@@ -161,6 +164,7 @@ static void viewer_end_clients(struct viewer *viewer)
     }
 }
 
+/* Serves the clients from the first order until the order to stop; the thread's main function. */
 static void *viewer_thread_main(void *context)
 {
     struct viewer *viewer = context;
@@ -187,7 +191,7 @@ static void *viewer_thread_main(void *context)
             viewer_note_end(viewer);
         }
 
-        /* What clients want, then what they get */
+        /* Messages of clients first, then what they get */
         viewer->now_ns = clock_now(clock);
         for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
             viewer_serve_client(viewer, &viewer->client[i], fd[POLL_FIXED + 2 * i].revents,
@@ -215,6 +219,7 @@ static void *viewer_thread_main(void *context)
 
 /* ---- start ---- */
 
+/* Makes a random token of hexadecimal digits; false = no random numbers. */
 static bool viewer_make_token(char token[VIEWER_TOKEN])
 {
     uint8_t random[(VIEWER_TOKEN - 1) / 2];
@@ -228,7 +233,7 @@ static bool viewer_make_token(char token[VIEWER_TOKEN])
     return true;
 }
 
-/* Tokens as they are given, others anew, and a name for this run. */
+/* Sets the tokens, given or new, and a name for this run; false = no random numbers. */
 static bool viewer_set_tokens(struct viewer *viewer)
 {
     for (int right = 0; right < 2; right++) {
@@ -243,7 +248,7 @@ static bool viewer_set_tokens(struct viewer *viewer)
     return viewer_make_token(viewer->run);
 }
 
-/* The numeric address as a sockaddr of its family; false when it is none. */
+/* Parses a numeric IPv4 or IPv6 address; false = it is neither. */
 static bool viewer_parse_host(const char *host, uint16_t port, struct sockaddr_storage *address,
                               struct http_bound *bound)
 {
@@ -269,6 +274,7 @@ static bool viewer_parse_host(const char *host, uint16_t port, struct sockaddr_s
     return false;
 }
 
+/* Opens the listening socket. */
 static enum error_code viewer_listen(struct viewer *viewer, struct error *error)
 {
     const char *host = viewer->config.host ? viewer->config.host : "127.0.0.1";
@@ -301,7 +307,8 @@ static enum error_code viewer_listen(struct viewer *viewer, struct error *error)
     return ERROR_NONE;
 }
 
-/* What to print: with the address of this machine where the server listens at all of them. */
+/* Makes the addresses to print, with the loopback address if the server listens at all
+ * addresses. */
 static void viewer_make_addresses(struct viewer *viewer)
 {
     const char *host = viewer->bound.host;
@@ -319,6 +326,7 @@ static void viewer_make_addresses(struct viewer *viewer)
     }
 }
 
+/* Allocates the server and the buffers of its clients. */
 static enum error_code viewer_allocate(const struct viewer_config *config, struct arena *arena,
                                        struct viewer **out, struct error *error)
 {
@@ -328,6 +336,7 @@ static enum error_code viewer_allocate(const struct viewer_config *config, struc
         return error_set(error, ERROR_MEMORY, "page: no memory");
     }
     viewer->config = *config;
+    /* The rig and the signals are the recording's or the simulator's */
     if (config->recording) {
         viewer->rig = config->rig;
         viewer->signal = config->recording->signals.title;
@@ -341,6 +350,10 @@ static enum error_code viewer_allocate(const struct viewer_config *config, struc
     viewer->histogram = arena_alloc(arena, 1, sizeof *viewer->histogram);
     viewer->mesh = arena_alloc(arena, VIEWER_MESHES, sizeof *viewer->mesh);
     viewer->visual = arena_alloc(arena, ROBOT_VISUALS_MAX, sizeof *viewer->visual);
+    if (!viewer->histogram || !viewer->mesh || !viewer->visual) {
+        return error_set(error, ERROR_MEMORY, "page: no memory");
+    }
+    /* All places are free and own their buffers */
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
         struct viewer_client *client = &viewer->client[i];
 
@@ -353,7 +366,8 @@ static enum error_code viewer_allocate(const struct viewer_config *config, struc
             .trace = arena_alloc(arena, 1, VIEWER_TRACE),
             .line = arena_alloc(arena, 1, VIEWER_LINE),
         };
-        if (!client->line) {
+        if (!client->inbox || !client->message || !client->outbox || !client->trace ||
+            !client->line) {
             return error_set(error, ERROR_MEMORY, "page: no memory");
         }
     }
@@ -363,7 +377,7 @@ static enum error_code viewer_allocate(const struct viewer_config *config, struc
     return ERROR_NONE;
 }
 
-/* The description that every client gets first. */
+/* Makes the description that every client gets first. */
 static enum error_code viewer_make_hello(struct viewer *viewer, struct error *error)
 {
     json_t *hello = viewer_hello(viewer);
@@ -377,6 +391,7 @@ static enum error_code viewer_make_hello(struct viewer *viewer, struct error *er
     return ERROR_NONE;
 }
 
+/* Creates the event by which orders arrive, and starts the thread. */
 static enum error_code viewer_start_thread(struct viewer *viewer, struct error *error)
 {
     int reason;

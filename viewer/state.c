@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* States: what a client sees of a moment, as bytes. docs/page.md has the table. */
+/* Makes states: what a client sees of a moment, as bytes. docs/page.md has the table. */
 #include "base/vec3.h"
 #include "rt/clock.h"
 #include "viewer/bytes.h"
@@ -28,13 +28,14 @@ enum board_flag {
     STATE_BOARD_SILENT = 16,
 };
 
+/* Period of measuring loads and ticks. */
 #define MEASURE_NS (250 * CLOCK_MS)
 #define CONTACT_LEAST_N 1e-3
 #define ENDED_NS (500 * CLOCK_MS) /* between states of a run that is over */
 
 /* ---- columns of signals ---- */
 
-/* The column of a signal by its name, the format with name in the place of its %s. */
+/* Finds the column of the signal named before + name + after; VIEWER_NO_COLUMN = none. */
 static uint16_t state_find_column(const struct viewer *viewer, const char *before, const char *name,
                                   const char *after)
 {
@@ -75,7 +76,7 @@ enum error_code viewer_create_state(struct viewer *viewer, struct error *error)
         return error_set(error, ERROR_MEMORY, "page: no memory");
     }
 
-    /* Where in a row of signals the states find what they show */
+    /* The columns of a row in which the states find what they show */
     for (size_t j = 0; j < njoint; j++) {
         viewer->torque[j] = state_find_column(viewer, "torque_", rig->robot->joint[j].name, "_nm");
     }
@@ -92,7 +93,7 @@ enum error_code viewer_create_state(struct viewer *viewer, struct error *error)
 
 /* ---- measures over a time ---- */
 
-/* Loads of the buses, and what ticks take, four times a second. */
+/* Measures loads of the buses and durations of ticks, four times a second. */
 static void viewer_measure(struct viewer *viewer)
 {
     const struct simulator_status *now = &viewer->view.status;
@@ -112,7 +113,7 @@ static void viewer_measure(struct viewer *viewer)
         viewer->measured_bits[b] = now->bus[b].bits;
     }
 
-    /* The mean of the ticks since then; the rest is of all ticks */
+    /* The mean is of the ticks since the last measure; percentile and maximum are of all ticks */
     histogram_copy(&stats->work, work);
     if (work->count > viewer->work_count) {
         viewer->work_us[0] = (double)(work->sum - viewer->work_sum) * 1e-3 /
@@ -139,6 +140,7 @@ static uint8_t *put_pose(uint8_t *to, const double position[3], const double qua
     return to;
 }
 
+/* Writes the poses of the bodies: recorded, or computed from base and joint angles. */
 static uint8_t *put_bodies(struct viewer *viewer, uint8_t *to)
 {
     const struct robot *robot = viewer->rig->robot;
@@ -178,7 +180,8 @@ static uint8_t *put_joints(const struct viewer *viewer, uint8_t *to)
     return to;
 }
 
-/* Wrenches of those bodies that touch something, world frame, about the body's origin. */
+/* Writes the wrenches of bodies that touch something, world frame, about the body's origin;
+ * *count is how many. */
 static uint8_t *put_contacts(const struct viewer *viewer, uint8_t *to, uint16_t *count)
 {
     *count = 0;
@@ -201,6 +204,7 @@ static uint8_t *put_contacts(const struct viewer *viewer, uint8_t *to, uint16_t 
     return to;
 }
 
+/* Writes counters, load and state of each bus. */
 static uint8_t *put_buses(const struct viewer *viewer, uint8_t *to)
 {
     for (size_t b = 0; b < viewer->rig->nbus; b++) {
@@ -216,12 +220,14 @@ static uint8_t *put_buses(const struct viewer *viewer, uint8_t *to)
     return to;
 }
 
-/* A recording has nothing of boards. */
+/* Returns the number of boards; a recording has none. */
 static size_t viewer_boards(const struct viewer *viewer)
 {
     return viewer->playback ? 0 : viewer->rig->boards.nboard;
 }
 
+/* Writes for each board when it was last heard (s ago, -1 = never), its flags and the modes of
+ * its axes. */
 static uint8_t *put_boards(const struct viewer *viewer, uint8_t *to)
 {
     for (size_t i = 0; i < viewer_boards(viewer); i++) {
@@ -244,6 +250,7 @@ static uint8_t *put_boards(const struct viewer *viewer, uint8_t *to)
     return to;
 }
 
+/* Writes which faults are active, a bit each. */
 static uint8_t *put_faults(const struct viewer *viewer, uint8_t *to, size_t count)
 {
     for (size_t i = 0; i < (count + 31) / 32; i++) {
@@ -262,26 +269,27 @@ static int64_t wall_time_ns(void)
     return now.tv_sec * CLOCK_SECOND + now.tv_nsec;
 }
 
+/* Writes the header of a state. */
 static void put_state_header(const struct viewer *viewer, const struct viewer_client *client,
                              uint8_t *to, uint16_t ncontact, size_t nfault)
 {
     const struct simulator_status *status = &viewer->view.status;
-    const struct steering *steering =
-        viewer->playback ? NULL : simulator_steering(viewer->config.simulator);
+    const struct requests *requests =
+        viewer->playback ? NULL : simulator_requests(viewer->config.simulator);
     const struct rig *rig = viewer->rig;
     bool paused =
-        viewer->playback ? client->playback.paused : steering && steering_paused(steering);
+        viewer->playback ? client->playback.paused : requests && requests_paused(requests);
     double speed = viewer->playback ? client->playback.speed
-                   : steering       ? steering_speed(steering)
+                   : requests       ? requests_speed(requests)
                                     : 1.0;
 
-    /* What kind of message, then the clocks, then how much of each part follows */
+    /* Kind of message, the clocks, then how much of each part follows */
     to = put_u8(to, STATE_KIND);
     to = put_u8(to, VIEWER_PROTOCOL);
     to =
         put_u16(to, (uint16_t)((paused ? STATE_PAUSED : 0) | (status->clamped ? STATE_CLAMPED : 0) |
                                (viewer->ended ? STATE_ENDED : 0)));
-    to = put_u32(to, 0); /* of the client, put_own */
+    to = put_u32(to, 0); /* the client's skipped states: client_send_state */
     to = put_u64(to, status->tick);
     to = put_u64(to, (uint64_t)status->time_ns);
     to = put_u64(to, (uint64_t)status->elapsed_ns);
@@ -298,10 +306,11 @@ static void put_state_header(const struct viewer *viewer, const struct viewer_cl
     to = put_u16(to, (uint16_t)rig->nbus);
     to = put_u16(to, (uint16_t)viewer_boards(viewer));
     to = put_u16(to, (uint16_t)nfault);
-    put_u32(to, 0); /* of the client */
+    put_u32(to, 0); /* the number of the client's signals: client_send_state */
 }
 
-/* The part that all clients share, but those of a recording; returns its size. */
+/* Makes the part of a state that all clients share (each has its own of a recording); returns
+ * its size. */
 static size_t viewer_make_state(struct viewer *viewer, const struct viewer_client *client)
 {
     size_t nfault = viewer->playback ? 0 : faults_count(simulator_faults(viewer->config.simulator));
@@ -318,7 +327,7 @@ static size_t viewer_make_state(struct viewer *viewer, const struct viewer_clien
     return (size_t)(to - viewer->state);
 }
 
-/* The client's own part: what it missed, and the signals that it has chosen. */
+/* Adds the client's own part (skipped states, chosen signals) and sends the state. */
 static void client_send_state(struct viewer *viewer, struct viewer_client *client, size_t size)
 {
     const struct viewer_watch *watch = &client->watch;
@@ -336,7 +345,7 @@ static void client_send_state(struct viewer *viewer, struct viewer_client *clien
 
 /* ---- events ---- */
 
-/* What has happened since the client was told last. */
+/* Sends the events since those that the client was sent last. */
 static void client_send_events(struct viewer *viewer, struct viewer_client *client)
 {
     for (;;) {
@@ -350,7 +359,7 @@ static void client_send_events(struct viewer *viewer, struct viewer_client *clie
         next = next < viewer->nevent ? next + 1 : 0;
         pthread_mutex_unlock(&viewer->events_lock);
 
-        /* One that finds no room is told with the next state */
+        /* An event that finds no room is sent with the next state */
         if (next == 0 || client_waiting(client) > VIEWER_OUTBOX / 2 ||
             !client_send_object(viewer, client,
                                 json_pack("{s:s, s:i, s:s}", "type", "event", "priority",
@@ -363,7 +372,7 @@ static void client_send_events(struct viewer *viewer, struct viewer_client *clie
 
 /* ---- all clients ---- */
 
-/* Whether the client is due; slow ones skip a state. */
+/* Checks whether a state is due for a client; slow clients skip one. */
 static bool client_wants_state(struct viewer *viewer, struct viewer_client *client)
 {
     struct viewer_watch *watch = &client->watch;
@@ -383,7 +392,7 @@ static bool client_wants_state(struct viewer *viewer, struct viewer_client *clie
     return true;
 }
 
-/* Whether the view is still that of the last time that somebody looked. */
+/* Checks whether the view is still the one from before clients watched again. */
 static bool viewer_awaits_view(struct viewer *viewer)
 {
     if (viewer->awaited &&
@@ -407,7 +416,7 @@ void viewer_send_states(struct viewer *viewer)
         if (!client_wants_state(viewer, client)) {
             continue;
         }
-        /* One copy for all that are due in this turn; of a recording, one each */
+        /* One state for all clients that are due in this turn; of a recording one each */
         if (viewer->playback) {
             playback_view(viewer, client);
             playback_trace(viewer, client);

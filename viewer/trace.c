@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The frames on the buses: heard by ports of the viewer's own, and handed to clients that trace.
- * docs/page.md has the bytes. */
+/* Traces the frames on the buses: receives them by ports of the viewer's own, and hands them to
+ * clients that trace. docs/page.md has the bytes. */
 #include "viewer/bytes.h"
 #include "viewer/private.h"
 
@@ -41,7 +41,7 @@ void viewer_trace_frame(struct viewer *viewer, size_t bus, const struct bus_fram
     }
 }
 
-/* What has come on a bus, in a bounded turn. */
+/* Receives what has come on a bus, in a bounded turn. */
 static void viewer_hear_bus(struct viewer *viewer, size_t bus)
 {
     struct can_port *port = viewer->config.ports->port[bus];
@@ -51,7 +51,7 @@ static void viewer_hear_bus(struct viewer *viewer, size_t bus)
     for (int turn = 0; turn < TURNS && count == BATCH; turn++) {
         count = can_receive(port, frame, BATCH);
         for (size_t i = 0; i < count; i++) {
-            /* What has no time of its own is as new as the newest */
+            /* A frame without a time stamp gets the newest one of its bus */
             if (frame[i].time_ns == 0) {
                 frame[i].time_ns = viewer->frame_ns[bus];
             }

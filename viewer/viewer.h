@@ -9,7 +9,7 @@
  * A request has to name the address that the server is bound to as its Host, and its pages as its
  * Origin (viewer/request.h).
  *
- * What a client asks is carried out by the control socket (app/control/control.h), to which the
+ * What a client asks is carried out by the control socket (control/control.h), to which the
  * viewer connects once for each client with the right to control; `coman-hil ctl` does the same.
  * Frames are sent and heard by ports of its own, as any participant of the buses has them.
  *
@@ -99,7 +99,8 @@ enum error_code recording_open(const struct recording_config *config, struct are
                                struct recording **recording, struct error *error);
 void recording_close(struct recording *recording); /* NULL is allowed */
 
-/* How long it is, and how many of its frames have an interface that the rig does not. */
+/* Return how long a recording is, and how many of its frames have an interface that the rig does
+ * not. */
 double recording_duration_s(const struct recording *recording);
 uint64_t recording_strange_frames(const struct recording *recording);
 
@@ -111,19 +112,19 @@ uint64_t recording_strange_frames(const struct recording *recording);
 enum error_code viewer_start(const struct viewer_config *config, struct viewer **viewer,
                              struct error *error);
 
-/* Clients are served from now on; after simulator_start. NULL is allowed. */
+/* Begins to serve clients; after simulator_start. NULL is allowed. */
 void viewer_serve(struct viewer *viewer);
 
-/* The tokens, to look and to control, and the port: what the next run needs for the same addresses.
- * A token has VIEWER_TOKEN - 1 lower-case hexadecimal digits. */
+/* Return the tokens, to look and to control, and the port: what the next run needs for the same
+ * addresses. A token has VIEWER_TOKEN - 1 lower-case hexadecimal digits. */
 const char *viewer_token(const struct viewer *viewer, bool control);
 uint16_t viewer_port(const struct viewer *viewer);
 
-/* The address of the page for those who may control, or only look: what to print. "" when nobody
- * may control. Owned by the viewer. */
+/* Returns the address of the page for those who may control, or only look: what to print. ""
+ * when nobody may control. Owned by the viewer. */
 const char *viewer_address(const struct viewer *viewer, bool control);
 
-/* An event of the run, for the time line; from any thread but the loop's. */
+/* Adds an event of the run to the time line; from any thread but the loop's. */
 void viewer_put_event(struct viewer *viewer, enum journal_priority priority, const char *text);
 
 /* How a run has ended. */
@@ -132,28 +133,28 @@ struct viewer_end {
     const char *text;      /* "ran its length" */
     double time_s;         /* virtual */
     const char *task;      /* NULL = none, */
-    const char *task_text; /* and what it says at its end; NULL = nothing */
+    const char *task_text; /* and its message at the end; NULL = none */
     const char *recording; /* its folder, whose files are complete when stays; NULL = none */
 };
 
-/* When the loop has ended: tells the clients how. Those that have said that they stay are served
- * on, with the last state, the history and the files of the recording; the others are disconnected.
- * ERROR_MEMORY. */
+/* Sends the clients the outcome of the run, after the loop has ended. Clients that asked to stay
+ * are still served, with the last state, the history and the files of the recording; the others
+ * are disconnected. ERROR_MEMORY. */
 enum error_code viewer_end(struct viewer *viewer, const struct viewer_end *end,
                            struct error *error);
 
-/* Whether a client is connected that stays at the end of a run. NULL is allowed. */
+/* Checks whether a client is connected that stays at the end of a run. NULL is allowed. */
 bool viewer_is_watched(const struct viewer *viewer);
 
-/* After viewer_end: waits until no client that stays has been there for two seconds, for so long at
- * most, or until stopped(context), which is asked twenty times a second. */
+/* Waits, after viewer_end, until no client that stays has been there for two seconds, for so
+ * long at most, or until stopped(context), which is asked twenty times a second. */
 void viewer_linger(const struct viewer *viewer, double longest_s, bool (*stopped)(void *context),
                    void *context);
 
-/* When the loop has ended: tells the clients and closes every connection. NULL is allowed. */
+/* Tells the clients, when the loop has ended, and closes every connection. NULL is allowed. */
 void viewer_stop(struct viewer *viewer);
 
-/* A copy, no older than the last turn of the thread. */
+/* Copies the counters, no older than the last turn of the thread. */
 void viewer_counters(struct viewer *viewer, struct viewer_counters *counters);
 void viewer_destroy(struct viewer *viewer); /* NULL is allowed */
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Meshes that only show what a robot looks like: binary STL files, passed on as they are once their
- * size is that of their number of triangles. A robot file of a stranger names no other file this
- * way. */
+/* Reads meshes that only show what a robot looks like: binary STL files, passed on as they are
+ * if their size fits their number of triangles. This check keeps a foreign robot file from
+ * naming, and so exposing, other files. */
 #include "viewer/private.h"
 
 #include <errno.h>
@@ -23,14 +23,14 @@ size_t viewer_visual_source(const struct robot *robot, size_t visual)
     return visual;
 }
 
-/* The number of triangles that an STL file says it has. */
+/* Returns the number of triangles that an STL header states. */
 static uint64_t stl_count_faces(const uint8_t *data)
 {
     return (uint64_t)data[80] | (uint64_t)data[81] << 8 | (uint64_t)data[82] << 16 |
            (uint64_t)data[83] << 24;
 }
 
-/* Reads up to size bytes; how many there were. */
+/* Reads up to size bytes; returns how many there were. */
 static size_t file_read(int fd, uint8_t *data, size_t size)
 {
     size_t filled = 0;
@@ -43,7 +43,7 @@ static size_t file_read(int fd, uint8_t *data, size_t size)
     return filled;
 }
 
-/* Whether a file of that size, which begins so, is a binary STL file. */
+/* Checks whether a file of a size and header is a whole binary STL file. */
 static bool stl_is_whole(const uint8_t *header, size_t had, size_t size)
 {
     return had >= STL_HEADER && size - STL_HEADER == stl_count_faces(header) * STL_FACE;
@@ -57,7 +57,7 @@ static enum error_code visual_refuse(const char *path, size_t size, struct error
                      path, size);
 }
 
-/* Opens a regular file of at most that size; -1 with the error. */
+/* Opens a regular file of at most a size; -1 with the error. */
 static int visual_open(const char *path, size_t most, size_t *size, struct error *error)
 {
     int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Keys and frames of WebSockets. */
+/* Computes the answers to keys of WebSockets, and reads and writes their frames. */
 #include "viewer/websocket.h"
 
 #include <stdio.h>
@@ -14,6 +14,7 @@ static uint32_t sha1_rotate(uint32_t x, int by)
     return x << by | x >> (32 - by);
 }
 
+/* Adds a block to the digest. */
 static void sha1_add_block(uint32_t h[5], const uint8_t block[SHA1_BLOCK])
 {
     uint32_t w[80], a = h[0], b = h[1], c = h[2], d = h[3], e = h[4];
@@ -49,7 +50,7 @@ static void sha1_add_block(uint32_t h[5], const uint8_t block[SHA1_BLOCK])
     h[4] += e;
 }
 
-/* The digest of a text of at most two blocks less their ends. */
+/* Computes the digest of a text of at most two blocks, padding included. */
 static void sha1_digest(const char *text, uint8_t digest[SHA1_SIZE])
 {
     uint32_t h[5] = {0x67452301, 0xefcdab89, 0x98badcfe, 0x10325476, 0xc3d2e1f0};
@@ -93,7 +94,7 @@ void websocket_accept(const char *key, char accept[WEBSOCKET_ACCEPT])
 
 /* ---- frames ---- */
 
-/* The length of the payload and where it begins; false when the header has not come. */
+/* Reads the length of the payload and where it begins; false = the header is not complete. */
 static bool frame_read_length(const uint8_t *data, size_t size, uint64_t *length, size_t *begin)
 {
     size_t more = (data[1] & 0x7f) == 126 ? 2 : (data[1] & 0x7f) == 127 ? 8 : 0;
@@ -133,7 +134,8 @@ int websocket_read(uint8_t *data, size_t size, size_t max, struct websocket_fram
         return WEBSOCKET_PROTOCOL;
     }
 
-    /* The length is judged before the payload has come: nobody waits for what will not fit */
+    /* The length is checked before the payload has come, so that nobody waits for what will not
+     * fit */
     if (!frame_read_length(data, size, &length, &begin)) {
         return 0;
     }

@@ -33,7 +33,7 @@ enum websocket_status {
 
 enum { WEBSOCKET_ACCEPT = 29, WEBSOCKET_HEADER = 10, WEBSOCKET_CONTROL_MAX = 125 };
 
-/* Sec-WebSocket-Accept for a key. */
+/* Computes the Sec-WebSocket-Accept for a key. */
 void websocket_accept(const char *key, char accept[WEBSOCKET_ACCEPT]);
 
 /* A frame as it begins in a buffer. */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A malloc that counts, in place of the C library's for the whole program. */
+/* Replaces malloc, calloc and realloc in the whole program by functions that count. */
 #include "app/bench/allocations.h"
 
 #include <stdlib.h>
@@ -10,7 +10,7 @@ const bool bench_allocations_counted = true;
 
 static _Thread_local size_t count;
 
-/* glibc's, under the names that it keeps for this */
+/* glibc's own, under the names that it keeps for such replacements */
 void *__libc_malloc(size_t size);
 void *__libc_calloc(size_t n, size_t size);
 void *__libc_realloc(void *memory, size_t size);

@@ -9,9 +9,11 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+/* Whether this build counts allocations: with glibc, and without sanitizers. */
 extern const bool bench_allocations_counted;
 
-/* By this thread so far; 0 where they are not counted. RT-safe. */
+/* Returns the number of allocations by this thread so far; 0 where they are not counted.
+ * RT-safe. */
 size_t bench_allocations(void);
 
 #endif

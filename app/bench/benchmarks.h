@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The benchmarks of coman-hil-bench. argv[0] is the benchmark's name; the return value is an enum
- * exit_status (base/options.h). Each prints its own manual for --help. Not RT-safe. */
+/* The benchmarks of coman-hil-bench. argv[0] is the benchmark's name; each returns an enum
+ * exit_status (base/options.h), and prints its own manual for --help. Not RT-safe. */
 #ifndef APP_BENCH_BENCHMARKS_H
 #define APP_BENCH_BENCHMARKS_H
 

@@ -22,20 +22,22 @@
 #include <string.h>
 #include <time.h>
 
-#define ARENA_BYTES ((size_t)2 << 30) /* of address space */
+#define ARENA_BYTES ((size_t)2 << 30) /* address space */
 
+/* Motions of each scene; engines; rounds with --quick; index of the native engine. */
 enum { POSES = 16, ENGINES = 2, QUICK_ROUNDS = 5, NATIVE = 0 };
 
 static const char *const engine_name[ENGINES] = {"native", "simbody"};
 
-/* The results of a scene: motions in which its bodies touch, and what was measured. */
+/* A scene under measurement: motions in which its bodies touch, and what was measured. */
 struct result {
     struct body_motion motion[POSES][BENCH_BODIES];
     struct contact_world *world[ENGINES];
-    double *us[ENGINES];         /* of one evaluation, by round */
-    double allocations[ENGINES]; /* in one evaluation */
+    double *us[ENGINES];         /* time of one evaluation, by round */
+    double allocations[ENGINES]; /* allocations of one evaluation */
 };
 
+/* The benchmark under way. */
 struct bench {
     size_t rounds, nscene;
     int64_t random;
@@ -44,6 +46,7 @@ struct bench {
     struct result result[BENCH_SCENES];
 };
 
+/* Creates both engines for each scene, and draws its motions. */
 static enum error_code contact_bench_create_worlds(struct bench *bench, struct error *error)
 {
     uint64_t seed = 7;
@@ -66,6 +69,8 @@ static enum error_code contact_bench_create_worlds(struct bench *bench, struct e
                 return error_set(error, ERROR_MEMORY, "no memory for %zu rounds", bench->rounds);
             }
         }
+
+        /* Both engines evaluate the same motions */
         for (int pose = 0; pose < POSES; pose++) {
             bench_scene_draw(s, &seed, r->motion[pose]);
         }
@@ -75,11 +80,13 @@ static enum error_code contact_bench_create_worlds(struct bench *bench, struct e
 
 /* ---- measuring ---- */
 
-/* Evaluates every pose a few times: time of one evaluation, us, and its allocations. */
+/* Evaluates every motion a few times; returns the CPU time of one evaluation, us, and counts its
+ * allocations. */
 static double contact_bench_time_engine(struct result *r, int engine)
 {
     struct contact_world *world = r->world[engine];
     struct contact_wrench wrench[BENCH_BODIES];
+    /* The native engine is so fast that it is repeated to outlast the clock's resolution */
     const int repeat = engine == NATIVE ? 20 : 1;
     size_t allocations = bench_allocations();
     double start = bench_cpu_s(), us;
@@ -94,6 +101,8 @@ static double contact_bench_time_engine(struct result *r, int engine)
     return us;
 }
 
+/* Times every engine on every scene in each round, so that both see the same state of the
+ * machine. */
 static void contact_bench_run_rounds(struct bench *bench)
 {
     for (size_t round = 0; round < bench->rounds; round++) {
@@ -106,6 +115,7 @@ static void contact_bench_run_rounds(struct bench *bench)
     }
 }
 
+/* Prints a table of medians, with the engines' ratio and the native engine's target. */
 static void contact_bench_print_rounds(struct bench *bench)
 {
     printf("microseconds of CPU and allocations an evaluation, median of %zu interleaved rounds of "
@@ -147,8 +157,8 @@ static void contact_bench_print_rounds(struct bench *bench)
     }
 }
 
-/* Times the native engine once a pose, the fastest of three so that an interrupt is not taken for
- * work; us gets them all. */
+/* Times the native engine in n random motions, us: the fastest of three each, so that an interrupt
+ * is not taken for work. */
 static void contact_bench_time_random(const struct bench_scene *s, struct contact_world *world,
                                       size_t n, double *us)
 {
@@ -174,6 +184,7 @@ static void contact_bench_time_random(const struct bench_scene *s, struct contac
     }
 }
 
+/* Prints percentiles of the native engine's time over many random motions of each scene. */
 static enum error_code contact_bench_run_random(struct bench *bench, struct error *error)
 {
     size_t n = (size_t)bench->random;
@@ -198,6 +209,7 @@ static enum error_code contact_bench_run_random(struct bench *bench, struct erro
     return ERROR_NONE;
 }
 
+/* Makes the scenes and measures them. */
 static enum error_code contact_bench_run(struct bench *bench, const char *foot, struct error *error)
 {
     const struct mesh *mesh;
@@ -214,6 +226,8 @@ static enum error_code contact_bench_run(struct bench *bench, const char *foot, 
         contact_bench_print_rounds(bench);
         code = bench->random > 0 ? contact_bench_run_random(bench, error) : ERROR_NONE;
     }
+
+    /* Simbody's worlds have memory of their own; the native ones are in the arena */
     for (size_t i = 0; i < bench->nscene; i++) {
         struct contact_world *simbody = bench->result[i].world[1];
 

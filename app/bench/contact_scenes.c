@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The contact scenes that are measured. */
+/* Makes the contact scenes that are measured. */
 #include "app/bench/contact_scenes.h"
 
 #include "base/count.h"
@@ -7,11 +7,12 @@
 #include <math.h>
 #include <string.h>
 
-/* The paper's walking code: foot and ground; its Table 2 for the rest. */
+/* Materials of foot and ground as in the paper's walking code, of the box as in its Table 2. */
 static const struct contact_material foot_material = {1e5, 2e-4, 10, 1.1, 0.9, 0, 0};
 static const struct contact_material ground_material = {1e5, 1e-3, 10, 1.1, 0.9, 0, 0};
 static const struct contact_material box_material = {1e4, 1e-3, 10, 1.1, 0.9, 0.5, 0};
 
+/* Draws a number from -1 to 1 (xorshift64*); advances the seed, which must not be 0. */
 static double random_number(uint64_t *seed)
 {
     *seed ^= *seed >> 12;
@@ -20,12 +21,14 @@ static double random_number(uint64_t *seed)
     return (double)((*seed * 2685821657736338717u) >> 11) / 4503599627370496.0 - 1;
 }
 
+/* The scenes so far. */
 struct scenes {
     struct bench_scene *scene;
     size_t count;
     const struct mesh *foot;
 };
 
+/* Adds a scene without surfaces; target_us 0 = none. */
 static struct bench_scene *add_scene(struct scenes *scenes, const char *name, size_t nbody,
                                      double target_us)
 {
@@ -40,6 +43,7 @@ static struct bench_scene *add_scene(struct scenes *scenes, const char *name, si
     return scene;
 }
 
+/* Adds a surface at the origin of a body; body -1 is the world. */
 static struct contact_surface *add_surface(struct bench_scene *scene, int body,
                                            enum contact_shape shape,
                                            const struct contact_material *material)
@@ -54,6 +58,7 @@ static struct contact_surface *add_surface(struct bench_scene *scene, int body,
     return s;
 }
 
+/* Adds a mesh to a body. */
 static void add_mesh(struct bench_scene *scene, int body, const struct mesh *mesh,
                      const struct contact_material *material)
 {
@@ -61,6 +66,8 @@ static void add_mesh(struct bench_scene *scene, int body, const struct mesh *mes
     scene->faces += mesh->nface;
 }
 
+/* Adds a box of these half sides, m, with its faces divided into cells x cells squares of two
+ * triangles. */
 static struct contact_surface *add_box(struct bench_scene *scene, int body, double x, double y,
                                        double z, int cells, const struct contact_material *material)
 {
@@ -74,18 +81,20 @@ static struct contact_surface *add_box(struct bench_scene *scene, int body, doub
     return s;
 }
 
+/* Lets two surfaces touch. */
 static void add_pair(struct bench_scene *scene, int a, int b)
 {
     scene->pair[scene->config.npair++] = (struct contact_pair){a, b};
 }
 
+/* Places a body where it touches, m. */
 static void scene_place_body(struct bench_scene *scene, int body, double x, double y, double z)
 {
     memcpy(scene->place[body], (double[3]){x, y, z}, sizeof scene->place[body]);
 }
 
-/* A block of ground with bumps of 4 mm every 15 cm and cells of 2.5 cm, or what gives more of them
- * within 10 m. */
+/* Makes a block of ground with bumps of 4 mm every 15 cm, of cells x cells squares of 2.5 cm. NULL
+ * without memory. */
 static const struct mesh *make_terrain(struct arena *arena, int cells, struct error *error)
 {
     const double side = cells * 0.0125, half[3] = {side, side, 0.05};
@@ -100,6 +109,8 @@ static const struct mesh *make_terrain(struct arena *arena, int cells, struct er
     if (!vertex) {
         return NULL;
     }
+
+    /* Move only the vertices of the top side */
     for (size_t v = 0; v < box->nvertex; v++) {
         memcpy(vertex[v], box->vertex[v], sizeof vertex[v]);
         if (vertex[v][2] > 0.0499) {
@@ -112,6 +123,8 @@ static const struct mesh *make_terrain(struct arena *arena, int cells, struct er
     return mesh;
 }
 
+/* Adds the paper's scene: two feet on the ground, and a box on a table between the spheres of two
+ * wrists. */
 static void scene_add_five_bodies(struct scenes *scenes)
 {
     struct bench_scene *s = add_scene(scenes, "five bodies of the paper", BENCH_BODIES, 6);
@@ -143,7 +156,7 @@ enum error_code bench_scenes_make(struct bench_scene scene[BENCH_SCENES], size_t
     struct scenes all = {scene, 0, foot}, *scenes = &all;
     struct bench_scene *s = add_scene(scenes, "foot on half-space", 1, 0.6);
 
-    /* One pair of surfaces each */
+    /* One pair of surfaces each; bodies are placed 0.5 or 1 mm deep */
     add_surface(s, -1, CONTACT_HALF_SPACE, &ground_material);
     add_mesh(s, 0, scenes->foot, &foot_material);
     add_pair(s, 0, 1);
@@ -169,7 +182,7 @@ enum error_code bench_scenes_make(struct bench_scene scene[BENCH_SCENES], size_t
 
     scene_add_five_bodies(scenes);
 
-    /* The same foot on more and more triangles */
+    /* The same foot on terrains of more and more triangles */
     for (size_t i = 0; i < ARRAY_COUNT(cells); i++) {
         const struct mesh *terrain = make_terrain(arena, cells[i], error);
 
@@ -193,6 +206,7 @@ void bench_scene_draw(const struct bench_scene *scene, uint64_t *seed,
         struct body_motion *m = &motion[b];
         double q[4] = {1, 0, 0, 0}, norm;
 
+        /* A small turn, as a quaternion, and a small shift about the place; slow velocities */
         for (int i = 0; i < 3; i++) {
             q[i + 1] = 1.5e-3 * random_number(seed);
             m->p[i] = scene->place[b][i] + (i < 2 ? 1e-2 : 3e-4) * random_number(seed);
@@ -203,6 +217,8 @@ void bench_scene_draw(const struct bench_scene *scene, uint64_t *seed,
         for (int i = 0; i < 4; i++) {
             q[i] /= norm;
         }
+
+        /* The rotation matrix of the quaternion */
         memcpy(m->R,
                (double[9]){1 - 2 * (q[2] * q[2] + q[3] * q[3]), 2 * (q[1] * q[2] - q[0] * q[3]),
                            2 * (q[1] * q[3] + q[0] * q[2]), 2 * (q[1] * q[2] + q[0] * q[3]),

@@ -23,14 +23,15 @@
 #include <string.h>
 #include <unistd.h>
 
-#define BATCH_NS 200000.0 /* of one measurement: many times what reading the clock takes */
+#define BATCH_NS 200000.0 /* time of one measurement: many times what reading the clock takes */
 
 enum { ROUNDS_MAX = 100000, QUICK_ROUNDS = 20 };
 
-/* Joints of COMAN's waist and one leg, both legs, torso; the last is the whole robot. */
+/* Joints of parts of COMAN: waist and one leg, both legs, torso. The last size is the whole
+ * robot. */
 static const size_t part_joints[DYNAMICS_SIZES - 1] = {6, 12, 15};
 
-/* Time of one evaluation, ns. */
+/* Measures the CPU time of one evaluation, ns. */
 static double dynamics_bench_time_cell(const struct peer_dynamics *peer,
                                        const struct dynamics_cell *cell)
 {
@@ -44,6 +45,7 @@ static double dynamics_bench_time_cell(const struct peer_dynamics *peer,
     return 1e9 * (bench_cpu_s() - start) / (double)(cell->repeat * PEER_SLOTS);
 }
 
+/* Makes the parts of the robot that are smaller than it, and the whole. */
 static enum error_code take_sizes(struct dynamics_bench *bench, const struct robot *whole,
                                   struct arena *arena, struct error *error)
 {
@@ -60,6 +62,7 @@ static enum error_code take_sizes(struct dynamics_bench *bench, const struct rob
     return ERROR_NONE;
 }
 
+/* Lists our implementations, then those of other simulators. */
 static void take_engines(struct dynamics_bench *bench, const struct peers *peers)
 {
     for (size_t i = 0; i < BENCH_OURS; i++) {
@@ -70,6 +73,8 @@ static void take_engines(struct dynamics_bench *bench, const struct peers *peers
     }
 }
 
+/* Creates an engine for a size, puts the states into it, compares it with the first engine, and
+ * finds how often a measurement repeats all states. */
 static enum error_code create_cell(struct dynamics_bench *bench, size_t e, size_t s,
                                    struct arena *arena, struct error *error)
 {
@@ -94,6 +99,7 @@ static enum error_code create_cell(struct dynamics_bench *bench, size_t e, size_
     return ERROR_NONE;
 }
 
+/* Measures every engine and size in each round, so that all see the same state of the machine. */
 static void dynamics_bench_run_rounds(struct dynamics_bench *bench)
 {
     for (size_t round = 0; round < bench->rounds; round++) {
@@ -107,7 +113,8 @@ static void dynamics_bench_run_rounds(struct dynamics_bench *bench)
     }
 }
 
-/* Medians and spreads of the cells, and the least-squares slope over the sizes. */
+/* Computes medians and spreads of the cells, us, and the least-squares slope over the sizes, us a
+ * degree of freedom. */
 static void dynamics_bench_evaluate(struct dynamics_bench *bench)
 {
     for (size_t e = 0; e < bench->nengine; e++) {
@@ -130,12 +137,14 @@ static void dynamics_bench_evaluate(struct dynamics_bench *bench)
     }
 }
 
+/* Returns the median of a cell, us. */
 static double median_of(const struct dynamics_bench *bench, size_t e, size_t s)
 {
     return bench->cell[e][s].median;
 }
 
-/* The paper compares with Simbody; without it the numeric implementation takes its place. */
+/* Returns the engine that speeds are compared with: Simbody, as in the paper, or else the first
+ * one. */
 size_t dynamics_bench_reference(const struct dynamics_bench *bench)
 {
     for (size_t e = 0; e < bench->nengine; e++) {
@@ -146,23 +155,26 @@ size_t dynamics_bench_reference(const struct dynamics_bench *bench)
     return 0;
 }
 
+/* Returns how many times as fast as the reference an engine is. */
 static double speed_of(const struct dynamics_bench *bench, size_t e, size_t s)
 {
     return bench->cell[dynamics_bench_reference(bench)][s].median / bench->cell[e][s].median;
 }
 
+/* Returns the slope of an engine over the sizes. */
 static double slope_of(const struct dynamics_bench *bench, size_t e, size_t s)
 {
     (void)s;
     return bench->slope[e];
 }
 
+/* Returns the average relative difference of a cell from the first engine. */
 static double difference_of(const struct dynamics_bench *bench, size_t e, size_t s)
 {
     return bench->cell[e][s].difference;
 }
 
-/* One row of the table, with a number for every engine. */
+/* Prints a row of the table, with a number for every engine. */
 static void dynamics_bench_print_row(const struct dynamics_bench *bench, const char *head,
                                      double (*value)(const struct dynamics_bench *, size_t e,
                                                      size_t s),
@@ -181,6 +193,7 @@ static void dynamics_bench_print_row(const struct dynamics_bench *bench, const c
     printf("\n");
 }
 
+/* Prints the table, what the generated code costs, and the paper's numbers. */
 static void dynamics_bench_print_table(const struct dynamics_bench *bench)
 {
     size_t last = bench->nsize - 1;
@@ -223,6 +236,7 @@ static void dynamics_bench_print_table(const struct dynamics_bench *bench)
         "is about 1.8 times as fast.\n");
 }
 
+/* Writes all cells as CSV. */
 static void write_csv(const struct dynamics_bench *bench, FILE *out)
 {
     fprintf(out, "engine,version,degrees_of_freedom,median_us,low_us,high_us,difference\n");
@@ -237,6 +251,7 @@ static void write_csv(const struct dynamics_bench *bench, FILE *out)
     }
 }
 
+/* Draws the medians over the sizes, on a logarithmic axis. */
 static enum error_code write_plot(const struct dynamics_bench *bench, FILE *out,
                                   struct error *error)
 {
@@ -267,6 +282,7 @@ static enum error_code write_plot(const struct dynamics_bench *bench, FILE *out,
     return svg_write(&plot, out, error);
 }
 
+/* Writes dynamics.csv and dynamics.svg into a folder. */
 static enum error_code write_files(const struct dynamics_bench *bench, const char *folder,
                                    struct error *error)
 {
@@ -300,6 +316,8 @@ enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *fil
     if (!code) {
         code = take_sizes(bench, whole, arena, error);
     }
+
+    /* The first engine, our numeric one, is what the others are compared with */
     take_engines(bench, peers);
     for (size_t e = 0; !code && e < bench->nengine; e++) {
         for (size_t s = 0; !code && s < bench->nsize; s++) {
@@ -375,7 +393,7 @@ int bench_dynamics(int argc, char **argv)
         goto end_peers;
     }
 
-    /* Measured, then printed, then written */
+    /* Measure, print, then write */
     code = dynamics_bench_run(&bench, file, library.peers, &arena, &error);
     if (code) {
         goto end_run;

@@ -11,33 +11,37 @@
 enum { DYNAMICS_ENGINES = 8, DYNAMICS_SIZES = 4 };
 #define DYNAMICS_ARENA_BYTES ((size_t)256 << 20)
 
-/* One engine with a robot of one size. */
+/* An engine with a robot of one size, and its times. */
 struct dynamics_cell {
     void *engine;
-    size_t repeat;            /* of all states in a measurement */
-    double *ns;               /* of one evaluation, by round */
+    size_t repeat;            /* runs through all states in one measurement */
+    double *ns;               /* time of one evaluation, by round */
     double median, low, high; /* us; low and high: a tenth of the rounds lies beyond either */
-    double difference;        /* from the numeric one, average over the states */
+    /* Average relative difference from the numeric implementation over the states. */
+    double difference;
 };
 
+/* A measurement of all engines and sizes. */
 struct dynamics_bench {
     size_t rounds;   /* at least 1 */
     bool whole_only; /* without the robot's parts */
     /* the rest is filled in */
-    const struct robot *robot[DYNAMICS_SIZES]; /* the last is the whole one */
+    const struct robot *robot[DYNAMICS_SIZES]; /* the last one is the whole robot */
     size_t nsize, nengine;
     const struct peer_dynamics *peer[DYNAMICS_ENGINES]; /* ours first (app/bench/engines.h) */
     struct dynamics_cell cell[DYNAMICS_ENGINES][DYNAMICS_SIZES];
     double slope[DYNAMICS_ENGINES]; /* us a degree of freedom, least squares; 0 with one size */
 };
 
-/* Measures the robot of a file with our implementations and, unless peers is NULL, theirs. Memory
- * from arena, at most DYNAMICS_ARENA_BYTES. dynamics_bench_end must follow, also after an error. */
+/* Measures the robot of a file with our implementations and, unless peers is NULL, with theirs.
+ * Memory from arena, at most DYNAMICS_ARENA_BYTES. dynamics_bench_end must follow, also after an
+ * error. */
 enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *file,
                                    const struct peers *peers, struct arena *arena,
                                    struct error *error);
 
-/* The engine that the paper compares with, Simbody; 0, our numeric one, when it is not there. */
+/* Returns the engine that the paper compares with, Simbody; 0, our numeric one, when it is not
+ * there. */
 size_t dynamics_bench_reference(const struct dynamics_bench *bench);
 
 /* Destroys the engines. */

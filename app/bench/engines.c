@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Our dynamics as engines beside the others. */
+/* Wraps our dynamics as engines beside those of other simulators. */
 #include "app/bench/engines.h"
 
 #include "model/dynamics.h"
@@ -17,10 +17,12 @@
 
 #define ARENA_BYTES ((size_t)16 << 20)
 
+/* A state with its torques. */
 struct state {
     double *q, *v, *tau;
 };
 
+/* One of our implementations with the states that it is measured in. */
 struct engine {
     struct arena arena;
     struct dynamics dynamics;
@@ -29,6 +31,7 @@ struct engine {
     double *vdot;
 };
 
+/* Destroys an engine with all that it holds. */
 static void bench_engine_destroy(void *memory)
 {
     struct engine *engine = memory;
@@ -38,7 +41,7 @@ static void bench_engine_destroy(void *memory)
     free(engine);
 }
 
-/* An engine with room for states and no dynamics yet. */
+/* Makes an engine with room for states and without dynamics; NULL with an error. */
 static struct engine *bench_engine_begin(const struct robot *robot, struct error *error)
 {
     struct engine *engine = calloc(1, sizeof *engine);
@@ -67,6 +70,7 @@ static struct engine *bench_engine_begin(const struct robot *robot, struct error
     return engine;
 }
 
+/* Returns the engine, or destroys it after an error and returns NULL with the message. */
 static void *bench_engine_finish(struct engine *engine, enum error_code code,
                                  const struct error *error, char *message, size_t size)
 {
@@ -80,6 +84,7 @@ static void *bench_engine_finish(struct engine *engine, enum error_code code,
     return NULL;
 }
 
+/* Creates an engine with the numeric implementation. */
 static void *bench_engine_create_generic(const struct robot *robot, char *message, size_t size)
 {
     struct error error = {0};
@@ -92,7 +97,7 @@ static void *bench_engine_create_generic(const struct robot *robot, char *messag
     return bench_engine_finish(engine, code, &error, message, size);
 }
 
-/* Compiles the robot's module in a folder of its own, which is gone afterwards. */
+/* Compiles the robot's module in a folder of its own, which is removed afterwards. */
 static enum error_code bench_engine_compile_module(const struct robot *robot,
                                                    struct symbolic_library *library,
                                                    struct error *error)
@@ -109,6 +114,8 @@ static enum error_code bench_engine_compile_module(const struct robot *robot,
         return error_set_errno(error, errno, "%s", folder);
     }
     code = symbolic_build(robot, &options, folder, library, error);
+
+    /* A module stays loaded although its files are gone */
     listing = opendir(folder);
     while (listing && (entry = readdir(listing))) {
         if (entry->d_name[0] != '.') {
@@ -123,6 +130,7 @@ static enum error_code bench_engine_compile_module(const struct robot *robot,
     return code;
 }
 
+/* Creates an engine with the generated code: built in for this very robot, or else compiled now. */
 static void *bench_engine_create_generated(const struct robot *robot, char *message, size_t size)
 {
     const struct dynamics_module *module = symbolic_builtin_exact(robot);
@@ -140,6 +148,7 @@ static void *bench_engine_create_generated(const struct robot *robot, char *mess
     return bench_engine_finish(engine, code, &error, message, size);
 }
 
+/* Keeps a state of the engine in a slot. */
 static void bench_engine_put_state(void *memory, size_t slot, const double *q, const double *v,
                                    const double *tau)
 {
@@ -151,6 +160,7 @@ static void bench_engine_put_state(void *memory, size_t slot, const double *q, c
     memcpy(engine->kept[slot].tau, tau, robot->njoint * sizeof *tau);
 }
 
+/* Computes the accelerations of the state in a slot. */
 static void bench_engine_run_state(void *memory, size_t slot)
 {
     struct engine *engine = memory;
@@ -160,6 +170,7 @@ static void bench_engine_run_state(void *memory, size_t slot)
                                   engine->vdot);
 }
 
+/* Copies the accelerations of the last run. */
 static void bench_engine_get_accelerations(void *memory, double *vdot)
 {
     const struct engine *engine = memory;
@@ -188,6 +199,8 @@ enum error_code bench_part(const struct robot *whole, size_t njoint, struct aren
     robot->body = body;
     robot->nbody = njoint + 1;
     robot->njoint = njoint;
+
+    /* Frames, sensors and poses may refer to bodies that are not part of it */
     robot->nframe = robot->ncapsule = robot->nft = robot->npose = 0;
     robot->imu_frame = -1;
     for (size_t b = 0; b < robot->nbody; b++) {
@@ -197,7 +210,7 @@ enum error_code bench_part(const struct robot *whole, size_t njoint, struct aren
     return robot_finish(robot, error);
 }
 
-/* splitmix64 */
+/* Draws a number between two bounds (splitmix64). */
 static double random_in(uint64_t *seed, double lower, double upper)
 {
     uint64_t z = *seed += UINT64_C(0x9e3779b97f4a7c15);
@@ -216,6 +229,7 @@ void bench_put_states(const struct peer_dynamics *peer, void *engine, const stru
     for (size_t slot = 0; slot < PEER_SLOTS; slot++) {
         double square = 0.0;
 
+        /* The base: a position, and a quaternion that is then made a unit one */
         for (size_t i = 0; i < base; i++) {
             q[i] = random_in(&seed, -1.0, 1.0);
             square += i >= 3 ? q[i] * q[i] : 0.0;
@@ -254,7 +268,7 @@ double bench_difference(const struct peer_dynamics *a, void *engine_a,
         }
         relative = sqrt(difference / size);
         sum += relative;
-        /* not fmax: a NaN must not vanish */
+        /* A comparison, not fmax: a result that is not a number must not vanish */
         largest = relative <= largest ? largest : relative;
     }
     if (worst) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* From a frame that goes out to the frame that answers it. */
+/* Measures the time from a frame that goes out to the frame that answers it. */
 #include "app/bench/latency.h"
 
 #include "rt/clock.h"
@@ -9,10 +9,12 @@
 #include <stdatomic.h>
 #include <string.h>
 
-static const int64_t START_UP_NS = 15 * CLOCK_SECOND; /* boards may boot for some seconds */
+/* Wait for the boards, which may boot for some seconds. */
+static const int64_t START_UP_NS = 15 * CLOCK_SECOND;
 
 /* ---- waiting ---- */
 
+/* Waits until a frame has come on one of the taps, or until the time. */
 static void latency_wait_frames(struct latency_tap *const *tap, size_t count, int64_t until_ns)
 {
     struct pollfd fds[64];
@@ -27,6 +29,7 @@ static void latency_wait_frames(struct latency_tap *const *tap, size_t count, in
     clock_wait_readable(clock_monotonic(), fds, nfd, until_ns);
 }
 
+/* Counts the frames received on all buses. */
 static uint64_t latency_count_frames(const struct latency_boards *boards)
 {
     uint64_t frames = 0;
@@ -37,7 +40,7 @@ static uint64_t latency_count_frames(const struct latency_boards *boards)
     return frames;
 }
 
-/* Reads on until the time, or until the motor is as wanted; whether it is. */
+/* Receives until the motor is in the wanted state, or until the time; returns whether it is. */
 static bool latency_read_until(const struct latency_boards *boards, enum host_motor wanted,
                                int64_t until_ns)
 {
@@ -51,6 +54,8 @@ static bool latency_read_until(const struct latency_boards *boards, enum host_mo
         if (joint->motor == wanted) {
             return true;
         }
+
+        /* Waits only when nothing has come since the last look */
         if (latency_count_frames(boards) == frames) {
             if (now >= until_ns) {
                 return false;
@@ -62,6 +67,7 @@ static bool latency_read_until(const struct latency_boards *boards, enum host_mo
 
 /* ---- one sample of each kind ---- */
 
+/* Takes a sample of how late a timer wakes this thread. */
 static void latency_sample_wake_up(struct latency_result *result)
 {
     int64_t at = clock_now(clock_monotonic()) + CLOCK_MS;
@@ -70,6 +76,7 @@ static void latency_sample_wake_up(struct latency_result *result)
     histogram_add(&result->of[LATENCY_WAKE_UP], clock_now(clock_monotonic()) - at);
 }
 
+/* Takes a sample of the time from a ping to its pong on a bare interface. */
 static void latency_sample_echo(struct latency_tap *ping, uint32_t number,
                                 struct latency_result *result)
 {
@@ -96,7 +103,8 @@ static void latency_sample_echo(struct latency_tap *ping, uint32_t number,
     result->lost[LATENCY_ECHO]++;
 }
 
-/* The command is repeated every period, as a host does where set-points are due. */
+/* Takes a sample of the time from a command that switches the motor to the telemetry that says so.
+ * The command is repeated every period, as a host does when set-points are due. */
 static void latency_sample_boards(const struct latency_boards *boards, bool on,
                                   struct latency_result *result)
 {
@@ -118,6 +126,7 @@ static void latency_sample_boards(const struct latency_boards *boards, bool on,
 
 /* ---- the echo ---- */
 
+/* The thread that answers pings. */
 struct latency_echo {
     struct can_port *port;
     int priority;
@@ -125,6 +134,7 @@ struct latency_echo {
     pthread_t thread;
 };
 
+/* Answers each ping with a pong of the same data, at the priority given. */
 static void *latency_echo_main(void *context)
 {
     struct latency_echo *echo = context;
@@ -154,6 +164,7 @@ enum error_code latency_find_boards(const struct latency_boards *boards, struct 
     int64_t now = clock_now(clock_monotonic()), until = now + START_UP_NS;
     enum host_phase phase = HOST_DISCOVERING;
 
+    /* Goes on until the boards are configured; motors are not switched on */
     while (phase < HOST_ENABLING && now < until) {
         now += boards->period_ns;
         latency_read_until(boards, (enum host_motor) - 1, now);
@@ -171,8 +182,8 @@ enum error_code latency_find_boards(const struct latency_boards *boards, struct 
                                           : "the boards do not answer within 15 s");
 }
 
-/* Waits for some part of two periods, another one each time, so that the command meets every part
- * of the boards' period. */
+/* Waits for two periods and a part of a third, another part each time (a golden-ratio sequence), so
+ * that commands meet the boards at all phases of their period. */
 static void latency_shift(const struct latency_boards *boards, size_t number)
 {
     static const uint32_t golden = 2654435769u; /* 2^32 / 1.618 */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil-bench latency: its options, the table and the file. */
+/* coman-hil-bench latency: reads its options, prints the table and writes the file. */
 #include "app/bench/latency.h"
 
 #include "app/bench/benchmarks.h"
@@ -22,6 +22,7 @@ static const char *const kind_name[LATENCY_KINDS] = {"wake-up", "echo", "boards"
 
 /* ---- what was measured ---- */
 
+/* Prints the percentiles of a kind, us. */
 static void latency_print_line(const struct latency_result *result, int kind, FILE *out)
 {
     static const double part[] = {0.5, 0.9, 0.99, 0.999};
@@ -34,7 +35,7 @@ static void latency_print_line(const struct latency_result *result, int kind, FI
     fprintf(out, " %9.1f %8" PRIu64 "\n", 1e-3 * (double)of->max, result->lost[kind]);
 }
 
-/* How many of a histogram's buckets end within (above, upto] ns. */
+/* Counts the samples in buckets whose upper edge lies within (above, upto] ns. */
 static uint64_t latency_count_between(const struct histogram *of, int64_t above, int64_t upto)
 {
     uint64_t count = 0;
@@ -71,6 +72,8 @@ void latency_print(const struct latency_result *result, const char *joint, FILE 
     for (int kind = 0; kind < LATENCY_KINDS; kind++) {
         all = result->of[kind].max > all ? result->of[kind].max : all;
     }
+
+    /* Steps of 1, 2, 5 in each decade, from the first that has a sample to the largest one */
     for (int n = 0; above < all; n++, above = upto) {
         uint64_t of[LATENCY_KINDS], any = 0;
 
@@ -108,6 +111,7 @@ void latency_write_csv(const struct latency_result *result, FILE *out)
 
 /* ---- the run ---- */
 
+/* The command line. */
 struct latency_command {
     const char *rig, *interface, *joint, *folder;
     struct option_list bus;
@@ -116,12 +120,14 @@ struct latency_command {
 
 static volatile bool latency_stopped;
 
+/* Notes a stop; a signal handler. */
 static void latency_stop(int number)
 {
     (void)number;
     latency_stopped = true;
 }
 
+/* Opens an interface with a tap, which also hears what is sent. */
 static enum error_code latency_open_tap(const char *interface, bool fd,
                                         const struct frame_filter *filter, size_t nfilter,
                                         struct arena *arena, struct latency_tap **tap,
@@ -147,7 +153,7 @@ static enum error_code latency_open_tap(const char *interface, bool fd,
     return code;
 }
 
-/* The host's ports on every bus of the rig, and which axis is to be switched. */
+/* Opens the host's ports on every bus of the rig, and finds the axis that is to be switched. */
 static enum error_code latency_join_rig(const struct latency_command *options,
                                         const struct rig *rig, struct arena *arena,
                                         struct latency_boards *boards, struct error *error)
@@ -163,6 +169,9 @@ static enum error_code latency_join_rig(const struct latency_command *options,
     if (!port || !boards->tap) {
         return error_set(error, ERROR_MEMORY, "no memory left for the buses");
     }
+
+    /* A tap on each bus; the ports that were opened are closed by the caller, also after an
+     * error */
     code = buses_open(rig, TRANSPORT_SOCKETCAN, options->bus.item, options->bus.count, 0, false,
                       arena, &buses, notice, error);
     for (; !code && boards->nbus < rig->nbus; boards->nbus++) {
@@ -184,6 +193,8 @@ static enum error_code latency_join_rig(const struct latency_command *options,
     if (code) {
         return code;
     }
+
+    /* The joint that was named, or the rig's first axis */
     axis = options->joint ? host_find_axis(boards->host, options->joint) : 0;
     if (axis < 0 || config.naxis == 0) {
         return error_set(error, ERROR_INPUT, "no board of the rig drives a joint '%s'",
@@ -196,6 +207,7 @@ static enum error_code latency_join_rig(const struct latency_command *options,
     return ERROR_NONE;
 }
 
+/* Writes latency.csv into a folder. */
 static enum error_code latency_write_files(const struct latency_result *result, const char *folder,
                                            struct error *error)
 {
@@ -209,7 +221,7 @@ static enum error_code latency_write_files(const struct latency_result *result, 
     return report_file_close(&file, ERROR_NONE, error);
 }
 
-/* Everything is open: measures and prints. */
+/* Measures and prints, once everything is open. */
 static enum error_code latency_run(const struct latency_command *options, const char *interface,
                                    const struct latency_boards *boards, struct latency_tap *ping,
                                    struct can_port *echo, struct error *error)
@@ -226,6 +238,8 @@ static enum error_code latency_run(const struct latency_command *options, const 
     if (boards && (code = latency_find_boards(boards, error))) {
         return code;
     }
+
+    /* Ctrl-C ends the measurement early, with the samples so far */
     signal(SIGINT, latency_stop);
     code = latency_measure(boards, ping, echo, (int)options->priority, (size_t)options->count,
                            &latency_stopped, &result, error);
@@ -238,6 +252,7 @@ static enum error_code latency_run(const struct latency_command *options, const 
     return options->folder ? latency_write_files(&result, options->folder, error) : ERROR_NONE;
 }
 
+/* Opens the buses of the rig, or the interface, and measures; closes all ports. */
 static enum error_code latency_open_and_run(const struct latency_command *options,
                                             struct arena *arena, struct error *error)
 {
@@ -256,6 +271,8 @@ static enum error_code latency_open_and_run(const struct latency_command *option
         code = code ? code : latency_join_rig(options, rig, arena, &boards, error);
         echo_config.interface = code ? NULL : boards.tap[boards.bus]->port.bus;
     }
+
+    /* The echo is on the bus of the axis, so that both kinds have the same interface */
     code =
         code ? code
              : latency_open_tap(echo_config.interface, false, ping_filter, 1, arena, &ping, error);
@@ -315,6 +332,8 @@ int bench_latency(int argc, char **argv)
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
+
+    /* Either a rig, which names its interfaces, or an interface alone */
     if (!o.rig == !o.interface) {
         code = error_set(&error, ERROR_INPUT,
                          "expected a RIG whose boards are on the buses, or --interface IFACE");

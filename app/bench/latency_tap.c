@@ -4,18 +4,20 @@
 
 #include <string.h>
 
+/* Returns the tap of which a port is the first member. */
 static struct latency_tap *latency_tap_of(struct can_port *port)
 {
     return (struct latency_tap *)port;
 }
 
+/* Copies state and counters of the port behind the tap. */
 static void latency_tap_copy_state(struct latency_tap *tap)
 {
     tap->port.state = tap->inner->state;
     tap->port.counters = tap->inner->counters;
 }
 
-/* Whether a frame is one that was sent here; it counts as come back then. */
+/* Checks whether a frame is one that was sent here; if so, counts it as come back. */
 static bool latency_tap_comes_back(struct latency_tap *tap, const struct bus_frame *frame)
 {
     for (size_t i = 0; i < tap->nsent; i++) {
@@ -35,6 +37,7 @@ static bool latency_tap_comes_back(struct latency_tap *tap, const struct bus_fra
     return false;
 }
 
+/* Hands on one received frame at most, without those that were sent here. */
 static size_t latency_tap_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
     struct latency_tap *tap = latency_tap_of(port);
@@ -58,12 +61,13 @@ static size_t latency_tap_receive(struct can_port *port, struct bus_frame *frame
     return 0;
 }
 
+/* Sends frames and remembers them until they come back. */
 static size_t latency_tap_send(struct can_port *port, const struct bus_frame *frames, size_t count)
 {
     struct latency_tap *tap = latency_tap_of(port);
     size_t sent;
 
-    /* What never came back, as of an interface that is down, makes room */
+    /* Frames that never came back, as on an interface that is down, make room */
     for (size_t i = 0; i < count; i++) {
         if (tap->nsent == LATENCY_TAP_SENT) {
             tap->nsent--;
@@ -76,6 +80,7 @@ static size_t latency_tap_send(struct can_port *port, const struct bus_frame *fr
     return sent;
 }
 
+/* Returns the descriptor of the port behind the tap. */
 static int latency_tap_descriptor(const struct can_port *port)
 {
     const struct latency_tap *tap = (const struct latency_tap *)port;
@@ -83,6 +88,7 @@ static int latency_tap_descriptor(const struct can_port *port)
     return tap->inner->ops->descriptor(tap->inner);
 }
 
+/* Closes the port behind the tap. */
 static void latency_tap_close(struct can_port *port)
 {
     struct latency_tap *tap = latency_tap_of(port);

@@ -2,8 +2,8 @@
 /*
  * A port that tells when frames passed the kernel. Behind it is a SocketCAN port that also receives
  * what it sends (receive_own), so that both times are the kernel's and of one socket: of a sent
- * frame when it has left, which on a real interface is when another node has acknowledged it, of a
- * received one when it came in. Closing it closes the other port. RT-safe but for creation.
+ * frame when it has left, which on a real interface is when another node has acknowledged it, and
+ * of a received one when it came in. Closing it closes the other port. RT-safe except for creation.
  */
 #ifndef APP_BENCH_LATENCY_TAP_H
 #define APP_BENCH_LATENCY_TAP_H
@@ -15,21 +15,21 @@ enum { LATENCY_TAP_SENT = 64, LATENCY_TAP_WAITING = 64 };
 struct latency_tap {
     struct can_port port;
     struct can_port *inner;
-    struct bus_frame waiting[LATENCY_TAP_WAITING]; /* came and were not handed on */
+    struct bus_frame waiting[LATENCY_TAP_WAITING]; /* received, but not handed on yet */
     size_t first, nwaiting;
-    struct bus_frame sent[LATENCY_TAP_SENT]; /* have not come back */
+    struct bus_frame sent[LATENCY_TAP_SENT]; /* sent, but not come back yet */
     size_t nsent;
-    uint64_t frames;     /* handed on so far */
-    int64_t sent_ns;     /* when the first frame left that was sent after the mark; 0 = not yet */
-    int64_t received_ns; /* when the last frame that was handed on came in */
+    uint64_t frames;     /* frames handed on so far */
+    int64_t sent_ns;     /* time at which the first frame sent after the mark left; 0 = not yet */
+    int64_t received_ns; /* time at which the last frame handed on came in */
 };
 
-/* A call to receive hands on one frame at most. inner stays open when there is no memory. Not
- * RT-safe. */
+/* Creates a tap, whose receive hands on one frame at most. inner stays open when there is no
+ * memory. Not RT-safe. */
 enum error_code latency_tap_create(struct can_port *inner, struct arena *arena,
                                    struct latency_tap **tap, struct error *error);
 
-/* From here on the first frame that is sent counts. */
+/* Makes the next frame that is sent the one whose time counts. */
 void latency_tap_mark(struct latency_tap *tap);
 
 #endif

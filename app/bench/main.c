@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil-bench: the table of benchmarks. */
+/* coman-hil-bench: lists the benchmarks and runs one. */
 #include "app/bench/benchmarks.h"
 
 #include "base/count.h"

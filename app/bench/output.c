@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the benchmarks share. */
+/* Does what the benchmarks share. */
 #include "app/bench/output.h"
 
 #include <unistd.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the benchmarks share: options, progress, other simulators. Not RT-safe. */
+/* Options, progress and other simulators, which the benchmarks share. Not RT-safe. */
 #ifndef APP_BENCH_OUTPUT_H
 #define APP_BENCH_OUTPUT_H
 
@@ -21,11 +21,11 @@
     }
 
 /* Loads the module with other simulators. Without path a missing module is no error: library->peers
- * is NULL then, and a line on stderr says so, ending in consequence. */
+ * is NULL then, and a line on stderr says so and ends in consequence. */
 enum error_code bench_peers(const char *path, const char *consequence,
                             struct peers_library *library, struct error *error);
 
-/* How far a run has come, on stderr when that is a terminal; the line goes away at the end. */
+/* Shows the progress of a run on stderr when that is a terminal; clears the line at the end. */
 void bench_progress(const char *name, size_t done, size_t all);
 
 #endif

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil-bench paper: every table and figure of the paper that can be reproduced, in one
- * report. */
+/* coman-hil-bench paper: reproduces every table and figure of the paper that can be reproduced, in
+ * one report. */
 #include "app/bench/paper.h"
 
 #include "app/bench/benchmarks.h"
@@ -25,6 +25,7 @@ void paper_progress(struct paper *paper, const char *what)
     }
 }
 
+/* Clears the progress line. */
 static void clear_progress(void)
 {
     if (isatty(STDERR_FILENO)) {
@@ -32,7 +33,7 @@ static void clear_progress(void)
     }
 }
 
-/* Findings that would be others had we chosen otherwise where the paper is silent. */
+/* Adds the findings that depend on choices of ours where the paper is silent. */
 static void put_choices(struct report *report)
 {
     report_section(report, "choices", "What follows from choices of ours");
@@ -63,6 +64,7 @@ static void put_choices(struct report *report)
                "it out; no other mass makes both turn as one.");
 }
 
+/* Adds what is not reproduced, and why. */
 static void put_rest(struct report *report)
 {
     report_section(report, "rest", "What is not reproduced");
@@ -83,13 +85,14 @@ static void put_rest(struct report *report)
                "supplementary animations|A recording (run --record) has all motion, as numbers.");
 }
 
+/* Measures all parts of the paper, and adds their sections. */
 static enum error_code paper_measure_all(struct paper *paper, struct error *error)
 {
     struct pendulum_table table;
     char path[PATH_MAX];
     enum error_code code;
 
-    /* Missing rigs are reported before the minutes that the pendulums take */
+    /* Look for a rig first: a missing one is reported before the minutes that the pendulums take */
     if ((code = config_locate(CONFIG_RIG, "grasp", path, error)) ||
         (code = paper_pendulums(paper, &table, error)) || (code = paper_grasp(paper, error)) ||
         (code = paper_squat(paper, error)) || (code = paper_speed(paper, &table, error))) {
@@ -100,6 +103,7 @@ static enum error_code paper_measure_all(struct paper *paper, struct error *erro
     return ERROR_NONE;
 }
 
+/* Opens the report, fills and closes it; nothing is written after an error. */
 static enum error_code make_report(struct paper *paper, struct error *error)
 {
     struct error closing;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Recorded runs of the manipulation task, and drawings of the robot from them. */
+/* Records runs of the manipulation task, and draws the robot from them. */
 #include "app/bench/paper_grasp.h"
 #include "model/spatial.h"
 
@@ -62,7 +62,7 @@ enum error_code paper_grasp_run(const struct paper *paper, const char *rig, stru
                                     .rest_height = run->rig.free[0].position[2],
                                     .gravity = -run->rig.robot->gravity[2]};
 
-    /* Times from there, pressing positive on both sides, and the first touch */
+    /* Count times from there, make pressing positive on both sides, and find the first touch */
     for (size_t i = 0; i < result->count; i++) {
         result->time[i] -= begin;
         result->value[PRESS_LEFT][i] = -result->value[PRESS_LEFT][i];
@@ -75,13 +75,14 @@ enum error_code paper_grasp_run(const struct paper *paper, const char *rig, stru
 
 /* ---- drawings ---- */
 
-/* A line from point to point with breaks, in both views: from the right side x and z, from the
+/* A line from point to point, with breaks, in both views: from the right side x and z, from the
  * front y and z. */
 struct drawing {
     double across[VIEWS][POINTS_MAX], up[POINTS_MAX];
     size_t count;
 };
 
+/* Adds a point, m, to both views; NULL breaks the line. */
 static void put_point(struct drawing *drawing, const double point[3])
 {
     if (drawing->count < POINTS_MAX) {
@@ -91,6 +92,7 @@ static void put_point(struct drawing *drawing, const double point[3])
     }
 }
 
+/* Adds a line between two points. */
 static void put_segment(struct drawing *drawing, const double from[3], const double to[3])
 {
     put_point(drawing, from);
@@ -98,7 +100,7 @@ static void put_segment(struct drawing *drawing, const double from[3], const dou
     put_point(drawing, NULL);
 }
 
-/* The outline of a box that stands upright, seen from the side and from the front. */
+/* Adds the outline of an upright box, as seen from the side and from the front. */
 static void put_box(struct drawing *drawing, const double middle[3], const double half[3])
 {
     static const double corner[5][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}, {-1, -1}};
@@ -113,7 +115,7 @@ static void put_box(struct drawing *drawing, const double middle[3], const doubl
     put_point(drawing, NULL);
 }
 
-/* Adds the spheres of wrists, as lines from the body's origin to them. */
+/* Adds the spheres of the wrists, as lines from the body's origin to them. */
 static void draw_wrists(struct drawing *drawing, const struct rig *rig, double (*place)[3],
                         double (*turn)[9])
 {
@@ -133,7 +135,7 @@ static void draw_wrists(struct drawing *drawing, const struct rig *rig, double (
     }
 }
 
-/* Adds the outlines of soles. */
+/* Adds the outlines of the soles. */
 static void draw_feet(struct drawing *drawing, const struct rig *rig, double (*place)[3],
                       double (*turn)[9])
 {
@@ -169,6 +171,7 @@ static void draw_feet(struct drawing *drawing, const struct rig *rig, double (*p
     }
 }
 
+/* Draws the robot in a row of the recording: lines between joints, wrists, feet, and the box. */
 static void draw_robot(struct drawing *drawing, const struct grasp_result *result, size_t row)
 {
     const struct robot *robot = result->rig->robot;
@@ -193,6 +196,7 @@ static void draw_robot(struct drawing *drawing, const struct grasp_result *resul
     put_box(drawing, box, half);
 }
 
+/* Draws the boxes that stand in the world: the table. */
 static void draw_table(struct drawing *drawing, const struct rig *rig)
 {
     for (size_t i = 0; i < rig->contact.nsurface; i++) {
@@ -204,6 +208,7 @@ static void draw_table(struct drawing *drawing, const struct rig *rig)
     }
 }
 
+/* Returns the first row at a time or after it; the last one when there is none. */
 static size_t row_at(const struct grasp_result *result, double time)
 {
     size_t row = 0;
@@ -229,7 +234,7 @@ void paper_draw_grasp(struct report *report, const struct grasp_result *result)
         return;
     }
 
-    /* Three moments, and the table that is in all of them */
+    /* Draw three moments, and the table that is in all of them */
     draw_robot(&drawing[0], result, 0);
     draw_robot(&drawing[1], result, row_at(result, result->touch));
     draw_robot(&drawing[2], result, result->count - 1);

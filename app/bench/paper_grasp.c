@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The paper's section 6: Table 2 and Figs. 9 to 11, COMAN takes a box from a table. */
+/* Reproduces the paper's section 6: Table 2 and Figs. 9 to 11, COMAN takes a box from a table. */
 #include "app/bench/paper_grasp.h"
 
 #include "app/bench/paper.h"
@@ -10,9 +10,9 @@
 /* ---- Table 2 ---- */
 
 static const struct paper_surface {
-    const char *name, *surface; /* the rig's */
+    const char *name, *surface; /* name in the rig */
     const char *said;           /* "type|faces|dynamic, static, viscous friction" */
-    const char *why;
+    const char *why;            /* why ours differs, "" = it does not */
 } surfaces[] = {
     {"Box", "box", "mesh|588|0.9, 1.1, 0.5", ""},
     {"Wrist", "right_wrist", "primitive|-|1.05, 1.1, 0.5", ""},
@@ -24,6 +24,7 @@ static const struct paper_surface {
     {"Table", "table", "mesh|12|0.9, 1.1, 0.5", ""},
 };
 
+/* Returns the number of triangles of a surface; 0 when it is none of triangles. */
 static size_t faces_of(const struct contact_surface *surface)
 {
     size_t cells = (size_t)surface->cells_per_edge;
@@ -33,6 +34,7 @@ static size_t faces_of(const struct contact_surface *surface)
                                             : 0;
 }
 
+/* Returns the rig's surface of a name, or NULL. */
 static const struct contact_surface *find_surface(const struct rig *rig, const char *name)
 {
     for (size_t i = 0; i < rig->contact.nsurface; i++) {
@@ -43,6 +45,7 @@ static const struct contact_surface *find_surface(const struct rig *rig, const c
     return NULL;
 }
 
+/* Adds a row: the paper's values of a surface and ours. */
 static void put_surface(struct report *report, const struct rig *rig,
                         const struct paper_surface *said)
 {
@@ -62,6 +65,7 @@ static void put_surface(struct report *report, const struct rig *rig,
                surface->material.dissipation_s_per_m, said->why);
 }
 
+/* Adds Table 2. */
 static void put_table_2(struct report *report, const struct rig *rig)
 {
     report_section(report, "contacts", "Table 2: the contacts of the manipulation task");
@@ -86,7 +90,8 @@ static void put_table_2(struct report *report, const struct rig *rig)
 static const char *const arm_name[GRASP_JOINTS] = {"q22, shoulder pitch", "q23, shoulder roll",
                                                    "q24, shoulder yaw", "q25, elbow"};
 
-/* The path's angle at time t after the arms begin to move from zero. */
+/* Computes the path's angle, rad, at time t after the arms begin to move from zero: linear between
+ * the ends of its phases. */
 static double arm_reference(const struct grasp_config *grasp, size_t joint, double t)
 {
     double from = 0.0, begin = 0.0;
@@ -103,6 +108,7 @@ static double arm_reference(const struct grasp_config *grasp, size_t joint, doub
     return from;
 }
 
+/* Computes the RMS error of the arm's joints against the path until a time, rad. */
 static double arm_error(const struct grasp_result *result, double until)
 {
     double sum = 0.0;
@@ -121,6 +127,7 @@ static double arm_error(const struct grasp_result *result, double until)
     return sqrt(sum / (double)n);
 }
 
+/* Adds Fig. 9: the arm's joints beside the references of their motors. */
 static void put_figure_9(struct report *report, const struct grasp_result *result)
 {
     const struct grasp_config *grasp = &result->rig->grasp;
@@ -129,7 +136,7 @@ static void put_figure_9(struct report *report, const struct grasp_result *resul
     struct svg_plot panel[GRASP_JOINTS];
     size_t corners = 2;
 
-    /* The corners of the path: standing, then the end of each phase, then holding */
+    /* The corners of the path: standing, the end of each phase, then holding */
     x[0] = result->time[0];
     x[1] = 0.0;
     for (size_t i = 0; i < grasp->nphase && corners < 16; i++) {
@@ -177,6 +184,7 @@ static void put_figure_9(struct report *report, const struct grasp_result *resul
 
 /* ---- Fig. 10 ---- */
 
+/* Returns a panel over the time since the arms began to move. */
 static struct svg_plot grasp_panel(const char *title, const char *label,
                                    const struct svg_series *series, size_t nseries)
 {
@@ -189,10 +197,11 @@ static struct svg_plot grasp_panel(const char *title, const char *label,
                              .height = 360};
 }
 
-/* Our integrator and the paper's on the same four quantities. */
+/* Adds Fig. 10: our integrator and the paper's on the same four quantities. */
 static void put_figure_10(struct report *report, const struct grasp_result *ours,
                           const struct grasp_result *theirs)
 {
+    /* Both integrators, where the paper's figure depends on them; right and left elsewhere */
     const struct svg_series box[] = {
         {.name = "implicit, 1 ms",
          .x = ours->time,
@@ -252,6 +261,7 @@ static void put_figure_10(struct report *report, const struct grasp_result *ours
         panels, 4);
 }
 
+/* Compares the box's vertical force and height with the paper's. */
 static void compare_box(struct report *report, const struct grasp_result *ours)
 {
     const double *t = ours->time, *force = ours->value[BOX_FORCE];
@@ -281,7 +291,7 @@ static void compare_box(struct report *report, const struct grasp_result *ours)
                    1e3 * (ours->value[BOX_HEIGHT][n - 1] - ours->rest_height));
 }
 
-/* By how much the held box rises in the last second, m. */
+/* Computes by how much the held box rises in the last second, m. */
 static double box_drift_m(const struct grasp_result *result)
 {
     const double *height = result->value[BOX_HEIGHT];
@@ -293,6 +303,7 @@ static double box_drift_m(const struct grasp_result *result)
     return height[last] - height[first];
 }
 
+/* Compares the forces on box and feet, and both integrators. */
 static void compare_forces(struct report *report, const struct grasp_result *ours,
                            const struct grasp_result *theirs)
 {
@@ -303,7 +314,7 @@ static void compare_forces(struct report *report, const struct grasp_result *our
     double torque = fmax(paper_largest(t, ours->value[TORQUE_RIGHT], n, ours->touch, to),
                          -paper_smallest(t, ours->value[TORQUE_RIGHT], n, ours->touch, to));
 
-    /* The box between the wrists, held */
+    /* The box held between the wrists */
     report_finding(report, true, "each wrist presses, box held, N|plotted only|%.2f and %.2f|",
                    paper_mean(t, ours->value[PRESS_RIGHT], n, from, to),
                    paper_mean(t, ours->value[PRESS_LEFT], n, from, to));
@@ -330,7 +341,7 @@ static void compare_forces(struct report *report, const struct grasp_result *our
                        paper_mean(t, ours->value[FOOT_LEFT], n, from, to),
                    robot + ours->box_kg * ours->gravity);
 
-    /* What the paper only plots */
+    /* Quantities that the paper only plots */
     report_finding(report, false,
                    "torque of dry friction at a wrist, N m|plotted only|%.4f at most|About the "
                    "middle of the patch of contact.",
@@ -346,6 +357,7 @@ static void compare_forces(struct report *report, const struct grasp_result *our
 
 /* ---- Fig. 11 ---- */
 
+/* Adds Fig. 11: stiff and soft elbows. */
 static void put_figure_11(struct report *report, const struct grasp_result *stiff,
                           const struct grasp_result *soft)
 {
@@ -382,6 +394,7 @@ static void put_figure_11(struct report *report, const struct grasp_result *stif
         panels, 2);
 }
 
+/* Computes the deflection of the right elbow's spring at the end, mrad. */
 static double elbow_deflection_mrad(const struct grasp_result *result)
 {
     size_t last = result->count - 1;
@@ -389,6 +402,7 @@ static double elbow_deflection_mrad(const struct grasp_result *result)
     return 1e3 * fabs(result->value[ARM + 3][last] - result->value[ELBOW_MOTOR][last]);
 }
 
+/* Compares the grasping forces of stiff and soft elbows. */
 static void compare_elbows(struct report *report, const struct grasp_result *stiff,
                            const struct grasp_result *soft)
 {
@@ -418,6 +432,7 @@ static void compare_elbows(struct report *report, const struct grasp_result *sti
 
 /* ---- all ---- */
 
+/* Adds all sections: result has the runs of grasp, grasp-paper, grasp-light and grasp-soft. */
 static enum error_code put_all(struct paper *paper, const struct grasp_result *result)
 {
     struct report *report = &paper->report;

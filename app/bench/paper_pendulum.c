@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The paper's Table 1 and Fig. 3: relative and absolute coordinates. */
+/* Reproduces the paper's Table 1 and Fig. 3: relative and absolute coordinates. */
 #include "app/bench/paper.h"
 
 #include "app/bench/pendulum.h"
 
 #include <math.h>
 
+/* Adds a row of Table 1: our errors and the paper's, for n + 1 bodies and step k. */
 static void pendulum_put_row(struct report *report, const char *who,
                              const struct peer_pendulum *peer, size_t n, size_t k,
                              const struct pendulum_row *row, double energy, double constraint)
@@ -20,6 +21,7 @@ static void pendulum_put_row(struct report *report, const char *who,
                distance);
 }
 
+/* Adds Table 1: ours with relative coordinates, and ODE's with absolute ones. */
 static void pendulum_put_table(struct report *report, const struct pendulum_table *table)
 {
     const struct peer_pendulum *absolute = table->absolute;
@@ -45,7 +47,8 @@ static void pendulum_put_table(struct report *report, const struct pendulum_tabl
     }
 }
 
-/* What the paper's numbers come from: the same motion by the same rules without our plant. */
+/* Compares the paper's errors with those of the same motion by plain Runge-Kutta methods, without
+ * our plant. */
 static void pendulum_put_plain(struct report *report, const char *name, size_t n)
 {
     report_finding(report, true,
@@ -60,6 +63,7 @@ static void pendulum_put_plain(struct report *report, const char *name, size_t n
                    pendulum_plain_energy(n + 1, PENDULUM_RK4, pendulum_step_sizes[1]));
 }
 
+/* Compares the energy errors with the paper's. */
 static void pendulum_put_findings(struct report *report, const struct pendulum_table *table)
 {
     static const char *const names[2] = {"single", "double"};
@@ -84,6 +88,7 @@ static void pendulum_put_findings(struct report *report, const struct pendulum_t
     report_compared(report);
 }
 
+/* Adds the section on Table 1. */
 static void put_table_1(struct paper *paper, const struct pendulum_table *table)
 {
     struct report *report = &paper->report;
@@ -108,6 +113,7 @@ static void put_table_1(struct paper *paper, const struct pendulum_table *table)
     report_text(report, "The real-time factors of Table 1 are timings: see Speed.");
 }
 
+/* Returns the largest difference of a turn's period from the analytic one, time units. */
 static double worst_period(const struct pendulum_course *course, double period)
 {
     double worst = 0.0;
@@ -118,6 +124,7 @@ static double worst_period(const struct pendulum_course *course, double period)
     return worst;
 }
 
+/* Draws the periods and heights of all engines. */
 static void put_courses(struct report *report, const struct pendulum_course *course, size_t count)
 {
     const double period = pendulum_analytic_period(), ends[2] = {0.0, PENDULUM_PERIOD_UNITS},
@@ -161,6 +168,7 @@ static void put_courses(struct report *report, const struct pendulum_course *cou
         panels, 2);
 }
 
+/* Adds the section on Fig. 3; course[0] is ours. */
 static void put_figure_3(struct paper *paper, const struct pendulum_course *course, size_t count)
 {
     struct report *report = &paper->report;
@@ -179,6 +187,8 @@ static void put_figure_3(struct paper *paper, const struct pendulum_course *cour
         "So the paper's error is that of reading off the end of a turn; ours is where the "
         "cubic through angles and rates ends it.",
         pendulum_linear_period_error());
+
+    /* What only the comparison with absolute coordinates shows */
     if (count > 1) {
         report_finding(report, false,
                        "the same with ODE|grows about linearly, to be read off only|%.2f|",

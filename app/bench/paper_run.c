@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs of rigs for the report, and what is computed from their recordings. */
+/* Runs rigs for the report, and computes numbers from their recordings. */
 #include "app/bench/paper.h"
 
 #include "app/bench/timing.h"
@@ -12,10 +12,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define ARENA_BYTES ((size_t)512 << 20) /* of address space; pages cost nothing until touched */
+#define ARENA_BYTES ((size_t)512 << 20) /* address space; pages cost nothing until touched */
 
 static const char recording[] = ".recording";
 
+/* Writes the path of a file of the recording, or of its folder when name is "". */
 static void recorded_path(const struct paper *paper, const char *name, char path[PATH_MAX])
 {
     snprintf(path, PATH_MAX, "%s/%s%s%s", paper->folder, recording, name[0] ? "/" : "", name);
@@ -26,7 +27,7 @@ void paper_log_path(const struct paper *paper, char path[PATH_MAX])
     recorded_path(paper, "candump.log", path);
 }
 
-/* Runs to the end of the task, which must succeed. */
+/* Runs to the end of the task, which must succeed, and notes the times. */
 static enum error_code paper_run_to_task_end(struct simulator *simulator,
                                              const struct paper_order *order, struct paper_run *run,
                                              struct error *error)
@@ -43,7 +44,7 @@ static enum error_code paper_run_to_task_end(struct simulator *simulator,
         return code;
     }
 
-    /* Timed without start and end */
+    /* Time the loop only, without start and end */
     begin = bench_cpu_s();
     end = simulator_run(simulator);
     run->cpu_s = bench_cpu_s() - begin;
@@ -62,6 +63,7 @@ static enum error_code paper_run_to_task_end(struct simulator *simulator,
     return simulator_finish_recording(simulator, &counters, error);
 }
 
+/* Creates the simulator of a run, runs it and destroys it. */
 static enum error_code paper_run_simulate(const struct paper *paper,
                                           const struct paper_order *order, struct paper_run *run,
                                           struct error *error)
@@ -88,11 +90,14 @@ static enum error_code paper_run_simulate(const struct paper *paper,
     if (code) {
         return code;
     }
+
+    /* The recording is complete before the simulator goes */
     code = paper_run_to_task_end(simulator, order, run, error);
     simulator_destroy(simulator);
     return code;
 }
 
+/* Reads the recorded signals, and the joints' angles if they are wanted. */
 static enum error_code read_signals(const struct paper *paper, const struct paper_order *order,
                                     struct paper_run *run, struct error *error)
 {
@@ -164,6 +169,7 @@ void paper_place_bodies(const struct robot *robot, const double base[7], const d
         int parent = robot->body[j + 1].parent;
         double local[9], fixed[9], offset[3];
 
+        /* R = R_parent R_joint R_axis(q); the joint is fixed at its origin in the parent */
         mat3_about_axis(joint->axis, q[j], local);
         mat3_mul(turn[parent], joint->rotation, fixed);
         mat3_mul(fixed, local, turn[j + 1]);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Every timing of the paper: Fig. 4, the real-time factors of Table 1 and of section 6. */
+/* Measures every timing of the paper: Fig. 4, the real-time factors of Table 1 and of section 6. */
 #include "app/bench/paper.h"
 
 #include "app/bench/dynamics.h"
@@ -18,6 +18,7 @@ enum { ROUNDS = 5, DYNAMICS_ROUNDS = 100, QUICK_DYNAMICS_ROUNDS = 5 };
 
 /* ---- the machine ---- */
 
+/* Reads the processor's name as Linux gives it. */
 static void read_processor_name(char *name, size_t size)
 {
     FILE *file = fopen("/proc/cpuinfo", "r");
@@ -38,6 +39,7 @@ static void read_processor_name(char *name, size_t size)
     }
 }
 
+/* Adds what the times were measured on. */
 static void put_machine(struct report *report)
 {
     struct utsname system;
@@ -65,7 +67,7 @@ static void put_machine(struct report *report)
 static const struct setting {
     const char *what, *rig;
     enum loop_clock clock;
-    double said; /* NAN: nothing */
+    double said; /* the paper's real-time factor; NAN = none */
 } settings[PAPER_SPEEDS] = {
     {"rk4, dt 0.1 ms, five bodies in contact", "grasp-paper", LOOP_CLOCK_FREE, 0.013},
     {"rk4, dt 0.1 ms, feet locked", "grasp-locked", LOOP_CLOCK_FREE, 0.033},
@@ -74,10 +76,12 @@ static const struct setting {
     {"implicit, dt 1 ms, five bodies, lockstep", "grasp", LOOP_CLOCK_LOCKSTEP, NAN},
 };
 
+/* Real-time factors of a setting, by round. */
 struct speed {
     double cpu[ROUNDS], wall[ROUNDS];
 };
 
+/* Adds the table of real-time factors, with the medians of all rounds. */
 static void put_settings(struct report *report, struct speed speed[PAPER_SPEEDS], size_t rounds)
 {
     report_table(
@@ -100,6 +104,7 @@ static void put_settings(struct report *report, struct speed speed[PAPER_SPEEDS]
     }
 }
 
+/* Runs all settings in each round, so that all see the same state of the machine. */
 static enum error_code measure_settings(struct paper *paper, struct error *error)
 {
     struct speed speed[PAPER_SPEEDS];
@@ -128,6 +133,7 @@ static enum error_code measure_settings(struct paper *paper, struct error *error
 
 /* ---- Fig. 4 ---- */
 
+/* Draws Fig. 4: a series for each engine. */
 static void put_dynamics_plot(struct report *report, const struct dynamics_bench *bench)
 {
     double x[DYNAMICS_SIZES], y[DYNAMICS_ENGINES][DYNAMICS_SIZES];
@@ -163,6 +169,7 @@ static void put_dynamics_plot(struct report *report, const struct dynamics_bench
         &panel, 1);
 }
 
+/* Adds Fig. 4 and the table of all engines with the whole robot. */
 static void put_dynamics(struct report *report, const struct dynamics_bench *bench)
 {
     size_t last = bench->nsize - 1, reference = dynamics_bench_reference(bench);
@@ -205,6 +212,7 @@ static void put_dynamics(struct report *report, const struct dynamics_bench *ben
     }
 }
 
+/* Measures the accelerations of COMAN with all engines. */
 static enum error_code measure_dynamics(struct paper *paper, struct error *error)
 {
     static struct dynamics_bench bench;
@@ -229,6 +237,7 @@ static enum error_code measure_dynamics(struct paper *paper, struct error *error
 
 /* ---- Table 1 ---- */
 
+/* Adds the real-time factors of Table 1. */
 static void put_pendulum_speed(struct report *report, const struct pendulum_table *table)
 {
     report_table(report, "table-1-speed",

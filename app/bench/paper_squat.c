@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The paper's Fig. 12: WALK-MAN squats. */
+/* Reproduces the paper's Fig. 12: WALK-MAN squats. */
 #include "app/bench/paper.h"
 
 #include "boards/icub/protocol.h"
@@ -9,24 +9,27 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define STAND_S 1.0 /* that the task stands still after its last cycle */
-#define ROW_MS 20
+#define STAND_S 1.0 /* time that the task stands still after its last cycle */
+#define ROW_MS 20   /* rows of the recording, virtual time */
 
+/* Columns of the recording. */
 enum { TIME, KNEE_TORQUE, FOOT_RIGHT, FOOT_LEFT, BASE, JOINTS = BASE + 7 };
 
-/* Series from the recording; all arrays are as long as it. */
+/* Series derived from the recording; all arrays but the board's are as long as it. */
 struct squat {
     const struct rig *rig;
     size_t count;
     double *time; /* s since the first cycle began */
     double *const *value;
-    double *reference, *hip, *knee, *height; /* rad, rad, N m, m: of the base */
-    double *feet, *newton;                   /* N: both feet; m (g + a) of the center of mass */
-    double *board_time, *board_force;        /* the right F/T board's frames */
+    /* Rad, rad, N m, m: angles of the right hip, torque of the right knee, height of the base. */
+    double *reference, *hip, *knee, *height;
+    double *feet, *newton;            /* N: both feet; m (g + a) of the center of mass */
+    double *board_time, *board_force; /* frames of the right F/T board */
     size_t nboard;
 };
 
-/* The hip's angle when hips sink straight above the ankles, by the law of cosines. */
+/* Computes the hip's angle, rad, while the hips sink straight above the ankles, by the law of
+ * cosines. top: height of the hip above the ankle at the start, m. */
 static double hip_reference(const struct squat_config *squat, double top, double t)
 {
     double a = squat->thigh_m, b = squat->shank_m, height = top, knee;
@@ -38,6 +41,7 @@ static double hip_reference(const struct squat_config *squat, double top, double
     return -asin(b * sin(knee) / height);
 }
 
+/* Allocates the derived series; false without memory. */
 static bool squat_allocate_series(struct squat *squat, struct arena *arena)
 {
     double **array[] = {&squat->reference, &squat->hip,  &squat->knee,
@@ -52,7 +56,8 @@ static bool squat_allocate_series(struct squat *squat, struct arena *arena)
     return true;
 }
 
-/* Heights of base and center of mass, angles and forces of every row. */
+/* Derives heights of base and center of mass, angles and forces of every row; false without
+ * memory. */
 static bool squat_derive_series(struct squat *squat, struct arena *arena)
 {
     const struct robot *robot = squat->rig->robot;
@@ -90,7 +95,7 @@ static bool squat_derive_series(struct squat *squat, struct arena *arena)
         squat->feet[i] = squat->value[FOOT_RIGHT][i] + squat->value[FOOT_LEFT][i];
     }
 
-    /* m (g + a) from second differences of the center of mass */
+    /* m (g + a) by second differences of the center of mass's height */
     for (size_t i = 0; i < squat->count; i++) {
         squat->newton[i] = NAN;
         if (i >= HALF && i + HALF < squat->count) {
@@ -103,7 +108,7 @@ static bool squat_derive_series(struct squat *squat, struct arena *arena)
     return true;
 }
 
-/* The right foot's force-torque board. */
+/* Returns the right foot's force-torque board, or NULL. */
 static const struct board_config *foot_board(const struct rig *rig)
 {
     for (size_t i = 0; i < rig->boards.nboard; i++) {
@@ -116,7 +121,7 @@ static const struct board_config *foot_board(const struct rig *rig)
     return NULL;
 }
 
-/* Reads the vertical forces of the right foot's board from the recorded frames. */
+/* Reads the vertical forces of the right foot's board, N, from the recorded frames. */
 static enum error_code squat_read_force_board(struct squat *squat, const char *path, double begin,
                                               struct arena *arena, struct error *error)
 {
@@ -141,7 +146,7 @@ static enum error_code squat_read_force_board(struct squat *squat, const char *p
         return code;
     }
 
-    /* The forces are one message of this board, z in bytes 4 and 5 */
+    /* The forces are one message of this board, with z in bytes 4 and 5 */
     while (!code && !end && squat->nboard < most) {
         code = candump_next(&reader, &frame, name, &end, error);
         if (!code && !end && frame.id == id && frame.len >= ICUB_STRAIN_LENGTH &&
@@ -157,6 +162,8 @@ static enum error_code squat_read_force_board(struct squat *squat, const char *p
     return code;
 }
 
+/* Computes the RMS difference of two series over the rows with from <= time < to where both are
+ * finite. */
 static double rms_error(const struct squat *squat, const double *a, const double *b, double from,
                         double to)
 {
@@ -172,6 +179,7 @@ static double rms_error(const struct squat *squat, const double *a, const double
     return sqrt(sum / (double)n);
 }
 
+/* Returns a panel over the time since the first cycle began. */
 static struct svg_plot squat_panel(const char *title, const char *label,
                                    const struct svg_series *series, size_t nseries)
 {
@@ -184,6 +192,7 @@ static struct svg_plot squat_panel(const char *title, const char *label,
                              .height = 360};
 }
 
+/* Adds Fig. 12: height of the waist, hip, foot and knee. */
 static void squat_put_figure(struct report *report, const struct squat *squat)
 {
     /* The reference, and what the board sends, stand beside the simulation */
@@ -226,6 +235,7 @@ static void squat_put_figure(struct report *report, const struct squat *squat)
         panels, 4);
 }
 
+/* Compares the squat with the paper, with statics and with Newton's law. */
 static void squat_put_findings(struct report *report, const struct squat *squat)
 {
     const struct squat_config *task = &squat->rig->squat;
@@ -280,6 +290,7 @@ static void squat_put_findings(struct report *report, const struct squat *squat)
     report_compared(report);
 }
 
+/* Derives everything from a recorded run, and adds figure and findings. */
 static enum error_code squat_put_section(struct paper *paper, struct paper_run *run,
                                          struct error *error)
 {
@@ -288,6 +299,7 @@ static enum error_code squat_put_section(struct paper *paper, struct paper_run *
                           .count = run->signals.count,
                           .time = run->signals.value[0],
                           .value = run->signals.value};
+    /* The cycles began when they and the standing after them were still to come */
     double begin = run->seconds - STAND_S - task->period_s * task->cycles;
     char path[PATH_MAX];
     struct arena arena;

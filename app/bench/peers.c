@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Finding and loading the module with the other simulators. */
+/* Finds and loads the module with the other simulators. */
 #include "app/bench/peers.h"
 
 #include <dlfcn.h>
@@ -8,14 +8,14 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Opens path into library->handle. */
+/* Loads a module into library->handle; refuses one of another build. */
 static enum error_code peers_load_module(const char *path, struct peers_library *library,
                                          struct error *error)
 {
     const struct peers *(*entry)(void);
     void *symbol;
 
-    /* it stays: libraries of C++ do not take well to being unloaded */
+    /* It stays loaded: libraries of C++ do not take well to being unloaded */
     library->handle = dlopen(path, RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
     if (!library->handle) {
         return error_set(error, ERROR_UNSUPPORTED, "%s", dlerror());
@@ -33,7 +33,7 @@ static enum error_code peers_load_module(const char *path, struct peers_library 
     return ERROR_NONE;
 }
 
-/* Where the running program is, without its name. */
+/* Finds the folder of the running program. */
 static enum error_code program_folder(char folder[PATH_MAX], struct error *error)
 {
     ssize_t length = readlink("/proc/self/exe", folder, PATH_MAX - 1);
@@ -62,6 +62,8 @@ enum error_code peers_open(const char *path, struct peers_library *library, stru
     if (code) {
         return code;
     }
+
+    /* Beside the program, or where the build puts it */
     for (size_t i = 0; i < sizeof places / sizeof places[0]; i++) {
         snprintf(file, sizeof file, "%s%s/" PEERS_FILE, folder, places[i]);
         if (access(file, F_OK) == 0) {

@@ -21,8 +21,9 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define TIMED_S 0.2 /* short runs are timed repeatedly for so long */
+#define TIMED_S 0.2 /* short runs are repeated for so long of CPU time */
 
+/* Repetitions of a timed run; checks of a row; steps between samples of a course. */
 enum { TIMED_MAX = 51, CHECKS_MAX = 1000000, SAMPLE = 10 };
 
 const double pendulum_step_sizes[PENDULUM_STEPS] = {1e-2, 1e-4, 1e-6};
@@ -36,6 +37,7 @@ const struct pendulum_paper_row pendulum_paper[2][PENDULUM_STEPS] = {
      {1e-13, 0.2, 1e-7, 1e-11, 0.1}},
 };
 
+/* The single and the double pendulum of the paper. */
 static const struct peer_chain chain_of[2] = {
     {.count = 1,
      .gravity = 1.0,
@@ -54,6 +56,7 @@ static const struct peer_chain chain_of[2] = {
 
 /* ---- ours, in the terms of the others ---- */
 
+/* Our plant as an engine of the chain. */
 struct ours {
     struct arena arena;
     struct robot robot;
@@ -62,9 +65,10 @@ struct ours {
     struct dynamics dynamics;
     struct plant *plant;
     const struct peer_chain *chain;
-    double *state; /* angles of the joints, then their rates */
+    double *state; /* angles of the joints, then their rates; the plant's own */
 };
 
+/* Describes the chain as a robot with hinges about y. */
 static void pendulum_describe_robot(struct ours *ours)
 {
     static const struct robot_joint hinge = {
@@ -103,6 +107,7 @@ static void pendulum_describe_robot(struct ours *ours)
     }
 }
 
+/* Destroys an engine of ours. */
 static void ours_destroy(void *engine)
 {
     struct ours *ours = engine;
@@ -111,6 +116,7 @@ static void ours_destroy(void *engine)
     free(ours);
 }
 
+/* Builds the plant of the chain with Runge-Kutta 4 at step dt, hanging, with the start's rate. */
 static enum error_code pendulum_build_plant(struct ours *ours, double dt, struct error *error)
 {
     static const double hanging[2];
@@ -134,6 +140,7 @@ static enum error_code pendulum_build_plant(struct ours *ours, double dt, struct
     return ERROR_NONE;
 }
 
+/* Creates an engine of ours; NULL with the reason in message. */
 static void *ours_create(const struct peer_chain *chain, double dt, char *message, size_t size)
 {
     struct ours *ours = calloc(1, sizeof *ours);
@@ -152,12 +159,13 @@ static void *ours_create(const struct peer_chain *chain, double dt, char *messag
     return ours;
 }
 
-/* Without contact no step can fail. */
+/* Steps the plant; without contact no step can fail. */
 static void ours_step(void *engine, size_t steps)
 {
     plant_step(((struct ours *)engine)->plant, steps);
 }
 
+/* Computes the bodies' motions in the plane from the joints' angles and rates. */
 static void ours_get(void *engine, struct peer_chain_body *out)
 {
     const struct ours *ours = engine;
@@ -166,6 +174,8 @@ static void ours_get(void *engine, struct peer_chain_body *out)
     for (size_t b = 0; b < ours->chain->count; b++) {
         double com = ours->chain->com[b], reach = ours->chain->reach, sine, cosine;
 
+        /* Relative coordinates: angles and rates add up along the chain, and so does the next
+         * axis */
         angle += ours->state[b];
         rate += ours->state[ours->chain->count + b];
         sine = sin(angle);
@@ -188,6 +198,7 @@ const struct peer_pendulum pendulum_ours = {"coman-hil", HIL_VERSION,  1,       
 
 /* ---- what is measured ---- */
 
+/* Computes the energy of the chain, kinetic and potential. */
 static double energy_of(const struct peer_chain *chain, const struct peer_chain_body *body)
 {
     double energy = 0.0;
@@ -200,7 +211,8 @@ static double energy_of(const struct peer_chain *chain, const struct peer_chain_
     return energy;
 }
 
-/* Relative errors of the distances between centers of mass and the axes they turn about. */
+/* Computes the largest relative error of the distances between the centers of mass and the axes
+ * that they turn about. */
 static double constraint_error(const struct peer_chain *chain, const struct peer_chain_body *body)
 {
     double axis_x = 0.0, axis_z = 0.0, worst = 0.0;
@@ -215,6 +227,7 @@ static double constraint_error(const struct peer_chain *chain, const struct peer
     return worst;
 }
 
+/* Creates an engine; ours fails only without memory. */
 static enum error_code pendulum_create_engine(const struct peer_pendulum *peer,
                                               const struct peer_chain *chain, double dt,
                                               void **engine, struct error *error)
@@ -227,7 +240,7 @@ static enum error_code pendulum_create_engine(const struct peer_pendulum *peer,
                                "%s: %s", peer->name, message);
 }
 
-/* Median CPU time of a run with nothing but steps. */
+/* Measures the median CPU time, s, of a run with nothing but steps. */
 static enum error_code pendulum_time_run(const struct peer_pendulum *peer,
                                          const struct peer_chain *chain, double dt, double *seconds,
                                          struct error *error)
@@ -253,6 +266,7 @@ static enum error_code pendulum_time_run(const struct peer_pendulum *peer,
     return ERROR_NONE;
 }
 
+/* Measures a row of Table 1: the largest errors, and the real-time factor. */
 static enum error_code pendulum_measure_row(const struct peer_pendulum *peer,
                                             const struct peer_chain *chain, double dt,
                                             struct pendulum_row *row, struct error *error)
@@ -317,7 +331,7 @@ double pendulum_analytic_period(void)
     double m = 4.0 * (5.0 / 24.5) / (PENDULUM_START_SPEED * PENDULUM_START_SPEED), a = 1.0,
            b = sqrt(1.0 - m);
 
-    /* K(m) = pi / (2 agm(1, sqrt(1 - m))) */
+    /* K(m) = pi / (2 agm(1, sqrt(1 - m))), by the arithmetic-geometric mean */
     for (int i = 0; i < 8; i++) {
         double mean = 0.5 * (a + b);
 
@@ -327,8 +341,8 @@ double pendulum_analytic_period(void)
     return 4.0 * M_PI / (2.0 * a) / PENDULUM_START_SPEED;
 }
 
-/* Part of the step at which the angle passes goal: Newton on the cubic that fits angles and rates
- * (angle, rate) at both ends. */
+/* Computes the fraction of the step at which the angle passes goal, by Newton's method on the cubic
+ * that fits angle and rate at both ends. */
 static double turn_end_fraction(const double before[2], const double after[2], double goal)
 {
     double s = (goal - before[0]) / (after[0] - before[0]);
@@ -343,6 +357,7 @@ static double turn_end_fraction(const double before[2], const double after[2], d
     return s;
 }
 
+/* Notes the end of a turn and its period. */
 static void end_turn(struct pendulum_course *course, double now)
 {
     double last = course->nturn ? course->end[course->nturn - 1] : 0.0;
@@ -374,7 +389,8 @@ enum error_code pendulum_run_course(const struct peer_pendulum *peer,
         return code;
     }
 
-    /* Every step: the angle without jumps, and the end of a turn between two steps */
+    /* At every step, follow the angle without jumps, and find the end of a turn between two
+     * steps */
     peer->get(engine, body);
     after[0] = body[0].angle;
     for (size_t k = 0; k < steps; k++) {
@@ -388,7 +404,7 @@ enum error_code pendulum_run_course(const struct peer_pendulum *peer,
         before[1] = body[0].rate;
         peer->step(engine, 1);
         peer->get(engine, body);
-        /* The angle is continuous, although that of the engine may jump by a turn */
+        /* The angle is continuous, although the engine's may jump by a turn */
         after[0] = before[0] + remainder(body[0].angle - before[0], 2.0 * M_PI);
         after[1] = body[0].rate;
         if (after[0] >= goal) {

@@ -11,7 +11,7 @@
 
 enum { STAGES_MAX = 4 };
 
-/* An explicit method: weights of the stages, and of earlier ones in each. */
+/* An explicit method: the weights of its stages, and of the earlier ones in each. */
 struct method {
     size_t stages;
     double inner[STAGES_MAX][STAGES_MAX], weight[STAGES_MAX];
@@ -24,11 +24,13 @@ static const struct method methods[2] = {
     {4, {{0.0}, {0.5}, {0.0, 0.5}, {0.0, 0.0, 1.0}}, {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0}},
 };
 
+/* A pendulum in closed form: I a'' = -moment sin a. */
 struct swing {
     double inertia, moment;
     double angle, rate;
 };
 
+/* Returns the start of one body, or of two that turn as one. */
 static struct swing swing_start(size_t bodies)
 {
     return bodies == 1
@@ -36,11 +38,13 @@ static struct swing swing_start(size_t bodies)
                : (struct swing){.inertia = 49.0, .moment = 10.0, .rate = PENDULUM_START_SPEED};
 }
 
+/* Computes the energy of a pendulum. */
 static double swing_energy(const struct swing *swing)
 {
     return 0.5 * swing->inertia * swing->rate * swing->rate - swing->moment * cos(swing->angle);
 }
 
+/* Takes a step by an explicit method. */
 static void swing_step(struct swing *swing, const struct method *method, double dt)
 {
     double rate[STAGES_MAX], pull[STAGES_MAX], angle_sum = 0.0, rate_sum = 0.0;
@@ -61,6 +65,7 @@ static void swing_step(struct swing *swing, const struct method *method, double 
     swing->rate += dt * rate_sum;
 }
 
+/* Returns the method of an order. */
 static const struct method *method_of(enum pendulum_order order)
 {
     return &methods[order == PENDULUM_RK4];
@@ -89,7 +94,7 @@ double pendulum_linear_period_error(void)
     size_t steps = (size_t)llround(PENDULUM_PERIOD_UNITS / dt);
     int turns = 0;
 
-    /* The end of a turn on the straight line between two steps */
+    /* The end of a turn is where the straight line between two steps passes it */
     for (size_t k = 0; k < steps; k++) {
         double before = swing.angle, goal = 2.0 * M_PI * (turns + 1);
 

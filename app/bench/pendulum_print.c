@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil-bench pendulum: the paper's Table 1 and Fig. 3 as text, CSV files and plots. */
+/* coman-hil-bench pendulum: prints the paper's Table 1 and Fig. 3, and writes them as CSV files and
+ * plots. */
 #include "app/bench/benchmarks.h"
 
 #include "app/bench/output.h"
@@ -15,7 +16,7 @@
 
 /* ---- Table 1 ---- */
 
-/* A measured number and the paper's. */
+/* Prints an error and the paper's. */
 static void put_error(double value, double said)
 {
     char text[64];
@@ -24,6 +25,7 @@ static void put_error(double value, double said)
     printf(" %-18s", text);
 }
 
+/* Prints a real-time factor and the paper's. */
 static void put_factor(double value, double said)
 {
     char text[64];
@@ -32,6 +34,7 @@ static void put_factor(double value, double said)
     printf(" %-18s", text);
 }
 
+/* Prints a row of Table 1: n + 1 bodies, step k. */
 static void pendulum_print_row(const struct pendulum_table *table, size_t n, size_t k)
 {
     const struct pendulum_row *us = &table->ours[n][k], *them = &table->theirs[n][k];
@@ -51,6 +54,7 @@ static void pendulum_print_row(const struct pendulum_table *table, size_t n, siz
     printf("\n");
 }
 
+/* Prints Table 1, ours and with absolute coordinates. */
 static void pendulum_print_table(const struct pendulum_table *table)
 {
     const struct peer_pendulum *absolute = table->absolute;
@@ -78,6 +82,7 @@ static void pendulum_print_table(const struct pendulum_table *table)
     }
 }
 
+/* Writes the rows of an engine as CSV. */
 static void write_rows(FILE *out, const struct peer_pendulum *peer, size_t nstep,
                        const struct pendulum_row rows[2][PENDULUM_STEPS])
 {
@@ -92,6 +97,7 @@ static void write_rows(FILE *out, const struct peer_pendulum *peer, size_t nstep
     }
 }
 
+/* Writes pendulum-table.csv into a folder. */
 static enum error_code write_table(const struct pendulum_table *table, const char *folder,
                                    struct error *error)
 {
@@ -114,6 +120,7 @@ static enum error_code write_table(const struct pendulum_table *table, const cha
 
 /* ---- Fig. 3 ---- */
 
+/* Prints turns and periods of an engine's course. */
 static void print_course(const struct pendulum_course *course, double period)
 {
     double worst = 0.0;
@@ -126,6 +133,7 @@ static void print_course(const struct pendulum_course *course, double period)
            worst);
 }
 
+/* Prints all courses beside the analytic period, and when they part. */
 static void print_courses(const struct pendulum_course *course, size_t count)
 {
     double period = pendulum_analytic_period();
@@ -145,7 +153,7 @@ static void print_courses(const struct pendulum_course *course, size_t count)
     }
 }
 
-/* A plot beside the CSV file of the same name. */
+/* Writes a plot beside the CSV file of the same name. */
 static enum error_code write_plot_file(const char *folder, const char *name,
                                        const struct svg_plot *plot, struct error *error)
 {
@@ -158,6 +166,7 @@ static enum error_code write_plot_file(const char *folder, const char *name,
     return report_file_close(&file, svg_write(plot, file.whole.out, error), error);
 }
 
+/* Writes the periods of all turns as CSV and as a plot. */
 static enum error_code write_periods(const struct pendulum_course *course, size_t count,
                                      const char *folder, struct error *error)
 {
@@ -194,6 +203,7 @@ static enum error_code write_periods(const struct pendulum_course *course, size_
     return code ? code : write_plot_file(folder, "pendulum-period.svg", &plot, error);
 }
 
+/* Writes the heights of the first center of mass as CSV and as a plot. */
 static enum error_code write_heights(const struct pendulum_course *course, size_t count,
                                      const char *folder, struct error *error)
 {
@@ -231,6 +241,7 @@ static enum error_code write_heights(const struct pendulum_course *course, size_
     return code ? code : write_plot_file(folder, "pendulum-height.svg", &plot, error);
 }
 
+/* Measures and prints Table 1 and Fig. 3, and writes them when there is a folder. */
 static enum error_code run_pendulums(struct pendulum_table *table, const char *folder,
                                      struct arena *arena, struct error *error)
 {
@@ -299,7 +310,7 @@ int bench_pendulum(int argc, char **argv)
         goto end_peers;
     }
 
-    /* In absolute coordinates: the first engine of the module, if there is one */
+    /* Absolute coordinates are those of the module's first engine, if there is one */
     table = (struct pendulum_table){
         .absolute = library.peers && library.peers->npendulum ? &library.peers->pendulum[0] : NULL,
         .nstep = quick ? PENDULUM_STEPS - 1 : PENDULUM_STEPS};

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What follows from measured cases, as tables and as JSON. */
+/* Derives figures from measured cases, and writes them as tables and as JSON. */
 #include "app/bench/throughput.h"
 
 #include "app/bench/timing.h"
@@ -9,7 +9,8 @@
 
 static const double HOUR_S = 3600.0;
 
-struct throughput_spread throughput_spread(double *value, size_t count)
+/* Returns median and ends of count values, at least 1, which it sorts; NAN when one of them is. */
+static struct throughput_spread throughput_spread(double *value, size_t count)
 {
     for (size_t i = 0; i < count; i++) {
         if (isnan(value[i])) {
@@ -20,7 +21,7 @@ struct throughput_spread throughput_spread(double *value, size_t count)
     return (struct throughput_spread){bench_median(value, count), value[0], value[count - 1]};
 }
 
-/* One figure of a round. */
+/* A figure that is derived from a round. */
 enum throughput_figure {
     FIGURE_RATE,
     FIGURE_MUJOCO,
@@ -34,9 +35,12 @@ enum throughput_figure {
     FIGURE_TICK_INSTRUCTIONS,
 };
 
+/* Derives a figure from a round; seconds is the simulated time of a case. NAN where the ticks cost
+ * nothing, by noise. */
 static double throughput_figure(const struct throughput_sample *sample, double seconds,
                                 double tick_s, enum throughput_figure figure)
 {
+    /* Ticks alone: a whole case less one of a single tick */
     double ticks_s = sample->whole.cpu_s - sample->start.cpu_s;
     double range_s = sample->range.cpu_s / THROUGHPUT_RANGE;
 
@@ -66,6 +70,7 @@ static double throughput_figure(const struct throughput_sample *sample, double s
     return NAN;
 }
 
+/* Returns the spread of a figure over all rounds. */
 static struct throughput_spread throughput_of_rounds(const struct throughput *all,
                                                      const struct throughput_rig *rig,
                                                      enum throughput_figure figure)
@@ -97,7 +102,7 @@ void throughput_derive(const struct throughput *all, const struct throughput_rig
 
 /* ---- tables ---- */
 
-/* "12345 (12000 .. 13000)", or "-" */
+/* Prints a spread as "12345 (12000 .. 13000)", or "-". */
 static void throughput_put_spread(const struct throughput_spread *spread, FILE *out)
 {
     char text[64] = "-";
@@ -109,6 +114,7 @@ static void throughput_put_spread(const struct throughput_spread *spread, FILE *
     fprintf(out, " %26s", text);
 }
 
+/* Prints a scaled number with so many digits, or "-". */
 static void throughput_put_number(double value, double scale, int digits, FILE *out)
 {
     if (isfinite(value)) {
@@ -126,6 +132,8 @@ void throughput_print(const struct throughput *all, FILE *out)
             all->rounds);
     fprintf(out, "%-20s %-6s %5s %5s %26s %26s\n", "simulated s/core-hour", "task", "buses", "axes",
             "with boards and task", "MuJoCo, bodies alone");
+
+    /* First what a processor simulates in an hour, with MuJoCo beside it */
     for (size_t i = 0; i < all->nrig; i++) {
         const struct throughput_rig *rig = &all->rig[i];
 
@@ -136,6 +144,7 @@ void throughput_print(const struct throughput *all, FILE *out)
         fputc('\n', out);
     }
 
+    /* Then what a case costs in its parts */
     fprintf(out, "\n%-21s %9s %9s %9s %9s %9s %9s %9s\n", "a case", "start ms", "in range",
             "whole ms", "MB", "an hour", "start M", "tick k");
     for (size_t i = 0; i < all->nrig; i++) {
@@ -161,6 +170,7 @@ void throughput_print(const struct throughput *all, FILE *out)
 
 /* ---- JSON ---- */
 
+/* Writes a spread as a member of a JSON object, null where there is none. */
 static void throughput_put_json(const char *name, const struct throughput_spread *spread, FILE *out)
 {
     fprintf(out, ",\n     \"%s\": ", name);
@@ -174,6 +184,7 @@ static void throughput_put_json(const char *name, const struct throughput_spread
 
 void throughput_write_json(const struct throughput *all, FILE *out)
 {
+    /* How it was measured, then an object for each rig */
     fprintf(out, "{\"format_version\": %d, \"version\": ", THROUGHPUT_FORMAT_VERSION);
     json_text_put(HIL_VERSION, out);
     fprintf(out, ", \"case_s\": %.9g, \"rounds\": %zu, \"range\": %d, \"mujoco\": ", all->seconds,

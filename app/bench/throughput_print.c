@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil-bench throughput: its options and its rounds. */
+/* coman-hil-bench throughput: reads its options and runs its rounds. */
 #include "app/bench/throughput.h"
 
 #include "app/bench/benchmarks.h"
@@ -18,6 +18,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+/* Rigs that are measured by default, with their tasks. */
 static const struct throughput_rig shipped[] = {
     {.rig = "coman", .task = "squat"},        {.rig = "walk-flat", .task = "walk"},
     {.rig = "walk-walkman", .task = "walk"},  {.rig = "grasp", .task = "grasp"},
@@ -25,13 +26,14 @@ static const struct throughput_rig shipped[] = {
     {.rig = "coman-foc", .task = "squat"},    {.rig = "hyq", .task = "hold"},
 };
 
+/* The command line. */
 struct throughput_command {
     const char *task, *peers, *file;
     const char **rig;
     int64_t rounds;
 };
 
-/* coman-hil beside this program: its name without "-bench". */
+/* Finds coman-hil beside this program: its name without "-bench". */
 static enum error_code throughput_find_program(char path[PATH_MAX], struct error *error)
 {
     static const char end[] = "-bench";
@@ -45,7 +47,7 @@ static enum error_code throughput_find_program(char path[PATH_MAX], struct error
     return access(path, X_OK) ? error_set_file(error, errno, path, "cannot be run") : ERROR_NONE;
 }
 
-/* The rigs that were named, or the shipped ones. */
+/* Chooses the rigs that were named, or the shipped ones, and reads their files. */
 static enum error_code throughput_choose_rigs(const struct throughput_command *options,
                                               struct throughput *all, struct error *error)
 {
@@ -64,6 +66,8 @@ static enum error_code throughput_choose_rigs(const struct throughput_command *o
             rig->task = strcmp(rig->rig, shipped[i].rig) == 0 ? shipped[i].task : rig->task;
         }
     }
+
+    /* --task goes before the list's task, and that before the one of the rig's file */
     for (size_t i = 0; i < all->nrig; i++) {
         enum error_code code;
 
@@ -75,6 +79,7 @@ static enum error_code throughput_choose_rigs(const struct throughput_command *o
     return ERROR_NONE;
 }
 
+/* Removes an entry of a folder; called by nftw from the bottom up. */
 static int throughput_remove_entry(const char *path, const struct stat *status, int kind,
                                    struct FTW *where)
 {
@@ -84,7 +89,7 @@ static int throughput_remove_entry(const char *path, const struct stat *status, 
     return remove(path);
 }
 
-/* All rounds, the rigs in turn, each in a folder of its own below a scratch folder. */
+/* Runs all rounds, the rigs in turn, each in a folder of its own below a scratch folder. */
 static enum error_code throughput_run_rounds(const struct throughput_command *options,
                                              struct throughput *all, struct error *error)
 {
@@ -115,6 +120,7 @@ static enum error_code throughput_run_rounds(const struct throughput_command *op
     return code;
 }
 
+/* Measures everything, prints the tables and writes the JSON. */
 static enum error_code throughput_report(const struct throughput_command *options,
                                          struct throughput *all, struct error *error)
 {
@@ -171,6 +177,7 @@ int bench_throughput(int argc, char **argv)
     enum error_code code;
     int status;
 
+    /* Room for as many rigs as there are words */
     o.rig = calloc((size_t)argc + 1, sizeof *o.rig);
     if (!o.rig) {
         code = error_set(&error, ERROR_MEMORY, "no memory left for the command line");

@@ -23,12 +23,13 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#define ARENA_BYTES ((size_t)512 << 20) /* of address space */
+#define ARENA_BYTES ((size_t)512 << 20) /* address space */
 
-enum { WARM_UP_STEPS = 100 };
+enum { WARM_UP_STEPS = 100 }; /* steps that fill the caches before MuJoCo is timed */
 
 /* ---- answers of a forked process ---- */
 
+/* What a forked process finds, sent through a pipe as it is. */
 struct throughput_answer {
     enum error_code code;
     struct error error;
@@ -38,13 +39,15 @@ struct throughput_answer {
     double tick_s, step_s;
 };
 
+/* What a forked process is to find, by the function find. */
 struct throughput_question {
     const char *rig, *peers;
     double seconds;
     void (*find)(const struct throughput_question *question, struct throughput_answer *answer);
 };
 
-/* Lets a forked process find the answer. */
+/* Forks a process that finds the answer, and reads it; an error is the answer's own, or that the
+ * process died. */
 static enum error_code throughput_ask(const struct throughput_question *question,
                                       struct throughput_answer *answer, struct error *error)
 {
@@ -55,6 +58,8 @@ static enum error_code throughput_ask(const struct throughput_question *question
     if (pipe2(end, O_CLOEXEC)) {
         return error_set_errno(error, errno, "cannot make a pipe");
     }
+
+    /* Unwritten output would be written by both processes */
     fflush(NULL);
     child = fork();
     if (child == 0) {
@@ -80,6 +85,7 @@ static enum error_code throughput_ask(const struct throughput_question *question
     return answer->code;
 }
 
+/* Finds what a rig's file says; runs in the forked process. */
 static void throughput_find_rig(const struct throughput_question *question,
                                 struct throughput_answer *answer)
 {
@@ -126,6 +132,7 @@ enum error_code throughput_read_rig(struct throughput_rig *rig, struct error *er
 
 /* ---- MuJoCo ---- */
 
+/* Returns the engine of the module that can step, which is MuJoCo; NULL when there is none. */
 static const struct peer_dynamics *throughput_stepper(const struct peers *peers)
 {
     for (size_t i = 0; peers && i < peers->ndynamics; i++) {
@@ -136,6 +143,7 @@ static const struct peer_dynamics *throughput_stepper(const struct peers *peers)
     return NULL;
 }
 
+/* Finds the version of MuJoCo; runs in the forked process. */
 static void throughput_ask_mujoco(const struct throughput_question *question,
                                   struct throughput_answer *answer)
 {
@@ -159,7 +167,8 @@ enum error_code throughput_find_mujoco(const char *path, char version[32], struc
     return code;
 }
 
-/* The robot from the rig's pose, without forces: a floating one falls, a fixed one swings. */
+/* Times MuJoCo with the robot in the rig's pose and without forces: a floating one falls, a fixed
+ * one swings. Runs in the forked process. */
 static void throughput_time_mujoco(const struct throughput_question *question,
                                    struct throughput_answer *answer)
 {
@@ -189,7 +198,7 @@ static void throughput_time_mujoco(const struct throughput_question *question,
         return;
     }
 
-    /* The pose, some steps that fill the caches, then those that count */
+    /* Set the pose, step some times to fill the caches, then time the steps that count */
     base = rig->robot->nq - rig->robot->njoint;
     if (rig->robot->floating) {
         memcpy(q + BASE_Q_POSITION, rig->base_position, sizeof rig->base_position);
@@ -206,7 +215,8 @@ static void throughput_time_mujoco(const struct throughput_question *question,
 
 /* ---- cases ---- */
 
-/* User instructions of this process and its children; -1 where nothing counts them. */
+/* Opens a counter of user instructions of this process and its children; -1 where nothing counts
+ * them. */
 static int throughput_open_counter(void)
 {
     struct perf_event_attr wanted = {
@@ -221,7 +231,7 @@ static int throughput_open_counter(void)
     return (int)syscall(SYS_perf_event_open, &wanted, 0, -1, -1, PERF_FLAG_FD_CLOEXEC);
 }
 
-/* The first line of what a command said. */
+/* Reports that a command failed, with the first line of its output. */
 static enum error_code throughput_command_failed(const char *folder, const char *rig,
                                                  struct error *error)
 {
@@ -238,7 +248,7 @@ static enum error_code throughput_command_failed(const char *folder, const char 
     return error_set(error, ERROR_INPUT, "%s: %s", rig, line);
 }
 
-/* Runs coman-hil test with its arguments in folder and waits for it. */
+/* Runs coman-hil test with its arguments in folder, waits for it, and measures its cost. */
 static enum error_code throughput_run_test(const char *program, const char *folder, const char *rig,
                                            const char *const argument[4],
                                            struct throughput_cost *cost, struct error *error)
@@ -274,12 +284,15 @@ static enum error_code throughput_run_test(const char *program, const char *fold
     if (!WIFEXITED(status) || WEXITSTATUS(status)) {
         return throughput_command_failed(folder, rig, error);
     }
+
+    /* The child's usage includes the processes that it has waited for */
     cost->cpu_s = (double)(used.ru_utime.tv_sec + used.ru_stime.tv_sec) +
                   1e-6 * (double)(used.ru_utime.tv_usec + used.ru_stime.tv_usec);
     cost->resident_mb = 1024e-6 * (double)used.ru_maxrss;
     return ERROR_NONE;
 }
 
+/* Creates a file in a folder; NULL when it cannot. */
 static FILE *throughput_create_file(const char *folder, const char *name)
 {
     char path[PATH_MAX];
@@ -288,7 +301,8 @@ static FILE *throughput_create_file(const char *folder, const char *name)
     return fopen(path, "w");
 }
 
-/* The scenario, and a sweep over it: first cases of one tick, then whole ones. */
+/* Writes the scenario, and a sweep over it: first THROUGHPUT_RANGE cases of one tick, then whole
+ * ones. */
 static enum error_code throughput_write_sweep(const struct throughput *all,
                                               const struct throughput_rig *rig, const char *folder,
                                               struct error *error)
@@ -309,6 +323,8 @@ static enum error_code throughput_write_sweep(const struct throughput *all,
                 rig->task);
         failed |= fclose(scenario);
     }
+
+    /* A number that changes nothing makes the samples of each duration */
     if (sweep) {
         fprintf(sweep,
                 "name: throughput\nscenarios: [case.yaml]\nsamples: %d\nparameters:\n"
@@ -319,7 +335,7 @@ static enum error_code throughput_write_sweep(const struct throughput *all,
     return failed ? error_set(error, ERROR_SYSTEM, "%s: cannot be written", folder) : ERROR_NONE;
 }
 
-/* So that the cases run again. */
+/* Removes the results, so that the cases run again. */
 static void throughput_forget_results(const char *folder)
 {
     char path[PATH_MAX];
@@ -330,7 +346,7 @@ static void throughput_forget_results(const char *folder)
     }
 }
 
-/* That a case has passed: one that falls costs something else. */
+/* Checks that a case has passed: a robot that falls costs something else. */
 static enum error_code throughput_check_case(const char *folder, const char *rig,
                                              struct error *error)
 {
@@ -357,6 +373,7 @@ enum error_code throughput_measure(const struct throughput *all, const struct th
     char whole[16], range[16];
     enum error_code code;
 
+    /* The first cases are those of one tick; the next one is the first whole case */
     snprintf(whole, sizeof whole, "--case=%d", THROUGHPUT_RANGE + 1);
     snprintf(range, sizeof range, "--case=1-%d", THROUGHPUT_RANGE);
     throughput_forget_results(folder);
@@ -371,6 +388,8 @@ enum error_code throughput_measure(const struct throughput *all, const struct th
     if (code) {
         return code;
     }
+
+    /* The first case ran alone; in the range it has to run again */
     throughput_forget_results(folder);
     (void)((code = throughput_run_test(program, folder, rig->rig,
                                        (const char *[4]){range, "cases", "--jobs=1"},

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Times of a benchmark. */
+/* Measures times of a benchmark. */
 #include "app/bench/timing.h"
 
 #include <stdlib.h>
@@ -13,6 +13,7 @@ double bench_cpu_s(void)
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
+/* Orders doubles for qsort. */
 static int compare_doubles(const void *a, const void *b)
 {
     double x = *(const double *)a, y = *(const double *)b;

@@ -5,7 +5,6 @@
  */
 #include "app/cli/commands.h"
 
-#include "app/cli/compiling.h"
 #include "app/cli/rig_command.h"
 #include "base/arena.h"
 #include "base/count.h"
@@ -13,7 +12,7 @@
 #include "base/text.h"
 #include "manual/accel.h"
 #include "model/symbolic/builtin.h"
-#include "sim/module_cache.h"
+#include "sim/robot_dynamics.h"
 
 #include <errno.h>
 #include <math.h>
@@ -21,12 +20,13 @@
 #include <string.h>
 #include <unistd.h>
 
+/* Longest number that is read; characters of a wrong word that a message shows. */
 enum { NUMBER_SIZE = 512, SHOWN = 40 };
 
-/* A quaternion that somebody printed has length 1 up to the digits that were printed. */
+/* Tolerance of a quaternion's length: printed digits leave it at 1 only roughly. */
 #define QUATERNION_TOLERANCE 1e-3
 
-/* Reads one number after the other from a stream, with the place of each. Lines of any length. */
+/* Reads words from a stream one after the other, with the place of each. Lines of any length. */
 struct reader {
     FILE *in;
     long line, column;           /* of the next character, from 1 */
@@ -34,8 +34,9 @@ struct reader {
     char word[NUMBER_SIZE];
 };
 
-enum word { WORD_NUMBER, WORD_LINE_END, WORD_FILE_END };
+enum lexeme { WORD_NUMBER, WORD_LINE_END, WORD_FILE_END };
 
+/* Reads a character and counts its column. */
 static int next_char(struct reader *r)
 {
     int c = getc(r->in);
@@ -50,8 +51,8 @@ static void accel_put_back(struct reader *r, int c)
     r->column--;
 }
 
-/* The next word of the line in r->word, cut to what fits: a number never is that long. */
-static enum word next_word(struct reader *r)
+/* Reads the next word of the line into r->word, cut to what fits: no number is that long. */
+static enum lexeme next_word(struct reader *r)
 {
     size_t n = 0;
     int c;
@@ -80,6 +81,7 @@ static enum word next_word(struct reader *r)
     return WORD_NUMBER;
 }
 
+/* Skips the rest of the line. */
 static void accel_skip_line(struct reader *r)
 {
     int c;
@@ -91,7 +93,7 @@ static void accel_skip_line(struct reader *r)
     r->column = 1;
 }
 
-/* What was found, printable and short. */
+/* Copies a word, printable and short, for a message. */
 static const char *accel_printable_word(const char *word, char out[SHOWN + 4])
 {
     size_t n = strlen(word);
@@ -103,7 +105,7 @@ static const char *accel_printable_word(const char *word, char out[SHOWN + 4])
     return out;
 }
 
-/* Name and unit of number i of a state. */
+/* Writes the name and unit of number i of a state: q, then v, then the joint torques. */
 static void accel_describe_number(const struct robot *robot, size_t i, char *out, size_t size)
 {
     static const char *const place[] = {"base position x (m)",   "base position y (m)",
@@ -119,6 +121,7 @@ static void accel_describe_number(const struct robot *robot, size_t i, char *out
     size_t base[3] = {robot->nq - robot->njoint, robot->nv - robot->njoint, 0};
     size_t part = 0;
 
+    /* Which of the three vectors i is in, and where */
     while (i >= base[part] + robot->njoint) {
         i -= base[part++] + robot->njoint;
     }
@@ -133,7 +136,7 @@ static void accel_describe_number(const struct robot *robot, size_t i, char *out
     }
 }
 
-/* Sets the error's text after "stdin:LINE:COLUMN: ". */
+/* Sets an error at the last word, "stdin:LINE:COLUMN: found ..., expected ...". */
 static enum error_code bad_input(const struct reader *r, const char *found, const char *expected,
                                  struct error *error)
 {
@@ -141,6 +144,7 @@ static enum error_code bad_input(const struct reader *r, const char *found, cons
                      r->word_column, found, expected);
 }
 
+/* Reports a line with too few or too many numbers; names the first that is missing. */
 static enum error_code bad_count(const struct reader *r, const struct robot *robot, size_t count,
                                  size_t wanted, struct error *error)
 {
@@ -158,6 +162,7 @@ static enum error_code bad_count(const struct reader *r, const struct robot *rob
     return bad_input(r, found, expected, error);
 }
 
+/* Reports a word that is no finite number, and names the quantity that belongs there. */
 static enum error_code bad_number(const struct reader *r, const struct robot *robot, size_t count,
                                   struct error *error)
 {
@@ -169,7 +174,7 @@ static enum error_code bad_number(const struct reader *r, const struct robot *ro
     return bad_input(r, found, expected, error);
 }
 
-/* Makes the quaternion that stands at this place a unit one. */
+/* Normalizes the quaternion at this place; refuses one whose length is not about 1. */
 static enum error_code accel_normalize_quaternion(double *quaternion, long line, long column,
                                                   struct error *error)
 {
@@ -186,13 +191,13 @@ static enum error_code accel_normalize_quaternion(double *quaternion, long line,
     return ERROR_NONE;
 }
 
-/* The numbers of the next line that has any into value; false in *found at the end of the file. */
+/* Reads the numbers of the next line that has any; *found is false at the end of the input. */
 static enum error_code read_state(struct reader *r, const struct robot *robot, double *value,
                                   size_t wanted, bool *found, struct error *error)
 {
     long quaternion_column = 0;
     size_t count = 0;
-    enum word word;
+    enum lexeme word;
 
     /* Words up to the end of the first line that has a number; comments and blank lines are
      * skipped */
@@ -231,6 +236,7 @@ static enum error_code read_state(struct reader *r, const struct robot *robot, d
                : ERROR_NONE;
 }
 
+/* Writes numbers on a line, with all digits of a double, and flushes them. */
 static enum error_code write_numbers(const double *value, size_t count, struct error *error)
 {
     for (size_t i = 0; i < count; i++) {
@@ -242,6 +248,8 @@ static enum error_code write_numbers(const double *value, size_t count, struct e
     return ERROR_NONE;
 }
 
+/* Answers a state with its accelerations by forward dynamics; refuses a state where one
+ * overflows. */
 static enum error_code accel_answer_state(const struct dynamics *d, double *value, double *vdot,
                                           const struct reader *r, struct error *error)
 {
@@ -259,6 +267,7 @@ static enum error_code accel_answer_state(const struct dynamics *d, double *valu
     return write_numbers(vdot, robot->nv, error);
 }
 
+/* Lists name and unit of each number of a state. */
 static enum error_code list_numbers(const struct robot *robot, struct error *error)
 {
     char name[128];
@@ -273,38 +282,27 @@ static enum error_code list_numbers(const struct robot *robot, struct error *err
 
 enum { GENERIC, GENERATED };
 
-/* The library must be closed after the last use of the dynamics. */
+/* Makes the dynamics of the implementation asked for. Close the library after their last use. */
 static enum error_code make_dynamics(const struct robot *robot, int implementation,
                                      struct arena *arena, struct dynamics *d,
                                      struct symbolic_library *library, struct error *error)
 {
-    struct symbolic_options options = {.lanes = 4, .this_cpu = true};
-    const struct dynamics_module *module = symbolic_builtin_exact(robot);
-    char folder[4096];
+    struct error notice;
+    enum error_code code;
 
     if (implementation == GENERIC) {
         return dynamics_generic(robot, arena, d, error);
     }
-    if (!module) {
-        struct compiling compiling;
-        enum error_code code;
-
-        options.progress = compiling_begin(&compiling, NULL, stderr, isatty(STDERR_FILENO));
-        if (!module_cache_folder(folder, sizeof folder)) {
-            return error_set(error, ERROR_SYSTEM,
-                             "found no folder to compile in, expected "
-                             "XDG_CACHE_HOME or HOME to name one");
-        }
-        code = symbolic_build(robot, &options, folder, library, error);
-        compiling_end(&compiling);
-        if (code) {
-            return code;
-        }
-        module = library->module;
+    code = robot_dynamics_fastest(robot, arena, d, library, &notice, error);
+    if (!code && strcmp(d->ops->name, "generated")) {
+        code = error_set(error, ERROR_UNSUPPORTED,
+                         "%.400s; coman-hil generate --module makes one for the robot of a rig",
+                         notice.text);
     }
-    return dynamics_generated(robot, module, arena, d, error);
+    return code;
 }
 
+/* Answers every state on standard input, until its end or the first error. */
 static enum error_code accel_answer_all(const struct robot *robot, const struct dynamics *d,
                                         struct arena *arena, struct error *error)
 {
@@ -337,6 +335,7 @@ struct accel_options {
     int implementation;
 };
 
+/* Answers the states on standard input, or lists what a state consists of. */
 static enum error_code accel_run(const void *context, const struct robot *robot,
                                  struct arena *arena, struct error *error)
 {
@@ -359,14 +358,14 @@ static enum error_code accel_run(const void *context, const struct robot *robot,
 int cmd_accel(int argc, char **argv)
 {
     static struct accel_options o;
-    static const struct option_word implementations[] = {
+    static const struct word implementations[] = {
         {"generic", GENERIC}, {"generated", GENERATED}, {NULL, 0}};
     static const struct option_spec options[] = {
         {"--variant", OPTION_STRING, "NAME",
          "a variant of the robot file instead of the robot itself", .value = &o.variant},
         {"--implementation", OPTION_ENUM, "NAME",
          "generic, the numeric articulated-body algorithm (default), or generated, the symbolic "
-         "generator's code, which is compiled first where it is not built in",
+         "generator's code, where it is built in or was made for a rig (generate --module)",
          .value = &o.implementation, .words = implementations},
         {"--list", OPTION_FLAG, NULL, "print the names of the numbers, one per line, and stop",
          .value = &o.list},

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil bench: the program of the benchmarks, which is beside this one. */
+/* coman-hil bench: runs the program of the benchmarks, which lies beside this one. */
 #include "app/cli/commands.h"
 
 #include "base/count.h"
@@ -12,7 +12,7 @@
 #include <string.h>
 #include <unistd.h>
 
-/* The path of this program with "-bench" behind it. */
+/* Finds the path of the benchmarks: that of this program with "-bench" behind it. */
 static enum error_code bench_find_program(char path[PATH_MAX], struct error *error)
 {
     static const char end[] = "-bench";
@@ -25,7 +25,7 @@ static enum error_code bench_find_program(char path[PATH_MAX], struct error *err
     return ERROR_NONE;
 }
 
-/* Does not return when it succeeds. */
+/* Replaces this process by the benchmarks; returns only on an error. */
 static enum error_code bench_become(char **argv, struct error *error)
 {
     char path[PATH_MAX];

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil check: what a rig or a robot file holds, or what is wrong with it. */
+/* coman-hil check: prints what a rig or a robot file holds, or what is wrong with it. */
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
@@ -14,6 +14,7 @@
 #include <stdio.h>
 #include <string.h>
 
+/* Prints size, mass, sensors and hash of a robot. */
 static void check_print_robot(const struct robot *robot, const char *variant)
 {
     size_t drives = 0;
@@ -35,21 +36,17 @@ static void check_print_robot(const struct robot *robot, const char *variant)
         robot->nframe, robot->nft, robot->imu_frame < 0 ? "no" : "one", robot->npose, robot->hash);
 }
 
+/* Prints clock, integration and the start of a run. */
 static void check_print_time(const struct rig *rig)
 {
-    static const char *const clocks[] = {"real", "lockstep", "free"};
-    static const char *const integrators[] = {
-        [PLANT_RK4] = "rk4", [PLANT_IMPLICIT] = "implicit", [PLANT_DOPRI5] = "dopri5"};
-    static const char *const dynamics[] = {[RIG_DYNAMICS_FASTEST] = "fastest",
-                                           [RIG_DYNAMICS_GENERIC] = "generic",
-                                           [RIG_DYNAMICS_BUILT_IN] = "fastest without compiling"};
     static const char *const holds[] = {"free", "held until all motors are on", "held"};
     const struct robot_pose *pose = &rig->robot->pose[robot_find_pose(rig->robot, rig->pose)];
     size_t moved = 0;
 
-    printf("time        clock %s, tick %g ms = %zu x %g ms, %s, dynamics %s\n", clocks[rig->clock],
-           (double)rig->tick_ns * 1e-6, rig->substeps, (double)rig->substep_ns * 1e-6,
-           integrators[rig->integrator], dynamics[rig->dynamics]);
+    printf("time        clock %s, tick %g ms = %zu x %g ms, %s, dynamics %s\n",
+           word_of(loop_clock_words, rig->clock), (double)rig->tick_ns * 1e-6, rig->substeps,
+           (double)rig->substep_ns * 1e-6, word_of(rig_integrator_words, rig->integrator),
+           word_of(rig_dynamics_words, rig->dynamics));
     for (size_t j = 0; j < rig->robot->njoint; j++) {
         moved += rig->joint[j] != pose->joint[j];
     }
@@ -59,9 +56,9 @@ static void check_print_time(const struct rig *rig)
            rig->supply_v, holds[rig->hold], rig->settle ? ", settled" : "");
 }
 
+/* Prints the real-time settings, and the identifiers of lockstep. */
 static void check_print_running(const struct rig *rig)
 {
-    static const char *const overruns[] = {"skip", "slip", "stop"};
     const struct rig_realtime *rt = &rig->realtime;
     char cpu[16] = "any CPU";
 
@@ -69,12 +66,13 @@ static void check_print_running(const struct rig *rig)
         snprintf(cpu, sizeof cpu, "CPU %d", rt->cpu);
     }
     printf("real time   priority %d, %s, memory %s, on overrun %s\n", rt->priority, cpu,
-           rt->lock_memory ? "locked" : "not locked", overruns[rt->overrun]);
+           rt->lock_memory ? "locked" : "not locked", word_of(loop_overrun_words, rt->overrun));
     printf("lockstep    STEP 0x%03x on %s, DONE 0x%03x, silence reported after %g s\n",
            (unsigned)rig->lockstep.step_id, rig->bus[rig->lockstep.bus].name,
            (unsigned)rig->lockstep.done_id, (double)rig->lockstep.partner_timeout_ns * 1e-9);
 }
 
+/* Prints the free bodies of the scene. */
 static void print_free_bodies(const struct rig *rig)
 {
     for (size_t i = 0; i < rig->nfree; i++) {
@@ -85,7 +83,8 @@ static void print_free_bodies(const struct rig *rig)
     }
 }
 
-/* Each surface with those after it in the file, then in the robot, that it may touch. */
+/* Prints each surface with those after it, first of the file and then of the robot, that it may
+ * touch. */
 static void print_pairs(const struct contact_config *contact)
 {
     for (size_t s = 0; s < contact->nsurface; s++) {
@@ -108,6 +107,8 @@ static void print_pairs(const struct contact_config *contact)
     }
 }
 
+/* Prints the contact engine with its friction law, all surfaces with their materials, and the
+ * pairs. */
 static void check_print_scene(const struct rig *rig)
 {
     static const char *const shapes[] = {"half space", "sphere", "box", "mesh", "capsule"};
@@ -119,12 +120,13 @@ static void check_print_scene(const struct rig *rig)
         return;
     }
     printf("scene       engine %s, %zu surfaces, %zu pairs\n",
-           rig->contact_engine == RIG_CONTACT_NATIVE ? "native" : "simbody", contact->nsurface,
-           contact->npair);
+           word_of(rig_engine_words, rig->contact_engine), contact->nsurface, contact->npair);
     printf("  friction  %s, transition velocity %g m/s\n",
            contact->friction == CONTACT_FRICTION_STICKING ? "sticking" : "regularized",
            contact->transition_velocity_m_s);
     print_free_bodies(rig);
+
+    /* A surface's shape, where it is, its stiffness per area and its friction */
     for (size_t i = 0; i < contact->nsurface; i++) {
         const struct contact_surface *s = &contact->surface[i];
         const struct contact_material *m = &s->material;
@@ -145,11 +147,13 @@ static void check_print_scene(const struct rig *rig)
     print_pairs(contact);
 }
 
+/* Returns the name of a joint; "spare" for -1. */
 static const char *joint_name(const struct rig *rig, int joint)
 {
     return joint < 0 ? "spare" : rig->robot->joint[joint].name;
 }
 
+/* Prints the joints of a motor board's axes; spare ones where the protocol has them. */
 static void print_axes(const struct rig *rig, const struct board_config *board)
 {
     const struct protocol *protocol = rig->bus[board->bus].protocol;
@@ -162,6 +166,7 @@ static void print_axes(const struct rig *rig, const struct board_config *board)
     printf("\n");
 }
 
+/* Prints a board: address, kind, what it measures, and whether a real one takes its place. */
 static void print_board(const struct rig *rig, const struct board_config *board)
 {
     printf("    0x%02x ", board->address);
@@ -192,6 +197,7 @@ static void print_board(const struct rig *rig, const struct board_config *board)
     }
 }
 
+/* Prints each bus with its worst-case load, as shares of its bitrate, and its boards. */
 static void check_print_buses(const struct rig *rig)
 {
     const int64_t command = rig->servo.command_period_ns;
@@ -210,6 +216,8 @@ static void check_print_buses(const struct rig *rig)
                bus->interface, (double)bus->bitrate * 1e-3, telemetry * percent, commands * percent,
                (telemetry + commands) * percent,
                (telemetry + commands) * percent > 100.0 ? ", more than it carries" : "");
+
+        /* The boards of this bus, in the order of the rig */
         for (size_t k = 0; k < rig->boards.nboard; k++) {
             if (rig->boards.board[k].bus == (int)i) {
                 print_board(rig, &rig->boards.board[k]);
@@ -218,6 +226,7 @@ static void check_print_buses(const struct rig *rig)
     }
 }
 
+/* Checks whether a sensor has no error at all. */
 static bool sensor_is_ideal(const struct sensor_error *e)
 {
     static const struct sensor_error none;
@@ -225,6 +234,7 @@ static bool sensor_is_ideal(const struct sensor_error *e)
     return memcmp(e, &none, sizeof none) == 0;
 }
 
+/* Prints the errors of a sensor, unless it is ideal. */
 static void print_error(const char *what, const char *unit, const struct sensor_error *e)
 {
     if (!sensor_is_ideal(e)) {
@@ -233,14 +243,15 @@ static void print_error(const char *what, const char *unit, const struct sensor_
     }
 }
 
-/* The sensors that are not ideal (joints by the first, with a note when others differ), and the
- * faults that are armed. */
+/* Prints the sensors that are not ideal, joints by the first one's, with a note when others differ,
+ * and the armed faults. */
 static void check_print_sensors(const struct rig *rig)
 {
     const struct sensing_config *s = &rig->sensing;
     const struct sensor_joint *joint = s->joint;
     size_t differ = 0;
 
+    /* Compare the errors of all joints with the first one's */
     for (size_t j = 1; j < s->njoint; j++) {
         differ += memcmp(&joint[j].link_encoder, &joint[0].link_encoder,
                          sizeof *joint - offsetof(struct sensor_joint, link_encoder)) != 0;
@@ -268,7 +279,7 @@ static void check_print_sensors(const struct rig *rig)
     }
 }
 
-/* The boards make checks of their own when they are created. */
+/* Prints a rig; creates its boards before that, which check more than the file does. */
 static int check_print_rig(void *context, const struct rig *rig, struct arena *arena)
 {
     struct boards *boards;

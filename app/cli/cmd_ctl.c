@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil ctl: observes and controls a running simulator over its control socket. */
+/* coman-hil ctl: observes and controls a running simulator through its control socket. */
 #include "app/cli/commands.h"
 
 #include "app/cli/ctl_request.h"
 #include "app/cli/ctl_udp.h"
-#include "app/control/ctl_client.h"
-#include "app/control/ctl_print.h"
+#include "control/ctl_client.h"
+#include "control/ctl_print.h"
 #include "base/count.h"
 #include "base/options.h"
 #include "base/text.h"
@@ -27,6 +27,7 @@ static void on_interrupt(int number)
     interrupted = 1;
 }
 
+/* Returns the exit status for an answer that refuses a request, by its "code". */
 static int status_of_refusal(const json_t *answer)
 {
     const char *code = json_string_value(json_object_get(answer, "code"));
@@ -40,8 +41,8 @@ static int status_of_refusal(const json_t *answer)
     return STATUS_FAILED;
 }
 
-/* A line of the server as an object of the caller's that may be printed; NULL when it is none. The
- * line itself may be printed then, too. */
+/* Parses a line of the server into an object that may be printed; NULL when it is none. The caller
+ * frees the object; makes the line itself printable too. */
 static json_t *ctl_parse_line(char *line)
 {
     json_t *parsed = json_loads(line, 0, NULL);
@@ -52,7 +53,8 @@ static json_t *ctl_parse_line(char *line)
     return answer;
 }
 
-/* The answer, an object of the caller's; NULL with the exit status when there is none to print. */
+/* Receives the answer, an object that the caller frees; NULL, with the exit status, when there is
+ * none to print. */
 static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *status)
 {
     struct error error;
@@ -60,7 +62,7 @@ static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *sta
     const char *text;
     char *line;
 
-    /* A line, or why there is none */
+    /* Get a line, or the reason why there is none */
     switch (ctl_read_line(client, &line, &error)) {
     case CTL_INTERRUPTED:
         *status = STATUS_FAILED;
@@ -81,7 +83,7 @@ static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *sta
         puts(line);
     }
 
-    /* Only an answer with "ok": true is handed on */
+    /* Hand on only an answer with "ok": true */
     if (!answer) {
         error_set(&error, ERROR_SYSTEM, "%s answers with something other than a JSON object",
                   client->path);
@@ -98,7 +100,7 @@ static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *sta
     return NULL;
 }
 
-/* Prints or sends a row; udp: a socket, -1 = none. */
+/* Prints a row, or sends it to the UDP socket; -1 = no socket. Counts it in *rows. */
 static enum error_code ctl_give_row(const struct ctl_options *o, int udp, const json_t *titles,
                                     char *line, int64_t *rows, struct error *error)
 {
@@ -122,7 +124,7 @@ static enum error_code ctl_give_row(const struct ctl_options *o, int udp, const 
     return code;
 }
 
-/* Rows until the user or the run ends. */
+/* Prints or sends rows until the user or the run ends, or --rows are there. */
 static int ctl_follow_rows(struct ctl_client *client, const struct ctl_options *o, int udp,
                            const json_t *answer)
 {
@@ -134,7 +136,7 @@ static int ctl_follow_rows(struct ctl_client *client, const struct ctl_options *
     }
     client->timeout_ns = 0; /* a pause may last */
 
-    /* Each line is a row; what was printed is flushed before the next one is waited for */
+    /* Each line is a row; flush what was printed before waiting for the next */
     while (o->rows == 0 || rows < o->rows) {
         char *line;
 
@@ -161,7 +163,7 @@ static int ctl_follow_rows(struct ctl_client *client, const struct ctl_options *
     return STATUS_OK;
 }
 
-/* After a stop, until the simulator is gone. */
+/* Waits after a stop until the simulator has closed the connection. */
 static int ctl_wait_for_end(struct ctl_client *client)
 {
     struct error error;
@@ -181,6 +183,7 @@ static int ctl_wait_for_end(struct ctl_client *client)
     }
 }
 
+/* Prints an answer in the way of its command; with --json the line was printed before. */
 static void print_answer(const struct ctl_options *o, const struct ctl_command *command,
                          const json_t *answer)
 {
@@ -200,6 +203,8 @@ static void print_answer(const struct ctl_options *o, const struct ctl_command *
     }
 }
 
+/* Sends the request, prints the answer, and goes on where the command does: rows, or waiting for
+ * the end. */
 static int ctl_converse(struct ctl_client *client, const struct ctl_options *o, int udp,
                         const struct ctl_command *command, const json_t *request)
 {
@@ -226,6 +231,7 @@ static int ctl_converse(struct ctl_client *client, const struct ctl_options *o, 
     return status;
 }
 
+/* Makes the request, connects, and converses. */
 static int ctl_run(const struct ctl_options *o)
 {
     static struct ctl_client client;
@@ -235,7 +241,7 @@ static int ctl_run(const struct ctl_options *o)
     struct error error;
     int status, udp = -1;
 
-    /* The request is complete before the simulator is looked for */
+    /* Complete the request before looking for the simulator, so that wrong words fail at once */
     command = ctl_find_command(o->command, &error);
     json_object_set_new(request, "cmd", json_string(o->command));
     if (o->udp && command && strcmp(o->command, "subscribe") != 0) {
@@ -249,7 +255,7 @@ static int ctl_run(const struct ctl_options *o)
         return command_fail("ctl", &error);
     }
 
-    /* One connection, one request */
+    /* One connection carries one request */
     client.timeout_ns = (int64_t)(o->timeout_s * 1e9);
     client.interrupted = &interrupted;
     if (ctl_connect(&client, o->socket, &error)) {
@@ -309,7 +315,7 @@ int cmd_ctl(int argc, char **argv)
 
     operands[0].words = ctl_command_names();
 
-    /* word has room for so many */
+    /* word has room for this many */
     if (argc > WORDS_MAX) {
         error_set(&error, ERROR_INPUT, "found %d words, expected at most %d", argc, WORDS_MAX);
         return command_fail("ctl", &error);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil dbc: what the frames of a rig's buses mean, as DBC files. */
+/* coman-hil dbc: writes the meaning of the frames on a rig's buses as DBC files. */
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
@@ -17,6 +17,7 @@ enum { PATH_SIZE = 1024 };
 
 /* ---- one bus ---- */
 
+/* Writes a DBC into memory. */
 static enum error_code dbc_write_text(const struct dbc *dbc, struct memory_file *text,
                                       struct error *error)
 {
@@ -30,7 +31,7 @@ static enum error_code dbc_write_text(const struct dbc *dbc, struct memory_file 
     return memory_file_close(file, text, "the DBC file", error);
 }
 
-/* To standard output when path is NULL. */
+/* Writes the text to a file, or to standard output when path is NULL. */
 static enum error_code dbc_put_text(const struct memory_file *text, const char *path,
                                     struct error *error)
 {
@@ -49,6 +50,7 @@ static enum error_code dbc_put_text(const struct memory_file *text, const char *
     return whole_file_close(&file, ERROR_NONE, error);
 }
 
+/* Writes the DBC of a bus; tells messages and signals unless it goes to standard output. */
 static enum error_code export_bus(const struct rig *rig, size_t bus, const char *path,
                                   struct arena *arena, struct error *error)
 {
@@ -77,6 +79,7 @@ static enum error_code export_bus(const struct rig *rig, size_t bus, const char 
 
 /* ---- the command ---- */
 
+/* Writes the DBC of each bus into a folder, RIG-BUS.dbc. */
 static enum error_code export_all(const struct rig *rig, const char *folder, struct arena *arena,
                                   struct error *error)
 {
@@ -100,6 +103,7 @@ struct dbc_options {
     const char *rig, *bus, *output;
 };
 
+/* Writes one bus or all, as the options say. */
 static enum error_code export_rig(const struct dbc_options *o, const struct rig *rig,
                                   struct arena *arena, struct error *error)
 {

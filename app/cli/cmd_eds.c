@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil eds: the object dictionaries of a rig's CANopen nodes, as EDS files. */
+/* coman-hil eds: writes the object dictionaries of a rig's CANopen nodes as EDS files. */
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
@@ -17,13 +17,13 @@ struct eds_options {
     const char *rig, *node, *output;
 };
 
-/* Whether a board has a dictionary. */
+/* Checks whether a board's protocol has an object dictionary. */
 static bool eds_is_node(const struct rig *rig, const struct board_config *board)
 {
     return rig->bus[board->bus].protocol->write_eds;
 }
 
-/* "coman-cia402-left_arm_0x01.eds" */
+/* Makes the file's name of a node, as coman-cia402-left_arm_0x01.eds. */
 static void eds_make_name(const struct rig *rig, const struct board_config *board,
                           char name[EDS_NAME_SIZE])
 {
@@ -36,7 +36,7 @@ static void eds_make_name(const struct rig *rig, const struct board_config *boar
     }
 }
 
-/* To standard output when path is NULL. */
+/* Writes the EDS of a node to a file, or to standard output when path is NULL. */
 static enum error_code eds_export_node(const struct rig *rig, const struct board_config *board,
                                        const char *path, struct arena *arena, struct error *error)
 {
@@ -56,6 +56,7 @@ static enum error_code eds_export_node(const struct rig *rig, const struct board
     return whole_file_close(&file, protocol->write_eds(board, name, arena, file.out, error), error);
 }
 
+/* Writes the EDS of each node into a folder; an error when the rig has none. */
 static enum error_code eds_export_all(const struct rig *rig, const char *folder,
                                       struct arena *arena, struct error *error)
 {
@@ -85,6 +86,7 @@ static enum error_code eds_export_all(const struct rig *rig, const char *folder,
                              rig->file);
 }
 
+/* Writes one node or all, as the options say. */
 static enum error_code eds_export(const struct eds_options *o, const struct rig *rig,
                                   struct arena *arena, struct error *error)
 {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil import: a robot and a bench from a URDF or MJCF file. */
+/* coman-hil import: makes a robot and a bench from a URDF or MJCF file. */
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
@@ -12,9 +12,10 @@
 
 #include <stdio.h>
 
+/* Notes of one kind that are printed; the report has all. */
 enum { NOTES_SHOWN = 12 };
 
-/* What the user must know of: the robot is not what the file says. */
+/* Prints the notes of a fate that the user must know of: the robot is not what the file says. */
 static void import_print_notes(const struct import_notes *notes, enum import_fate fate)
 {
     size_t shown = 0;
@@ -32,6 +33,7 @@ static void import_print_notes(const struct import_notes *notes, enum import_fat
     }
 }
 
+/* Prints what was made, and what the user may run next. */
 static void import_print_result(const struct import_result *result)
 {
     const struct robot *robot = result->loaded;
@@ -57,6 +59,8 @@ static void import_print_result(const struct import_result *result)
     if (result->standing[0]) {
         printf("          %s\n", result->standing);
     }
+
+    /* The number of notes by fate, then those that the user must know of */
     printf("report    %s:", result->report);
     for (int fate = 0; fate < IMPORT_FATES; fate++) {
         printf("%s %zu %s", fate ? "," : "", import_count_notes(notes, (enum import_fate)fate),
@@ -67,8 +71,10 @@ static void import_print_result(const struct import_result *result)
     import_print_notes(notes, IMPORT_MISSING);
     import_print_notes(notes, IMPORT_CHANGED);
     printf("next      coman-hil run %s --task hold\n", result->rig);
+    printf("faster    coman-hil generate --module %s\n", result->rig);
 }
 
+/* Runs an import and prints its result; returns the exit status. */
 static int import_run_request(const struct command_spec *spec, const struct import_request *request)
 {
     struct import_result result;
@@ -86,14 +92,15 @@ static int import_run_request(const struct command_spec *spec, const struct impo
 
 enum { WORDS_MAX = 16 };
 
-/* The protocols that an import can lay out a bench with, as words of an option. */
+/* The protocols with which an import can lay out a bench, as words of an option and in its help. */
 struct import_words {
     char text[WORDS_MAX][40];
-    struct import_boards boards[WORDS_MAX]; /* by value */
-    struct option_word word[WORDS_MAX + 1]; /* word NULL at the end */
+    struct import_boards boards[WORDS_MAX]; /* by the value of the word */
+    struct word word[WORDS_MAX + 1];        /* ends with a NULL word */
     char help[240];
 };
 
+/* Lists the protocols that have a bench, over CAN and over CAN FD ("-fd"). */
 static void import_list_words(struct import_words *words)
 {
     const struct protocol *protocol;
@@ -103,11 +110,12 @@ static void import_list_words(struct import_words *words)
 
     for (size_t i = 0; (protocol = protocol_at(i)); i++) {
         for (int fd = 0; fd < 2 && count < WORDS_MAX; fd++) {
+            /* A protocol without axes on a bench cannot carry an import */
             if ((fd ? &protocol->bench_fd : &protocol->bench)->bus_axes > 0) {
                 snprintf(words->text[count], sizeof words->text[count], "%s%s", protocol->name,
                          fd ? "-fd" : "");
                 words->boards[count] = (struct import_boards){protocol, fd};
-                words->word[count] = (struct option_word){words->text[count], count};
+                words->word[count] = (struct word){words->text[count], count};
                 if (used < sizeof words->help) {
                     used += (size_t)snprintf(words->help + used, sizeof words->help - used, "%s %s",
                                              count ? "," : "", words->text[count]);
@@ -116,7 +124,7 @@ static void import_list_words(struct import_words *words)
             }
         }
     }
-    words->word[count] = (struct option_word){NULL, 0};
+    words->word[count] = (struct word){NULL, 0};
     if (used < sizeof words->help) {
         snprintf(words->help + used, sizeof words->help - used, "; the first by default");
     }
@@ -124,13 +132,13 @@ static void import_list_words(struct import_words *words)
 
 int cmd_import(int argc, char **argv)
 {
-    static const struct option_word bases[] = {
+    static const struct word bases[] = {
         {"fixed", IMPORT_BASE_FIXED}, {"floating", IMPORT_BASE_FLOATING}, {NULL, 0}};
-    static const struct option_word mimics[] = {{"couple", IMPORT_MIMIC_COUPLE},
-                                                {"lock", IMPORT_MIMIC_LOCK},
-                                                {"free", IMPORT_MIMIC_FREE},
-                                                {NULL, 0}};
-    static const struct option_word slides[] = {{"lock", 0}, {"free", 1}, {NULL, 0}};
+    static const struct word mimics[] = {{"couple", IMPORT_MIMIC_COUPLE},
+                                         {"lock", IMPORT_MIMIC_LOCK},
+                                         {"free", IMPORT_MIMIC_FREE},
+                                         {NULL, 0}};
+    static const struct word slides[] = {{"lock", 0}, {"free", 1}, {NULL, 0}};
     static struct import_words personalities;
     static struct import_request r;
     static struct option_list lock, packages, drives;
@@ -186,12 +194,15 @@ int cmd_import(int argc, char **argv)
     struct error error;
     int status;
 
+    /* The words of --personality are those of the protocols, so they are made first */
     r = (struct import_request){0};
     trust = false;
     import_list_words(&personalities);
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
+
+    /* What the options cannot say by themselves */
     if (!r.folder) {
         error_set(&error, ERROR_INPUT, "found no --output, expected the folder to write into");
         return options_fail(&spec, &error);

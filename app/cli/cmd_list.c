@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil list: what can be given by name. */
+/* coman-hil list: lists what can be given by name. */
 #include "app/cli/commands.h"
 
 #include "app/cli/list_rig.h"
@@ -18,15 +18,18 @@
 
 #define LIST_ARENA_BYTES ((size_t)1 << 30) /* of address space */
 
-/* What has names everywhere, then what is asked for by its kind alone. */
+/* Kinds: first the kinds of configuration files, then tasks, then what is listed only by its
+ * kind. */
 enum { LIST_TASKS = CONFIG_KINDS, LIST_SETTINGS, LIST_JOINTS, LIST_FAULTS, LIST_ALL };
 
+/* Column at which the text behind a name begins. */
 enum { NAME_COLUMN = 28 };
 
 static const char of_this_machine[] = "/etc/";
 static const char *const nouns[] = {"rigs",  "robots",   "scenarios", "drives", "protocols",
                                     "tasks", "settings", "joints",    "faults", NULL};
 
+/* Prints a name and its text, wrapped; on a line of its own when the name is long. */
 static void list_print_line(const char *name, const char *text)
 {
     int used = printf("  %s ", name);
@@ -39,7 +42,7 @@ static void list_print_line(const char *name, const char *text)
     options_wrap(text, NAME_COLUMN, NAME_COLUMN, stdout);
 }
 
-/* A scenario is no YAML before its parameters are put in. */
+/* Reads the description of a scenario, which is YAML only once its parameters are put in. */
 static enum error_code list_read_scenario(const char *path, struct arena *arena,
                                           const char **description, struct error *error)
 {
@@ -53,7 +56,8 @@ static enum error_code list_read_scenario(const char *path, struct arena *arena,
     return code;
 }
 
-/* What the file of an entry says of it, and of a drive what kind it is: a word to go before. */
+/* Reads the description of an entry's file; for a drive, before is its kind, to be put before
+ * it. */
 static enum error_code list_read_description(enum config_kind kind, const char *path,
                                              struct arena *arena, const char **before,
                                              const char **description, struct error *error)
@@ -73,7 +77,8 @@ static enum error_code list_read_description(enum config_kind kind, const char *
     }
 }
 
-/* What its file says of an entry, or what is wrong with the file. */
+/* Prints an entry with its description, or what is wrong with its file. Entries of /etc show their
+ * path. */
 static void list_print_entry(enum config_kind kind, const struct config_entry *entry,
                              struct arena *arena)
 {
@@ -94,6 +99,7 @@ static void list_print_entry(enum config_kind kind, const struct config_entry *e
     list_print_line(entry->name, line);
 }
 
+/* Prints all entries of a kind of configuration file. */
 static enum error_code list_print_kind(enum config_kind kind, bool names, struct error *error)
 {
     struct config_entry *entries;
@@ -116,13 +122,14 @@ static enum error_code list_print_kind(enum config_kind kind, bool names, struct
     return code;
 }
 
-/* Prints a name alone. */
+/* Prints a name without its text. */
 static void list_print_name(const char *name, const char *text)
 {
     (void)text;
     puts(name);
 }
 
+/* Lists the tasks with their summaries. */
 static void list_print_tasks(list_put put)
 {
     for (const char *const *name = task_names(); *name; name++) {
@@ -130,6 +137,7 @@ static void list_print_tasks(list_put put)
     }
 }
 
+/* Lists the settings of all tasks. */
 static void list_print_settings(list_put put)
 {
     char text[64];
@@ -142,6 +150,7 @@ static void list_print_settings(list_put put)
     }
 }
 
+/* Lists one kind; joints and faults need a rig. */
 static enum error_code list_print_noun(int noun, const char *rig, bool names, struct error *error)
 {
     list_put put = names ? list_print_name : list_print_line;
@@ -166,6 +175,7 @@ static enum error_code list_print_noun(int noun, const char *rig, bool names, st
     }
 }
 
+/* Lists every kind that has names everywhere, each under its title. */
 static enum error_code list_print_all(bool names, struct error *error)
 {
     static const char *const titles[] = {
@@ -187,6 +197,7 @@ static enum error_code list_print_all(bool names, struct error *error)
     return code;
 }
 
+/* Finds a kind by its word, in the plural or the singular; LIST_ALL when none is given. */
 static enum error_code list_find_noun(const char *given, int *noun, struct error *error)
 {
     *noun = LIST_ALL;
@@ -236,6 +247,8 @@ int cmd_list(int argc, char **argv)
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
+
+    /* One kind, or all of them */
     code = list_find_noun(given, &noun, &error);
     if (!code) {
         code = noun == LIST_ALL ? list_print_all(names, &error)

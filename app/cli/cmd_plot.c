@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil plot: signals of a recording (signals.csv) as line plots, SVG or PNG. */
+/* coman-hil plot: draws signals of a recording (signals.csv) as line plots, SVG or PNG. */
 #include "app/cli/commands.h"
 
 #include "app/report/png.h"
@@ -19,9 +19,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+/* Size of a panel, px, and the number of them, at most: one for each signal. */
 enum { PANEL_WIDTH = 900, PANEL_HEIGHT = 360, PANELS_MAX = SIGNALS_MAX };
 
-/* The unit at the end of a signal's title, and the label of its axis. */
+/* Endings of signals' titles, which are units, and the labels of their axes; longer endings
+ * first. */
 static const struct unit {
     const char *ending, *label;
 } units[] = {
@@ -39,12 +41,13 @@ static const struct unit {
 
 struct plot_options {
     const char *given, *output, *title;
-    char file[PATH_MAX]; /* of the signals */
+    char file[PATH_MAX]; /* path of signals.csv */
     struct option_list names;
     double span[2];
     bool list;
 };
 
+/* Returns the label of the axis of a title, by its unit; "" when it has none. */
 static const char *plot_axis_of(const char *title)
 {
     for (size_t i = 0; i < ARRAY_COUNT(units); i++) {
@@ -59,6 +62,7 @@ static const char *plot_axis_of(const char *title)
 
 /* ---- which signals ---- */
 
+/* Checks whether a name was chosen already. */
 static bool plot_has_name(const char *const *chosen, size_t count, const char *name)
 {
     for (size_t i = 0; i < count; i++) {
@@ -69,8 +73,8 @@ static bool plot_has_name(const char *const *chosen, size_t count, const char *n
     return false;
 }
 
-/* The titles that a name or a pattern means, in the order of the file. What matches none is kept as
- * it is: reading the file says what is wrong with it. */
+/* Chooses the titles that names or patterns match, in the order of the file. A name that matches
+ * none is kept as it is: reading the file reports what is wrong with it. */
 static enum error_code plot_choose(const struct option_list *names, const char *const *title,
                                    size_t ntitle, const char *chosen[SIGNALS_MAX], size_t *count,
                                    struct error *error)
@@ -79,6 +83,7 @@ static enum error_code plot_choose(const struct option_list *names, const char *
     for (size_t i = 0; i < names->count; i++) {
         bool matched = false;
 
+        /* One step beyond the titles stands for the name itself, taken when nothing matched */
         for (size_t k = 0; k <= ntitle; k++) {
             const char *name = k < ntitle ? title[k] : names->item[i];
 
@@ -102,8 +107,8 @@ static enum error_code plot_choose(const struct option_list *names, const char *
 
 /* ---- drawing ---- */
 
-/* Puts the signals into panels: one a unit, in the order in which the units come, and another when
- * one has no color left. Returns how many. */
+/* Arranges the signals in panels: one for each unit, in the order in which the units appear, and
+ * another when a panel has no color left. Returns their number. */
 static size_t plot_arrange(const char *const *name, const struct signals *signals,
                            const struct svg_axis *x, struct svg_series *series,
                            struct svg_plot *panel)
@@ -115,6 +120,7 @@ static size_t plot_arrange(const char *const *name, const struct signals *signal
         struct svg_series *own;
         size_t p = 0;
 
+        /* The first panel of that unit with a color left, or a new one */
         while (p < npanel &&
                (strcmp(panel[p].y.label, label) != 0 || panel[p].nseries == SVG_SERIES_MAX)) {
             p++;
@@ -137,7 +143,7 @@ static size_t plot_arrange(const char *const *name, const struct signals *signal
     return npanel;
 }
 
-/* An SVG, or a PNG where the file's name says so. */
+/* Writes the panels as SVG, or as PNG where the file's name ends in .png; NULL: standard output. */
 static enum error_code plot_write(const struct svg_plot *panel, size_t npanel, const char *path,
                                   struct error *error)
 {
@@ -158,6 +164,7 @@ static enum error_code plot_write(const struct svg_plot *panel, size_t npanel, c
     return whole_file_close(&file, code, error);
 }
 
+/* Reads the chosen signals and draws them. */
 static enum error_code plot_signals(const struct plot_options *o, const char *const *name,
                                     size_t count, struct error *error)
 {
@@ -179,6 +186,7 @@ static enum error_code plot_signals(const struct plot_options *o, const char *co
     return code;
 }
 
+/* Lists the titles of the file, or plots the chosen ones. */
 static enum error_code plot_file(const struct plot_options *o, struct error *error)
 {
     const char *chosen[SIGNALS_MAX], **title;
@@ -199,7 +207,7 @@ static enum error_code plot_file(const struct plot_options *o, struct error *err
     return code;
 }
 
-/* Finds the file of signals, which is in the directory of a recording. */
+/* Finds the file of signals, given itself or by the directory of its recording. */
 static enum error_code plot_find_file(struct plot_options *o, struct error *error)
 {
     struct stat there;
@@ -257,6 +265,8 @@ int cmd_plot(int argc, char **argv)
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
+
+    /* Refuse to plot nothing, and to write an SVG into a terminal */
     if (o.names.count == 0 && !o.list) {
         error_set(&error, ERROR_INPUT,
                   "--signal: found none, expected one or more; --list prints their names");

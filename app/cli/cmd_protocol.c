@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil protocol: what the boards speak. */
+/* coman-hil protocol: prints what the boards speak. */
 #include "app/cli/commands.h"
 
 #include "app/cli/protocol_page.h"
@@ -16,7 +16,7 @@
 
 enum { MEMORY = 8 << 20, NAMES_MAX = 16 };
 
-/* What a file describes: a path, or the name of one. */
+/* Prints a protocol that a file describes; name is a path or a name of the catalogue. */
 static enum error_code print_described(const char *name, struct error *error)
 {
     const struct described_protocol *protocol;
@@ -33,7 +33,8 @@ static enum error_code print_described(const char *name, struct error *error)
     return code;
 }
 
-/* Lists the protocols that need no file, NULL at the end, and in help; returns how many. */
+/* Lists the protocols that need no file in names, NULL at the end, and in help; returns their
+ * number. */
 static size_t list_names(const char *names[NAMES_MAX + 1], char *help, size_t size)
 {
     const struct protocol *protocol;
@@ -78,6 +79,9 @@ int cmd_protocol(int argc, char **argv)
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
+
+    /* A protocol in C, or else one that a file describes, unless the name is nearly one of the
+     * first */
     protocol = protocol_find(name);
     if (protocol && !protocol->needs_file) {
         protocol_page_print(protocol, stdout);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil replay: the frames of a recorded log onto live buses, at their times; or a recording in
- * the page. */
+/* coman-hil replay: plays the frames of a recorded log onto live buses, at their times, or a
+ * recording in the page. */
 #include "app/cli/commands.h"
 
 #include "app/cli/replay_page.h"
@@ -24,6 +24,7 @@
 enum { NAME_SIZE = 16, BUSES_MAX = OPTION_LIST_MAX };
 
 #define REPLAY_ARENA ((size_t)64 << 20)
+/* Highest 29-bit identifier. */
 #define EXTENDED_MAX 0x1fffffff
 
 struct replay_options {
@@ -32,14 +33,15 @@ struct replay_options {
     double from_s, to_s, speed;
 };
 
-/* An interface and the name that its frames have in the log. */
+/* An interface, and the name of its frames in the log. */
 struct replay_bus {
     char name[NAME_SIZE], interface[NAME_SIZE];
     struct can_port *port;
-    uint64_t sent, refused;
-    struct histogram lateness;
+    uint64_t sent, refused;    /* frames */
+    struct histogram lateness; /* of sending behind the time due, ns */
 };
 
+/* Identifiers that are sent, first to last. */
 struct replay_range {
     int64_t first, last;
 };
@@ -50,8 +52,8 @@ struct replay {
     struct replay_bus *bus;
     size_t nbus;
     struct replay_range range[OPTION_LIST_MAX];
-    int64_t first_ns;  /* time of the first frame that is sent, in the log */
-    int64_t origin_ns; /* and on the clock; INT64_MIN = none yet */
+    int64_t first_ns;  /* log time of the first frame that is sent */
+    int64_t origin_ns; /* clock time of that frame; INT64_MIN = none yet */
 };
 
 static atomic_bool replay_stopped;
@@ -64,6 +66,7 @@ static void replay_stop(void *unused)
 
 /* ---- what was asked for ---- */
 
+/* Parses ID or ID..LAST. */
 static enum error_code replay_parse_range(const char *text, struct replay_range *range,
                                           struct error *error)
 {
@@ -81,6 +84,7 @@ static enum error_code replay_parse_range(const char *text, struct replay_range 
     return ERROR_NONE;
 }
 
+/* Parses INTERFACE or NAME=INTERFACE; a name that is left out is the interface's. */
 static enum error_code replay_parse_bus(const char *text, struct replay_bus *bus,
                                         struct error *error)
 {
@@ -99,12 +103,13 @@ static enum error_code replay_parse_bus(const char *text, struct replay_bus *bus
     return ERROR_NONE;
 }
 
+/* Opens the interface of one --onto; refuses a name that is given twice. */
 static enum error_code replay_open_bus(struct replay *replay, const char *text, struct arena *arena,
                                        struct error *error)
 {
     struct replay_bus *bus = &replay->bus[replay->nbus];
     struct socketcan_config config = {.interface = bus->interface, .fd = true};
-    /* Nothing is received: a filter that no frame passes */
+    /* A filter that no frame passes: nothing is received */
     const struct frame_filter none = {.id = 0, .mask = UINT32_MAX, .extended = true};
     struct error classic;
     enum error_code code = replay_parse_bus(text, bus, error);
@@ -119,7 +124,7 @@ static enum error_code replay_open_bus(struct replay *replay, const char *text, 
         }
     }
 
-    /* FD where the interface has it */
+    /* Open it for CAN FD, or else for classic CAN */
     config.filter = &none;
     config.nfilter = 1;
     if (socketcan_open(&config, arena, &bus->port, &classic)) {
@@ -132,6 +137,7 @@ static enum error_code replay_open_bus(struct replay *replay, const char *text, 
 
 /* ---- sending ---- */
 
+/* Checks whether an identifier is to be sent; without --id all are. */
 static bool replay_has_id(const struct replay *replay, uint32_t id)
 {
     for (size_t i = 0; i < replay->options.id.count; i++) {
@@ -142,7 +148,8 @@ static bool replay_has_id(const struct replay *replay, uint32_t id)
     return replay->options.id.count == 0;
 }
 
-/* The bus that a frame goes onto; NULL when it stays away. */
+/* Returns the bus that a frame is sent on; NULL when it is not sent: an error frame, outside the
+ * times or identifiers, or of an unknown bus. */
 static struct replay_bus *replay_find_bus(const struct replay *replay, const char *name,
                                           const struct bus_frame *frame)
 {
@@ -160,19 +167,22 @@ static struct replay_bus *replay_find_bus(const struct replay *replay, const cha
     return NULL;
 }
 
-/* Sends a frame at its time. */
+/* Waits for a frame's time, by the speed, and sends it; the first one sets the origin of time. */
 static void replay_send_frame(struct replay *replay, struct replay_bus *bus,
                               const struct bus_frame *frame)
 {
     struct clock *clock = clock_monotonic();
     int64_t due, now = clock_now(clock);
 
+    /* The first frame is sent at once; all others keep their distance from it */
     if (replay->origin_ns == INT64_MIN) {
         replay->origin_ns = now;
         replay->first_ns = frame->time_ns;
     }
     due = replay->origin_ns +
           (int64_t)((double)(frame->time_ns - replay->first_ns) / replay->options.speed);
+
+    /* The sleep ends early when a stop is requested */
     while (now < due && !atomic_load(&replay_stopped)) {
         clock_sleep_until(clock, due);
         now = clock_now(clock);
@@ -188,6 +198,7 @@ static void replay_send_frame(struct replay *replay, struct replay_bus *bus,
     }
 }
 
+/* Plays the log to its end, or until a stop is requested. */
 static enum error_code replay_play(struct replay *replay, struct error *error)
 {
     struct candump_reader log;
@@ -213,7 +224,7 @@ static enum error_code replay_play(struct replay *replay, struct error *error)
 
 /* ---- the command ---- */
 
-/* What each interface took; STATUS_FAILED when one has lost something. */
+/* Prints what each interface took; returns STATUS_FAILED when one has lost frames. */
 static int replay_print(const struct replay *replay)
 {
     uint64_t lost = 0;
@@ -234,6 +245,7 @@ static int replay_print(const struct replay *replay)
     return lost ? STATUS_FAILED : STATUS_OK;
 }
 
+/* Finds the log and opens the interfaces; refuses to play nowhere. */
 static enum error_code replay_prepare(struct replay *replay, struct arena *arena,
                                       struct error *error)
 {
@@ -264,7 +276,7 @@ static enum error_code replay_prepare(struct replay *replay, struct arena *arena
     return code;
 }
 
-/* In the page instead. */
+/* Shows the recording in the page; refuses options that only sending has. */
 static int replay_show(const struct replay_options *options)
 {
     const struct replay_page_options page = {
@@ -288,6 +300,7 @@ static int replay_show(const struct replay_options *options)
     return replay_page(&page);
 }
 
+/* Plays a recording onto buses, or shows it with --http; returns the exit status. */
 static int replay_run(const struct replay_options *options)
 {
     static struct replay replay;
@@ -298,6 +311,8 @@ static int replay_run(const struct replay_options *options)
     if (options->http) {
         return replay_show(options);
     }
+
+    /* Options that only the page has */
     if (options->ready || options->with) {
         error_set(&error, ERROR_INPUT, "found %s without --http, expected both",
                   options->ready ? "--ready" : "--with");
@@ -307,6 +322,8 @@ static int replay_run(const struct replay_options *options)
     if (arena_init(&arena, REPLAY_ARENA, &error)) {
         return command_fail("replay", &error);
     }
+
+    /* Send the frames; a stop ends it early, and what was sent is printed all the same */
     if (replay_prepare(&replay, &arena, &error)) {
         status = command_fail("replay", &error);
     } else {
@@ -324,6 +341,7 @@ static int replay_run(const struct replay_options *options)
 
 int cmd_replay(int argc, char **argv)
 {
+    /* All of the log, at its own speed, by default */
     static struct replay_options o = {.from_s = -1e9, .to_s = 1e12, .speed = 1.0};
     static const struct option_spec options[] = {
         {"--http", OPTION_STRING, "[HOST:]PORT",

@@ -1,15 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil run: a rig from start to summary. */
+/* coman-hil run: runs a rig from start to summary. */
 #include "app/cli/commands.h"
 
-#include "app/cli/compiling.h"
 #include "app/cli/firmware.h"
 #include "app/cli/monitor.h"
 #include "app/cli/page.h"
 #include "app/cli/ready.h"
 #include "app/cli/rig_command.h"
 #include "app/cli/run_options.h"
-#include "app/control/control.h"
+#include "control/control.h"
 #include "base/journal.h"
 #include "sim/summary.h"
 
@@ -19,7 +18,7 @@
 
 /* ---- the end of a run ---- */
 
-/* The exit status of a run, with a line about it when it is not 0. */
+/* Returns the exit status of a run; prints what went wrong, or the task's last message. */
 static int run_exit_status(const struct simulator *simulator, enum loop_end end)
 {
     const struct task_runner *runner = simulator_task_runner(simulator);
@@ -28,6 +27,8 @@ static int run_exit_status(const struct simulator *simulator, enum loop_end end)
     if (runner) {
         task_runner_read(runner, &task);
     }
+
+    /* What has failed comes first: the model, the deadlines, then the task */
     if (end == LOOP_END_MODEL) {
         fprintf(stderr, "%scoman-hil run: %s\n", journal_prefix(JOURNAL_ERROR),
                 simulator_failure(simulator));
@@ -52,6 +53,7 @@ static int run_exit_status(const struct simulator *simulator, enum loop_end end)
     return STATUS_OK;
 }
 
+/* Closes the gateway and prints its counters. */
 static void print_gateway(struct simulator *simulator)
 {
     struct gateway_counters counters;
@@ -66,6 +68,7 @@ static void print_gateway(struct simulator *simulator)
     }
 }
 
+/* Prints the counters of the control socket, if anyone came. */
 static void print_control(const struct control *control)
 {
     struct control_counters counters;
@@ -81,7 +84,8 @@ static void print_control(const struct control *control)
     }
 }
 
-/* The report of the task, when it makes one; the run's status unless that fails. */
+/* Writes the report of the task, if it makes one; returns the run's status, or the error's when
+ * that was 0. */
 static int run_report_task(const struct simulator *simulator, const char *folder, int status)
 {
     const struct task_runner *runner = simulator_task_runner(simulator);
@@ -94,7 +98,7 @@ static int run_report_task(const struct simulator *simulator, const char *folder
     return status ? status : (int)exit_status_of(error.code);
 }
 
-/* What clients have done; after control_stop. */
+/* Prints what clients have done; call it after control_stop. */
 static void print_clients(const struct control *control, const struct page *page)
 {
     if (control) {
@@ -103,8 +107,8 @@ static void print_clients(const struct control *control, const struct page *page
     page_print(page);
 }
 
-/* Closes what the run has opened, prints the summary and writes the task's report into a folder;
- * control and page are NULL while clients are still served. */
+/* Closes what the run has opened, prints and writes the summary, and writes the task's report into
+ * a folder; control and page are NULL while clients are still served. */
 static int run_finish(struct simulator *simulator, const struct control *control,
                       const struct page *page, enum loop_end end, const char *report)
 {
@@ -130,13 +134,14 @@ static int run_finish(struct simulator *simulator, const struct control *control
     return run_report_task(simulator, report, status ? status : incomplete);
 }
 
-/* The same while pages are open: they are told, and served until they are closed. */
+/* Finishes a run while pages are open: they are told of the end, and served until they are
+ * closed. */
 static int run_finish_watched(struct simulator *simulator, struct control *control,
                               const struct page *page, enum loop_end end, const char *report)
 {
     int status;
 
-    rig_command_on_stop(NULL, NULL); /* a stop is noted, and ends the wait */
+    rig_command_on_stop(NULL, NULL); /* a stop is noted only, and ends the wait */
     status = run_finish(simulator, NULL, NULL, end, report);
     page_tell_end(page, simulator, end, true);
     page_linger(page, control);
@@ -165,8 +170,8 @@ static void on_hangup(int number)
     reload_wanted = 1;
 }
 
-/* In the monitor's thread: a rig that can be loaded ends the run, and the next one begins with it;
- * a rig that cannot leaves everything as it is. */
+/* Restarts the run after SIGHUP, in the monitor's thread: a rig that can be loaded ends this run,
+ * and the next one begins with it; one that cannot leaves everything as it is. */
 static void try_reload(struct simulator *simulator, struct monitor *monitor)
 {
     const struct rig *rig;
@@ -182,6 +187,8 @@ static void try_reload(struct simulator *simulator, struct monitor *monitor)
         fprintf(stderr, "%sreload refused: %s\n", journal_prefix(JOURNAL_ERROR), error.text);
         return;
     }
+
+    /* Load the rig for a trial: the run is ended only for one that can follow */
     if (rig_load(run_given->rig, &arena, &rig, &error) ||
         run_options_check_trust(run_given, rig, &error)) {
         fprintf(stderr, "%sreload refused, the run continues: %s\n", journal_prefix(JOURNAL_ERROR),
@@ -194,7 +201,8 @@ static void try_reload(struct simulator *simulator, struct monitor *monitor)
     arena_fini(&arena);
 }
 
-/* Between two runs there is nothing to end: the next one may be long in starting. */
+/* Ends the process on a stop between two runs: nothing is running, and the next start may take
+ * long. */
 static void stop_between_runs(void *context)
 {
     (void)context;
@@ -204,19 +212,20 @@ static void stop_between_runs(void *context)
 
 /* ---- the control socket ---- */
 
-/* *control is NULL when there is none: it was not asked for, or no default place is available. */
+/* Opens the control socket. *control is NULL when there is none: it was not asked for, or no
+ * default place is available. */
 static enum error_code open_control(const struct run_options *options, struct simulator *simulator,
                                     struct control **control, struct error *error)
 {
     struct control_config config = {
         .simulator = simulator,
-        .steering = simulator_steering(simulator),
+        .requests = simulator_requests(simulator),
         .path = options->control,
         .name = simulator_configuration(simulator)->rig->name,
     };
 
     *control = NULL;
-    if (!config.steering) {
+    if (!config.requests) {
         return ERROR_NONE;
     }
     if (control_start(&config, control, error)) {
@@ -233,7 +242,7 @@ static enum error_code open_control(const struct run_options *options, struct si
 
 /* ---- the run ---- */
 
-/* Writes the file of --ready; host: of the gateway, "" = the default. */
+/* Writes the file of --ready; host: of the gateway, "" = the default address. */
 static enum error_code write_ready(const struct run_options *options, const char *host,
                                    struct simulator *simulator, const struct control *control,
                                    const struct page *page, struct error *error)
@@ -241,9 +250,9 @@ static enum error_code write_ready(const struct run_options *options, const char
     const struct gateway *gateway = simulator_gateway(simulator);
     const struct ready ready = {
         .control = control ? control_path(control) : NULL,
-        .gateway_host = !gateway  ? NULL
-                        : host[0] ? host
-                                  : "127.0.0.1",
+        .gateway_host = !gateway || !gateway_port(gateway) ? NULL
+                        : host[0]                          ? host
+                                                           : "127.0.0.1",
         .gateway_port = gateway ? gateway_port(gateway) : 0,
         .page = page->viewer ? viewer_address(page->viewer, true) : NULL,
         .page_view = page->viewer ? viewer_address(page->viewer, false) : NULL,
@@ -252,7 +261,7 @@ static enum error_code write_ready(const struct run_options *options, const char
     return ready_write(options->ready, &ready, error);
 }
 
-/* What the monitor's thread does beside its own work. */
+/* What the monitor's thread works on beside its own. */
 struct background {
     struct simulator *simulator;
     struct control *control; /* NULL = none */
@@ -260,7 +269,7 @@ struct background {
     struct monitor *monitor;
 };
 
-/* The page's time line has every event, however many there are. */
+/* Shows an event in the page's time line, which has every event, however many there are. */
 static void run_show_event(void *context, uint64_t key, const char *text)
 {
     const struct background *background = context;
@@ -270,6 +279,7 @@ static void run_show_event(void *context, uint64_t key, const char *text)
     }
 }
 
+/* Moves the events of the control socket to the page, the log and the recording. */
 static void log_control(struct background *background)
 {
     char text[EVENTLOG_TEXT];
@@ -283,6 +293,8 @@ static void log_control(struct background *background)
     }
 }
 
+/* Does the monitor's work of each period: a restart when one is wanted, and events of the
+ * socket. */
 static void run_each_period(void *context)
 {
     struct background *background = context;
@@ -291,6 +303,7 @@ static void run_each_period(void *context)
     log_control(background);
 }
 
+/* Runs a simulator from the start of its threads to the exit status. */
 static int run_simulator(struct simulator *simulator, struct control *control, struct page *page,
                          const struct run_options *options, const char *host)
 {
@@ -310,7 +323,7 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
     int status, silent = STATUS_OK;
     bool stays;
 
-    /* Threads start before simulator_start, which gives the loop's thread its rights and CPU */
+    /* Threads start before simulator_start, which gives the loop's thread its priority and CPU */
     if (monitor_start(&monitor, &config, &error)) {
         control_stop(control);
         viewer_stop(page->viewer);
@@ -324,7 +337,7 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
         return command_fail("run", &error);
     }
 
-    /* From here clients are served, and the loop runs to its end */
+    /* From here on clients are served, and the loop runs to its end */
     control_serve(control);
     viewer_serve(page->viewer);
     rig_command_warn(&report, monitor.log.clear);
@@ -334,7 +347,8 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
     }
     end = simulator_run(simulator);
 
-    /* The log is complete once all threads have ended; the page's before the socket it uses */
+    /* The log is complete once all threads have ended; the page's thread ends before the socket it
+     * uses */
     stays = !reload && !silent && page_stays(page, end);
     if (!stays) {
         page_tell_end(page, simulator, end, false);
@@ -353,13 +367,15 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
         return silent ? silent : status;
     }
 
-    /* A stop that comes now is that of the service: it is noted first, then carried out at once */
+    /* A stop that comes now is meant for the service: it is noted first, then carried out at
+     * once */
     status = run_finish(simulator, control, page, end, options->input.report);
     fflush(stdout);
     rig_command_on_stop(stop_between_runs, NULL);
     return status;
 }
 
+/* Prints how the robot has settled before the run, if it did. */
 static void print_settled(const struct simulator *simulator)
 {
     const struct settled *settled = simulator_settled(simulator);
@@ -376,7 +392,7 @@ static void print_settled(const struct simulator *simulator)
             settled->sideways, base);
 }
 
-/* What a person may want to know before the first tick. */
+/* Prints what a person may want to know before the first tick. */
 static void print_start(const struct simulator *simulator, const char *host, const char *notice)
 {
     fprintf(stderr, "dynamics: %s\n", simulator_dynamics(simulator));
@@ -384,7 +400,7 @@ static void print_start(const struct simulator *simulator, const char *host, con
     if (notice[0]) {
         fprintf(stderr, "%snotice: %s\n", journal_prefix(JOURNAL_NOTICE), notice);
     }
-    if (simulator_gateway(simulator)) {
+    if (simulator_gateway(simulator) && gateway_port(simulator_gateway(simulator))) {
         fprintf(stderr, "gateway: %s port %u\n", host[0] ? host : "127.0.0.1",
                 gateway_port(simulator_gateway(simulator)));
         if (host[0] && !run_options_is_loopback(host)) {
@@ -396,7 +412,7 @@ static void print_start(const struct simulator *simulator, const char *host, con
     }
 }
 
-/* Whether only the user ends the run. */
+/* Checks whether only the user ends the run. */
 static bool run_is_endless(const struct simulator *simulator)
 {
     const struct task_runner *runner = simulator_task_runner(simulator);
@@ -405,44 +421,62 @@ static bool run_is_endless(const struct simulator *simulator)
            (!runner || task_is_endless(runner->task));
 }
 
+/* Reads --gateway and --slcan; *used says whether one of them is given. */
+static enum error_code run_read_gateway(const struct run_options *options, char host[RUN_HOST_SIZE],
+                                        struct run_slcan *slcan, struct gateway_config *gateway,
+                                        bool *used, struct error *error)
+{
+    enum error_code code = run_options_read_slcan(options, slcan, error);
+
+    *gateway = (struct gateway_config){.slcan_only = !options->gateway};
+    if (!code && options->gateway) {
+        code = run_options_parse_address("--gateway", options->gateway, "29536", host,
+                                         &gateway->host, &gateway->port, error);
+    }
+    gateway->nslcan = slcan->count;
+    gateway->slcan = slcan->channel;
+    *used = options->gateway || slcan->count > 0;
+    return code;
+}
+
+/* Runs a rig: changes it as options say, creates the simulator, its socket and page, and runs
+ * them. */
 static int run_start_rig(void *context, const struct rig *loaded, struct arena *arena)
 {
     const struct run_options *options = context;
     static struct rig changed;
     static struct gateway_config gateway;
+    static struct run_slcan slcan;
     static char host[RUN_HOST_SIZE];
     const struct rig *rig = loaded;
     struct simulator_config config;
     struct simulator *simulator;
-    struct compiling compiling;
     struct task_input input;
     struct control *control;
     struct page page = {.viewer = NULL};
     enum error_code code;
     struct error error;
     char notice[256];
+    bool joined;
     int status;
 
-    /* The rig as the command line changes it */
+    /* Apply the command line's changes to a copy of the rig */
     if (options->wire >= 0) {
         changed = *loaded;
         changed.wire.timed = changed.wire.paced = options->wire;
         rig = &changed;
     }
-    if ((options->gateway && run_options_parse_address("--gateway", options->gateway, "29536", host,
-                                                       &gateway.host, &gateway.port, &error)) ||
+    if (run_read_gateway(options, host, &slcan, &gateway, &joined, &error) ||
         run_options_check_trust(options, rig, &error) || rig_command_budget("run", rig, &error) ||
         run_options_configure(options, rig, &config, &error) ||
         task_input_read(&options->input, options->task, rig, arena, &input, &error)) {
         return command_fail("run", &error);
     }
     config.task_input = &input;
-    config.gateway = options->gateway ? &gateway : NULL;
-    config.compiling = compiling_begin(&compiling, &manager, stderr, isatty(STDERR_FILENO));
+    config.gateway = joined ? &gateway : NULL;
 
-    /* The simulator, the socket that controls it, the page, and the run */
+    /* Create the simulator, the socket that controls it and the page, then run */
     code = simulator_create(&config, arena, &simulator, notice, &error);
-    compiling_end(&compiling);
     if (code) {
         return command_fail("run", &error);
     }
@@ -483,6 +517,8 @@ int cmd_run(int argc, char **argv)
     if (manager.descriptor >= 0) {
         signal(SIGHUP, on_hangup);
     }
+
+    /* A restart loads the rig anew, as it may have changed */
     run_given = &options;
     do {
         reload = false;

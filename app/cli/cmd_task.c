@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil task: a task as its own process, against virtual or real boards. */
+/* coman-hil task: runs a task as its own process, against virtual or real boards. */
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
@@ -23,9 +23,10 @@ struct task_command {
     bool quiet, reconnect;
 };
 
-static const struct option_word clock_words[] = {
+static const struct word clock_words[] = {
     {"real", LOOP_CLOCK_REAL}, {"lockstep", LOOP_CLOCK_LOCKSTEP}, {0}};
 
+/* Reads the command line; false, with the exit status, when there is nothing to run. */
 static bool task_parse_options(int argc, char **argv, struct task_command *out, int *status)
 {
     static struct task_command o;
@@ -57,7 +58,7 @@ static bool task_parse_options(int argc, char **argv, struct task_command *out, 
         .manual = MANUAL_TASK,
     };
 
-    /* -1: the rig's clock */
+    /* A clock of -1 stands for the rig's */
     o = (struct task_command){.clock = -1};
     if (!options_read(&spec, argc, argv, status)) {
         return false;
@@ -75,6 +76,7 @@ struct reporter {
     pthread_t thread;
 };
 
+/* Prints the task's message when it changes: 4 times a second on a terminal, else every 5 s. */
 static void *task_report_main(void *context)
 {
     struct reporter *reporter = context;
@@ -104,6 +106,7 @@ static void *task_report_main(void *context)
 
 static bool boards_lost; /* another run may find them */
 
+/* Prints how the task ended; returns the exit status. */
 static int task_exit_status(struct task_runner *runner, enum task_status status)
 {
     switch (status) {
@@ -127,6 +130,7 @@ static void task_request_stop(void *context)
     atomic_store(&runner->stop, true);
 }
 
+/* Runs the task in this thread until it ends; returns the exit status. */
 static int task_run_to_end(struct task_runner *runner, const struct rig *rig, bool quiet)
 {
     struct reporter reporter = {.runner = runner, .terminal = isatty(STDERR_FILENO)};
@@ -134,13 +138,14 @@ static int task_run_to_end(struct task_runner *runner, const struct rig *rig, bo
     struct realtime_report warnings;
     enum task_status status;
 
-    /* The status line has a thread of its own, which must not inherit real-time priority */
+    /* The status line has a thread of its own, made first so that it does not inherit real-time
+     * priority */
     rig_command_on_stop(task_request_stop, runner);
     if (!quiet && pthread_create(&reporter.thread, NULL, task_report_main, &reporter)) {
         quiet = true;
     }
 
-    /* In lockstep nothing depends on when the task wakes up */
+    /* In lockstep nothing depends on when the task wakes up, so no priority is needed */
     if (!runner->lockstep) {
         realtime_apply(&realtime, &warnings);
         rig_command_warn(&warnings, "");
@@ -154,6 +159,7 @@ static int task_run_to_end(struct task_runner *runner, const struct rig *rig, bo
     return task_exit_status(runner, status);
 }
 
+/* Opens the buses, creates the task and runs it; returns the exit status. */
 static int task_run_rig(void *context, const struct rig *rig, struct arena *arena)
 {
     const struct task_command *options = context;
@@ -174,6 +180,8 @@ static int task_run_rig(void *context, const struct rig *rig, struct arena *aren
         buses_join(&buses, arena, &ports, &error)) {
         return command_fail("task", &error);
     }
+
+    /* All memory is taken before the first cycle */
     if (task_runner_create(rig, options->task, &input, ports.port, lockstep, clock_monotonic(),
                            arena, &runner, &error) ||
         task_set_all(runner->task, options->set.item, options->set.count, &error) ||
@@ -205,9 +213,9 @@ int cmd_task(int argc, char **argv)
     do {
         boards_lost = false;
         status = rig_command("task", options.rig, &options, task_run_rig);
-        if (boards_lost && options.reconnect) {
+        if (boards_lost && options.reconnect && !rig_command_stop_requested()) {
             fprintf(stderr, "looking for the boards again\n");
         }
-    } while (boards_lost && options.reconnect);
+    } while (boards_lost && options.reconnect && !rig_command_stop_requested());
     return status;
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil test: scenarios, their verdicts, and the files that tell of them. */
+/* coman-hil test: runs scenarios, and writes their verdicts, recordings and JUnit results. */
 #include "app/cli/commands.h"
 
 #include "app/cli/cmd_test_plan.h"
@@ -20,7 +20,7 @@
 #define MEMORY ((size_t)1 << 30) /* of address space */
 
 struct test_options {
-    const char **file; /* NULL ends */
+    const char **file; /* ends with NULL */
     const char *junit, *output, *program, *cases;
     int64_t jobs, seed;
     bool mutate, to_the_end, plan, merge, list;
@@ -38,7 +38,7 @@ struct test_runs {
 
 enum { SIGNALS_SIZE = 2048 };
 
-/* A line for each kind of signal. */
+/* Makes the help on signals: a line for each kind. */
 static void list_signals(char list[SIGNALS_SIZE])
 {
     const char *const *line = scenario_signal_help();
@@ -50,6 +50,7 @@ static void list_signals(char list[SIGNALS_SIZE])
     }
 }
 
+/* Reads the command line; false, with the exit status, when there is nothing to run. */
 static bool test_parse_options(int argc, char **argv, struct test_options *out, int *status)
 {
     static struct test_options o;
@@ -102,7 +103,7 @@ static bool test_parse_options(int argc, char **argv, struct test_options *out, 
     list_signals(signals);
     manual_insert(manual, sizeof manual, MANUAL_TEST, "@SIGNALS@", signals);
 
-    /* Room for as many files as there are words */
+    /* Make room for as many files as there are words */
     o = (struct test_options){.seed = -1};
     o.file = calloc((size_t)argc + 1, sizeof *o.file);
     if (!o.file) {
@@ -121,7 +122,7 @@ static bool test_parse_options(int argc, char **argv, struct test_options *out, 
 
 /* ---- what is to be run ---- */
 
-/* Two scenarios of one name would write into one directory. */
+/* Refuses two scenarios of one name, which would write into one directory. */
 static enum error_code test_check_names(struct scenario *const *scenario, size_t count,
                                         struct error *error)
 {
@@ -139,8 +140,8 @@ static enum error_code test_check_names(struct scenario *const *scenario, size_t
     return ERROR_NONE;
 }
 
-/* The rig must have what the scenario names. Parameters are numbers: one case is checked for
- * all. */
+/* Checks that the rig has what the scenario names. Parameters are numbers only, so one case stands
+ * for all. */
 static enum error_code test_check_rig(struct scenario *scenario, struct error *error)
 {
     const struct rig *rig;
@@ -158,6 +159,8 @@ static enum error_code test_check_rig(struct scenario *scenario, struct error *e
     return code;
 }
 
+/* Adds the runs of a case: itself, recorded into a directory of its own, then each mutation,
+ * unrecorded. */
 static void add_jobs(struct test_runs *plan, struct scenario *scenario, size_t number, size_t count,
                      const struct test_options *options)
 {
@@ -179,7 +182,7 @@ static void add_jobs(struct test_runs *plan, struct scenario *scenario, size_t n
     }
 }
 
-/* The scenarios' cases, with their mutations. */
+/* Plans the runs of all cases, with their mutations. */
 static void plan_jobs(struct test_runs *plan, struct scenario *const *cases, const size_t *ncases,
                       size_t nfile, const struct test_options *options)
 {
@@ -191,6 +194,7 @@ static void plan_jobs(struct test_runs *plan, struct scenario *const *cases, con
     }
 }
 
+/* Reads and checks all scenarios, and makes the list of runs. */
 static enum error_code make_plan(struct test_runs *plan, const struct test_options *options,
                                  struct error *error)
 {
@@ -208,7 +212,7 @@ static enum error_code make_plan(struct test_runs *plan, const struct test_optio
         return error_set(error, ERROR_MEMORY, "no memory left for %zu scenarios", nfile);
     }
 
-    /* Everything is read and checked before anything runs */
+    /* Read and check everything before anything runs */
     for (size_t f = 0; f < nfile; f++) {
         char path[PATH_MAX];
 
@@ -229,7 +233,7 @@ static enum error_code make_plan(struct test_runs *plan, const struct test_optio
         return code;
     }
 
-    /* A job for each run; a result for each, and for the mutations of each case */
+    /* A job for each run; a result for each, and one for the mutations of each case */
     plan->job = arena_alloc(&plan->arena, njob, sizeof *plan->job);
     plan->result = arena_alloc(&plan->arena, njob + ncase, sizeof *plan->result);
     if (!plan->job || !plan->result) {
@@ -241,6 +245,7 @@ static enum error_code make_plan(struct test_runs *plan, const struct test_optio
 
 /* ---- what came out ---- */
 
+/* Prints the verdict of a run with its message, and counts it. */
 static void print_result(struct test_runs *plan, const struct scenario_result *result)
 {
     static const char *const word[] = {"ok    ", "FAIL  ", "ERROR "};
@@ -265,6 +270,7 @@ static void print_result(struct test_runs *plan, const struct scenario_result *r
     fflush(stdout);
 }
 
+/* Judges a run that has ended; called in the order of the plan. */
 static void on_end(void *context, const struct scenario_job *job)
 {
     struct test_runs *plan = context;
@@ -274,11 +280,13 @@ static void on_end(void *context, const struct scenario_job *job)
     print_result(plan, result);
 }
 
+/* Judges the mutations of each case, which stand beside it in the plan. */
 static void judge_mutations(struct test_runs *plan)
 {
     for (size_t from = 0, to = 0; from < plan->njob; from = to) {
         struct scenario_result *result = &plan->result[plan->nresult++];
 
+        /* The runs of one case are those after each other with the same scenario */
         for (to = from; to < plan->njob && plan->job[to].scenario == plan->job[from].scenario;
              to++) {
         }
@@ -287,6 +295,7 @@ static void judge_mutations(struct test_runs *plan)
     }
 }
 
+/* Lists the cases, and the mutations below each. */
 static void test_list_cases(const struct test_runs *plan)
 {
     for (size_t i = 0; i < plan->njob; i++) {
@@ -302,6 +311,7 @@ static void test_list_cases(const struct test_runs *plan)
     }
 }
 
+/* Returns the number of parallel runs: as given, or one for each processor. */
 static size_t test_parallel(const struct test_options *options)
 {
     long processors = sysconf(_SC_NPROCESSORS_ONLN);
@@ -309,6 +319,7 @@ static size_t test_parallel(const struct test_options *options)
     return options->jobs ? (size_t)options->jobs : processors > 0 ? (size_t)processors : 1;
 }
 
+/* Makes all runs, prints and writes the results; returns the exit status. */
 static int run_plan(struct test_runs *plan, const struct test_options *options)
 {
     struct scenario_jobs_options jobs = {
@@ -330,7 +341,7 @@ static int run_plan(struct test_runs *plan, const struct test_options *options)
         judge_mutations(plan);
     }
 
-    /* The sum of all, on the terminal and in the file */
+    /* Print the sum of all, and write the file */
     printf("%zu cases in %zu runs: %zu passed, %zu failed, %zu did not run; %.1f s\n", plan->ncase,
            plan->njob, plan->passed, plan->failed, plan->broken,
            (double)(clock_now(time) - begin) * 1e-9);
@@ -341,6 +352,7 @@ static int run_plan(struct test_runs *plan, const struct test_options *options)
     return plan->failed + plan->broken ? STATUS_FAILED : STATUS_OK;
 }
 
+/* Runs the scenarios given, or lists them; returns the exit status. */
 static int test_run_scenarios(const struct test_options *options)
 {
     struct test_runs plan = {.njob = 0};
@@ -362,7 +374,7 @@ static int test_run_scenarios(const struct test_options *options)
     return status;
 }
 
-/* One of the commands about plans. */
+/* Runs one of the commands about plans; refuses options that do not go with it. */
 static int test_run_plan(const struct test_options *options)
 {
     struct error error;

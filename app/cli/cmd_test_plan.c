@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil test with plans: makes one, runs a case of it, merges the results. */
+/* coman-hil test with plans: makes a plan, runs cases of it, merges the results. */
 #include "app/cli/cmd_test_plan.h"
 
 #include "app/sweep/plan.h"
@@ -8,7 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-/* Of address space. */
+/* Bytes of address space. */
 #define MEMORY ((size_t)1 << 30)
 
 int test_plan_sweep(const char *sweep, const char *output)
@@ -27,7 +27,7 @@ int test_plan_sweep(const char *sweep, const char *output)
     return STATUS_OK;
 }
 
-/* K or FIRST-LAST, from 1. */
+/* Parses K or FIRST-LAST, from 1. */
 static enum error_code test_read_range(const char *text, size_t range[2], struct error *error)
 {
     const char *at = text;
@@ -48,6 +48,7 @@ static enum error_code test_read_range(const char *text, size_t range[2], struct
     return ERROR_NONE;
 }
 
+/* Prints the verdict of a case, or why it has none. */
 static void test_case_ended(void *context, const struct plan_case *one,
                             const struct plan_result *result, const struct error *why)
 {

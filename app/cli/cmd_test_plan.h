@@ -1,20 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What coman-hil test does with plans (app/sweep/plan.h); each returns an exit status. Not
- * RT-safe. */
+/* Does what coman-hil test does with plans (app/sweep/plan.h); each function returns an exit
+ * status. Not RT-safe. */
 #ifndef APP_CLI_CMD_TEST_PLAN_H
 #define APP_CLI_CMD_TEST_PLAN_H
 
 #include <stddef.h>
 
-/* --plan: output is the plan's file. */
+/* Makes a plan (--plan): output is the plan's file. */
 int test_plan_sweep(const char *sweep, const char *output);
 
-/* --case: cases is a number or a range, FIRST-LAST; so many at a time. STATUS_OK when there are
- * results, whatever the verdicts, so that an engine repeats only what has none. output: run one
- * again, and record a failure there; NULL = no. */
+/* Runs cases (--case): cases is a number or a range, FIRST-LAST; parallel of them at a time.
+ * STATUS_OK when there are results, whatever the verdicts, so that an engine repeats only cases
+ * without one. output: run one case again, and record a failure there; NULL = no. */
 int test_plan_cases(const char *plan, const char *cases, size_t parallel, const char *output);
 
-/* --merge: STATUS_FAILED when some case did not pass. */
+/* Merges the results (--merge): STATUS_FAILED when some case did not pass. */
 int test_plan_merge(const char *plan);
 
 #endif

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Requests of ctl from words. A value for which there is no memory is left out, and the server
- * refuses the request. */
+/* Makes the requests of ctl from words. A value for which there is no memory is left out, and the
+ * server refuses the request. */
 #include "app/cli/ctl_request.h"
 
-#include "app/control/ctl_print.h"
+#include "control/ctl_print.h"
 #include "base/count.h"
 #include "base/text.h"
 
@@ -11,13 +11,14 @@
 
 enum { WORD_COPY = 256 };
 
+/* Reports wrong arguments of a command and says which it takes. */
 static enum error_code ctl_usage_error(struct error *error, const char *command,
                                        const char *expected)
 {
     return error_set(error, ERROR_INPUT, "%s: expected %s", command, expected);
 }
 
-/* A number where the word is one, else the word: the server says what it expected. */
+/* Makes a number of a word that is one, else a string: the server says what it expected. */
 static json_t *value_of(const char *word)
 {
     double number;
@@ -29,7 +30,7 @@ static json_t *value_of(const char *word)
     return text_to_double(word, &number) ? json_real(number) : json_string(word);
 }
 
-/* "1,2,3" as an array. */
+/* Makes an array of "1,2,3". */
 static json_t *vector_of(const char *word)
 {
     json_t *array = json_array();
@@ -42,7 +43,7 @@ static json_t *vector_of(const char *word)
     return array;
 }
 
-/* "KEY=VALUE" as a key of the request; the server knows which there are. */
+/* Puts "KEY=VALUE" into the request; the server knows which keys there are. */
 static enum error_code put_pair(json_t *request, const char *command, const char *word,
                                 struct error *error)
 {
@@ -59,6 +60,7 @@ static enum error_code put_pair(json_t *request, const char *command, const char
     return ERROR_NONE;
 }
 
+/* Puts the one argument that may be given into the request, under a key. */
 static enum error_code put_optional(json_t *request, const struct ctl_options *o, const char *key,
                                     struct error *error)
 {
@@ -71,12 +73,14 @@ static enum error_code put_optional(json_t *request, const struct ctl_options *o
     return ERROR_NONE;
 }
 
+/* Makes a request without arguments. */
 static enum error_code make_plain(json_t *request, const struct ctl_options *o, struct error *error)
 {
     (void)request;
     return o->nword > 0 ? ctl_usage_error(error, o->command, "no argument") : ERROR_NONE;
 }
 
+/* Makes `list WHAT [PATTERN]`. */
 static enum error_code make_list(json_t *request, const struct ctl_options *o, struct error *error)
 {
     if (o->nword < 1 || o->nword > 2) {
@@ -92,6 +96,7 @@ static enum error_code make_list(json_t *request, const struct ctl_options *o, s
     return ERROR_NONE;
 }
 
+/* Makes `get NAME`; of a pattern, a list of the tunables that match. */
 static enum error_code make_get(json_t *request, const struct ctl_options *o, struct error *error)
 {
     if (o->nword != 1) {
@@ -107,6 +112,7 @@ static enum error_code make_get(json_t *request, const struct ctl_options *o, st
     return ERROR_NONE;
 }
 
+/* Makes `set NAME=VALUE`, or `set NAME VALUE`. */
 static enum error_code make_set(json_t *request, const struct ctl_options *o, struct error *error)
 {
     const char *equals = o->nword == 1 ? strchr(o->word[0], '=') : NULL;
@@ -121,6 +127,7 @@ static enum error_code make_set(json_t *request, const struct ctl_options *o, st
     return ERROR_NONE;
 }
 
+/* Makes `fault NAME on|off`. */
 static enum error_code make_fault(json_t *request, const struct ctl_options *o, struct error *error)
 {
     bool on = o->nword == 2 && strcmp(o->word[1], "on") == 0;
@@ -133,6 +140,7 @@ static enum error_code make_fault(json_t *request, const struct ctl_options *o, 
     return ERROR_NONE;
 }
 
+/* Makes `push BODY KEY=VALUE...`. */
 static enum error_code make_push(json_t *request, const struct ctl_options *o, struct error *error)
 {
     if (o->nword < 1) {
@@ -160,6 +168,7 @@ static enum error_code make_slot(json_t *request, const struct ctl_options *o, s
     return put_optional(request, o, "slot", error);
 }
 
+/* Makes `speed FACTOR`; max is the factor 0. */
 static enum error_code make_speed(json_t *request, const struct ctl_options *o, struct error *error)
 {
     if (o->nword != 1) {
@@ -170,12 +179,14 @@ static enum error_code make_speed(json_t *request, const struct ctl_options *o, 
     return ERROR_NONE;
 }
 
+/* Makes `wait tick=N`, or `wait time_s=S`. */
 static enum error_code make_wait(json_t *request, const struct ctl_options *o, struct error *error)
 {
     return o->nword != 1 ? ctl_usage_error(error, o->command, "tick=N or time_s=S")
                          : put_pair(request, o->command, o->word[0], error);
 }
 
+/* Makes `subscribe SIGNAL...` with the period. */
 static enum error_code make_subscribe(json_t *request, const struct ctl_options *o,
                                       struct error *error)
 {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Rows as datagrams. */
+/* Sends rows as UDP datagrams. */
 #include "app/cli/ctl_udp.h"
 
 #include <errno.h>
@@ -10,9 +10,11 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+/* Longest host name; payload of the longest UDP datagram over IPv4, bytes. */
 enum { HOST_SIZE = 256, DATAGRAM_MAX = 65507 };
 
-/* Splits at the last colon, which an IPv6 address in brackets comes before; false if it cannot. */
+/* Splits HOST:PORT at the last colon, before which an IPv6 address stands in brackets; a port alone
+ * means localhost. False when it is neither. */
 static bool udp_split_address(const char *to, char host[HOST_SIZE], const char **port)
 {
     const char *colon = strrchr(to, ':');
@@ -46,6 +48,8 @@ enum error_code ctl_udp_open(const char *to, int *descriptor, struct error *erro
     if (reason) {
         return error_set(error, ERROR_INPUT, "--udp: %.100s: %s", to, gai_strerror(reason));
     }
+
+    /* A connected socket needs no address for each datagram */
     *descriptor = socket(found->ai_family, SOCK_DGRAM | SOCK_CLOEXEC, 0);
     if (*descriptor < 0 || connect(*descriptor, found->ai_addr, found->ai_addrlen)) {
         error_set_errno(error, errno, "--udp: %.100s", to);
@@ -82,7 +86,8 @@ enum error_code ctl_udp_send(int descriptor, const json_t *answer, const json_t 
         return error_set(error, ERROR_MEMORY, "no memory for a datagram");
     }
 
-    /* Nobody listens, or the queue is full: the next row may get through */
+    /* A failure to send is no error: nobody listens yet, or the queue is full, and the next row may
+     * get through */
     size = strlen(text);
     if (size <= DATAGRAM_MAX) {
         (void)!send(descriptor, text, size, MSG_NOSIGNAL);

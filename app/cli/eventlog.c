@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Rate limiting of log lines. */
+/* Limits the rate of log lines. */
 #include "app/cli/eventlog.h"
 
 #include "rt/clock.h"
 
 #include <string.h>
 
+/* Longest window in which a flood is summed up. */
 #define WINDOW_MAX_NS (60 * CLOCK_SECOND)
 
 static const char *eventlog_prefix(const struct eventlog *log, uint64_t key)
@@ -13,7 +14,7 @@ static const char *eventlog_prefix(const struct eventlog *log, uint64_t key)
     return log->prefix ? log->prefix(key) : "";
 }
 
-/* Prints what was held back. */
+/* Prints what was held back: the line, or the number of lines and the last one. */
 static void eventlog_sum_up(struct eventlog *log, const struct eventlog_entry *entry)
 {
     if (entry->held == 1) {
@@ -24,7 +25,8 @@ static void eventlog_sum_up(struct eventlog *log, const struct eventlog_entry *e
     }
 }
 
-/* Ends the entry's window; a flood gets another, longer one, in which everything is held back. */
+/* Ends the entry's window; a flood gets another one, twice as long, in which everything is held
+ * back. */
 static void eventlog_end_window(struct eventlog *log, struct eventlog_entry *entry, int64_t now_ns)
 {
     bool flood = entry->held > 0;
@@ -38,7 +40,7 @@ static void eventlog_end_window(struct eventlog *log, struct eventlog_entry *ent
     entry->window_ns = next < WINDOW_MAX_NS ? next : WINDOW_MAX_NS;
 }
 
-/* The entry of a key: its own, a free one, or the shared one. */
+/* Returns the entry of a key: its own, a free one, or the shared one. */
 static struct eventlog_entry *eventlog_entry_of(struct eventlog *log, uint64_t key)
 {
     struct eventlog_entry *shared = &log->entry[EVENTLOG_KEYS], *place = NULL;
@@ -67,6 +69,8 @@ void eventlog_put(struct eventlog *log, int64_t now_ns, uint64_t key, const char
         *entry = (struct eventlog_entry){
             .used = true, .key = key, .since_ns = now_ns, .window_ns = CLOCK_SECOND};
     }
+
+    /* Print the first lines of a window, and count the others */
     if (entry->lines < EVENTLOG_BURST) {
         entry->lines++;
         log->printed++;

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Downloaded firmware as files beside a recording. */
+/* Writes downloaded firmware into files beside a recording. */
 #include "app/cli/firmware.h"
 
 #include "base/whole_file.h"
 
 #include <stdio.h>
 
+/* Writes the words of an image, low byte first. */
 static enum error_code firmware_write_file(const char *path, const struct board_firmware *firmware,
                                            struct error *error)
 {
@@ -42,6 +43,8 @@ enum error_code firmware_write(const struct simulator *simulator, const char *di
         if (length < 0 || (size_t)length >= sizeof path) {
             return error_set(error, ERROR_SYSTEM, "the name of %s is too long", directory);
         }
+
+        /* A board's name may have a '/', a file's may not */
         for (char *c = path + start; *c; c++) {
             *c = *c == '/' ? '-' : *c;
         }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Lists what a rig has. */
+/* Lists the joints and faults of a rig. */
 #include "app/cli/list_rig.h"
 
 #include "app/cli/rig_command.h"
@@ -7,6 +7,7 @@
 
 #include <stdio.h>
 
+/* Puts out each driven joint, with the bus that it is on. */
 static enum error_code list_put_joints(const struct rig *rig, list_put put, struct error *error)
 {
     char text[256];
@@ -31,7 +32,7 @@ static enum error_code list_put_faults(const struct rig *rig, list_put put, stru
     return rig_list_faults(rig, list_put_fault, &put, error);
 }
 
-/* Loads the rig for as long as it is listed. */
+/* Loads a rig, lists it by body, and frees it. */
 static enum error_code list_rig(const char *name, list_put put,
                                 enum error_code (*body)(const struct rig *rig, list_put put,
                                                         struct error *error),

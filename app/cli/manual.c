@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Lists in manuals. */
+/* Inserts lists into manuals. */
 #include "app/cli/manual.h"
 
 #include <stdio.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Events and the status line. */
+/* Prints events and the status line in a thread. */
 #include "app/cli/monitor.h"
 
 #include "base/journal.h"
@@ -9,11 +9,12 @@
 
 enum { LINE_SIZE = 320 };
 
+/* Period of the thread, and of the status line on a terminal and in a log. */
 #define POLL_NS (50 * CLOCK_MS)
 #define TERMINAL_NS (250 * CLOCK_MS)
 #define LOG_NS (5 * CLOCK_SECOND)
 
-/* Load of the busiest bus since before, in percent. */
+/* Returns the load of the busiest bus since before, percent of its bitrate over virtual time. */
 static double find_busiest_bus(const struct simulator *simulator,
                                const struct simulator_status *before,
                                const struct simulator_status *status, size_t *bus)
@@ -34,8 +35,9 @@ static double find_busiest_bus(const struct simulator *simulator,
     return most;
 }
 
-void monitor_format(const struct simulator *simulator, const struct simulator_status *before,
-                    const struct simulator_status *status, char *text, size_t size)
+/* Writes the text of the status line. before is the status at the last line, zeros at first. */
+static void monitor_format(const struct simulator *simulator, const struct simulator_status *before,
+                           const struct simulator_status *status, char *text, size_t size)
 {
     const struct rig *rig = simulator_configuration(simulator)->rig;
     int64_t wall = status->elapsed_ns - before->elapsed_ns;
@@ -45,6 +47,7 @@ void monitor_format(const struct simulator *simulator, const struct simulator_st
     uint64_t lost = 0;
     size_t bus;
 
+    /* Sum the vertical contact forces of all bodies, and the frames that buses have lost */
     for (size_t c = 0; c < rig->contact.nbody; c++) {
         force += status->force_z[c];
     }
@@ -62,6 +65,8 @@ void monitor_format(const struct simulator *simulator, const struct simulator_st
              (unsigned long long)lost, task.message[0] ? "  " : "", task.message);
 }
 
+/* Prints the status, if a tick has run since the last one: in place, as a line, or to the
+ * manager. */
 static void print_status(struct monitor *monitor)
 {
     struct simulator_status status;
@@ -86,6 +91,7 @@ static const char *event_prefix(uint64_t key)
     return journal_prefix(simulator_event_priority(key));
 }
 
+/* Prints the simulator's events through the log, and shows them to the event function. */
 static void print_events(struct monitor *monitor, int64_t now)
 {
     char text[EVENTLOG_TEXT];
@@ -100,7 +106,8 @@ static void print_events(struct monitor *monitor, int64_t now)
     eventlog_flush(&monitor->log, now, false);
 }
 
-/* In lockstep the loop is ready when it waits for the first STEP: no tick has run then. */
+/* Tells the service manager whether the run is ready and alive. In lockstep the loop is ready when
+ * it waits for the first STEP, before any tick has run. */
 static void tell_manager(struct monitor *monitor, int64_t now)
 {
     const struct simulator *simulator = monitor->config.simulator;
@@ -114,6 +121,7 @@ static void tell_manager(struct monitor *monitor, int64_t now)
     notify_watch(monitor->config.manager, &health, now);
 }
 
+/* Does the thread's work until it is stopped. */
 static void *monitor_main(void *context)
 {
     struct monitor *monitor = context;

@@ -13,6 +13,7 @@
 
 enum { TEXT_SIZE = 512 };
 
+/* Sends a datagram to the manager, if there is one. */
 static void notify_send(const struct notify *notify, const char *text)
 {
     if (notify->descriptor >= 0) {
@@ -22,7 +23,7 @@ static void notify_send(const struct notify *notify, const char *text)
     }
 }
 
-/* A path, or with @ a name in the abstract namespace. */
+/* Sets the address of a path, or with @ of a name in the abstract namespace; false for others. */
 static bool notify_set_address(struct notify *notify, const char *path)
 {
     size_t length = strlen(path);
@@ -42,7 +43,7 @@ static bool notify_set_address(struct notify *notify, const char *path)
     return true;
 }
 
-/* Microseconds of WATCHDOG_USEC when they are meant for this process, else 0. */
+/* Returns the microseconds of WATCHDOG_USEC when they are meant for this process, else 0. */
 static int64_t notify_watchdog_us(void)
 {
     const char *time = getenv("WATCHDOG_USEC"), *pid = getenv("WATCHDOG_PID");
@@ -89,15 +90,6 @@ void notify_status(const struct notify *notify, const char *text)
     char line[TEXT_SIZE];
 
     snprintf(line, sizeof line, "STATUS=%s", text);
-    notify_send(notify, line);
-}
-
-void notify_busy(const struct notify *notify, int patience_s, const char *text)
-{
-    char line[TEXT_SIZE];
-
-    snprintf(line, sizeof line, "EXTEND_TIMEOUT_USEC=%lld\nWATCHDOG=1\nSTATUS=%s",
-             1000000LL * patience_s, text);
     notify_send(notify, line);
 }
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The page of a run. */
+/* Opens, keeps and closes the page of a run. */
 #include "app/cli/page.h"
 
 #include "app/cli/rig_command.h"
@@ -12,10 +12,12 @@
 #include <stdio.h>
 #include <string.h>
 
+/* How long the page stays after a run by default, s; robot parts that are listed as not shown. */
 #define PAGE_LINGER_S 600.0
 
 enum { LACKS_LISTED = 8 };
 
+/* Prints the page's addresses; warns of one that other machines can reach. */
 static void page_print_addresses(const struct page *page, const char *host)
 {
     const char *control = viewer_address(page->viewer, true);
@@ -52,7 +54,7 @@ void page_print_lacks(const struct robot *robot)
 
 /* ---- tokens ---- */
 
-/* The file for tokens, "" when none is to be kept. */
+/* Finds the file for tokens, "" when none is to be kept. */
 static void page_find_token_file(const struct run_options *options, bool service,
                                  char path[PATH_MAX])
 {
@@ -65,7 +67,8 @@ static void page_find_token_file(const struct run_options *options, bool service
     }
 }
 
-/* What the user has named has to be as it should; the default file is no reason not to run. */
+/* Judges an error of the token file: one that the user has named must be usable; of the default
+ * file the error is only a notice. */
 static enum error_code page_judge_token_file(const struct run_options *options,
                                              enum error_code code, const struct error *error)
 {
@@ -77,8 +80,8 @@ static enum error_code page_judge_token_file(const struct run_options *options,
     return code;
 }
 
-/* Starts the server with the tokens of the last run in this folder, and, where any port will do, at
- * its port when that is free; keeps both for the next run. */
+/* Starts the server with the tokens of the last run in this folder and, where any port will do, at
+ * that run's port when it is free; keeps both for the next run. */
 static enum error_code page_start(struct page *page, const struct run_options *options,
                                   bool service, struct viewer_config *config, struct error *error)
 {
@@ -94,6 +97,8 @@ static enum error_code page_start(struct page *page, const struct run_options *o
     if (code) {
         return code;
     }
+
+    /* Take the last run's tokens and port; another port when somebody else has that one now */
     if (tokens.port > 0) {
         config->token[0] = tokens.token[0];
         config->token[1] = tokens.token[1];
@@ -107,6 +112,8 @@ static enum error_code page_start(struct page *page, const struct run_options *o
     if (code || !path[0]) {
         return code;
     }
+
+    /* Keep the tokens and the port of this run */
     for (int right = 0; right < 2; right++) {
         snprintf(tokens.token[right], VIEWER_TOKEN, "%s", viewer_token(page->viewer, right));
     }
@@ -133,6 +140,8 @@ enum error_code page_open(struct page *page, const struct run_options *options, 
     }
     code =
         run_options_parse_address("--http", text, "8080", host, &config.host, &config.port, error);
+
+    /* The page has ports of its own, to send frames as a guest on the buses */
     code = code ? code : simulator_join(simulator, &page->ports, error);
     code = code ? code : page_start(page, options, service, &config, error);
     if (code) {
@@ -181,6 +190,7 @@ void page_tell_end(const struct page *page, const struct simulator *simulator, e
     }
 }
 
+/* Checks whether a signal or the control socket ends the wait. */
 static bool page_is_stopped(void *context)
 {
     return rig_command_stop_requested() || control_has_stopped(context);

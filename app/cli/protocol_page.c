@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Pages on what the boards speak. */
+/* Prints pages on what the boards speak. */
 #include "app/cli/protocol_page.h"
 
 #include "base/count.h"
@@ -13,20 +13,23 @@
 
 enum { FRAMES_MAX = 512 };
 
+/* A frame of the page. */
 struct protocol_frame {
     struct message message;
-    bool printed;
+    bool printed; /* as an answer, or in its section */
 };
 
+/* All frames of a bus, each kind once. */
 struct protocol_frames {
     const struct protocol *protocol;
-    bool fd; /* all frames are CAN FD ones */
+    bool fd; /* all frames are CAN FD frames */
     size_t count;
     struct protocol_frame frame[FRAMES_MAX];
 };
 
 /* ---- the frames of a bus with a motor, a force-torque and an inertial board ---- */
 
+/* Checks whether the frames have a message already. */
 static bool protocol_is_known(const struct protocol_frames *frames, const struct message *message)
 {
     for (size_t i = 0; i < frames->count; i++) {
@@ -40,7 +43,7 @@ static bool protocol_is_known(const struct protocol_frames *frames, const struct
     return false;
 }
 
-/* Keeps every frame once, whichever board or slot it is of. */
+/* Keeps each frame once, whichever board or slot sends it. */
 static bool protocol_keep_message(void *context, const struct message *message)
 {
     struct protocol_frames *frames = context;
@@ -51,6 +54,7 @@ static bool protocol_keep_message(void *context, const struct message *message)
     return true;
 }
 
+/* Collects the frames of a bus with a motor, a force-torque and an inertial board. */
 static void protocol_collect(const struct boards_bus_config *bus, struct protocol_frames *frames)
 {
     const int axes = bus->described ? (int)bus->described->axes : bus->protocol->axes_max;
@@ -73,7 +77,7 @@ static void protocol_collect(const struct boards_bus_config *bus, struct protoco
 
 /* ---- fields ---- */
 
-/* A line that is wrapped when it is complete. */
+/* A line of text, which is wrapped when it is complete. */
 struct protocol_line {
     size_t used;
     char text[2048];
@@ -92,6 +96,7 @@ protocol_add_text(struct protocol_line *line, const char *format, ...)
     line->used += length < 0 ? 0 : (size_t)length < room ? (size_t)length : room - 1;
 }
 
+/* Adds a field's place: bits where it is not made of whole bytes. */
 static void protocol_add_place(struct protocol_line *line, unsigned bit, unsigned bits)
 {
     if (bits == 1) {
@@ -105,7 +110,7 @@ static void protocol_add_place(struct protocol_line *line, unsigned bit, unsigne
     }
 }
 
-/* Unit and scale, and the range where it is not that of the type. */
+/* Adds the unit and scale, and the range where it is not just that of the type. */
 static void protocol_add_measure(struct protocol_line *line, const struct field *field)
 {
     double scale = field->scale != 0.0 ? field->scale : 1.0;
@@ -126,7 +131,7 @@ static void protocol_add_measure(struct protocol_line *line, const struct field 
     }
 }
 
-/* What makes a field more than a number. */
+/* Adds what makes a field more than a number, as the protocol knows it. */
 static void protocol_add_note(struct protocol_line *line, const struct protocol *protocol,
                               const struct message *message, size_t index)
 {
@@ -138,7 +143,8 @@ static void protocol_add_note(struct protocol_line *line, const struct protocol 
     protocol_add_text(line, "%s%s", *note ? ", " : "", note);
 }
 
-/* A field with its index in data and identifier. */
+/* Prints a field with its place, type, measure and named values; index counts fields of data and
+ * identifier. */
 static void protocol_put_field(const struct field *field, unsigned bit, bool in_id,
                                const struct protocol *protocol, const struct message *message,
                                size_t index, FILE *out)
@@ -166,7 +172,8 @@ static void protocol_put_field(const struct field *field, unsigned bit, bool in_
     options_wrap(line.text, 0, 2, out);
 }
 
-/* The fields of a list, the first of which is at a bit of data or identifier; returns how many. */
+/* Prints the fields of a list, the first of which is at a bit of data or identifier; returns the
+ * next index. */
 static size_t protocol_put_list(const struct field *fields, unsigned bit, bool in_id,
                                 const struct protocol *protocol, const struct message *message,
                                 size_t index, FILE *out)
@@ -180,6 +187,7 @@ static size_t protocol_put_list(const struct field *fields, unsigned bit, bool i
     return index;
 }
 
+/* Prints the fields of a message, in its data and in its identifier. */
 static void protocol_put_fields(const struct protocol *protocol, const struct message *message,
                                 FILE *out)
 {
@@ -199,9 +207,11 @@ static void protocol_put_fields(const struct protocol *protocol, const struct me
 
 /* ---- frames ---- */
 
+/* Prints how the identifier is made, then length, kind and period of a frame. */
 static void protocol_put_id(const struct protocol_frames *frames, const struct message *message,
                             FILE *out)
 {
+    /* Letters for what the identifier counts by, as the page explains them. */
     static const char counts[] = {[MESSAGE_OF_ADDRESS] = 'a',
                                   [MESSAGE_OF_NODE] = 'n',
                                   [MESSAGE_OF_SLOT] = 's',
@@ -236,7 +246,7 @@ static void protocol_put_id(const struct protocol_frames *frames, const struct m
     }
 }
 
-/* The frame by which a board answers a command; NULL = none. */
+/* Returns the frame by which a board answers a command; NULL = none. */
 static struct protocol_frame *protocol_find_answer(struct protocol_frames *frames,
                                                    const struct message *message)
 {
@@ -254,6 +264,8 @@ static struct protocol_frame *protocol_find_answer(struct protocol_frames *frame
     return NULL;
 }
 
+/* Prints a frame, and its answer below; fields of an answer that has been printed only if it has a
+ * code. */
 static void protocol_put_frame(struct protocol_frames *frames, struct protocol_frame *frame,
                                FILE *out)
 {
@@ -269,6 +281,8 @@ static void protocol_put_frame(struct protocol_frames *frames, struct protocol_f
     fputs(".\n", out);
     protocol_put_fields(frames->protocol, message, out);
     frame->printed = true;
+
+    /* The answer stands with its command, and is not repeated in a section of its own */
     if (answer) {
         bool own_code = answer->message.code != MESSAGE_NO_CODE;
 
@@ -287,6 +301,7 @@ static void protocol_put_frame(struct protocol_frames *frames, struct protocol_f
 
 /* ---- sections ---- */
 
+/* Prints the frames section by section: the protocol's sections, or by sender. */
 static void protocol_put_sections(struct protocol_frames *frames, FILE *out)
 {
     static const char *const by_sender[] = {
@@ -312,7 +327,7 @@ static void protocol_put_sections(struct protocol_frames *frames, FILE *out)
     }
 }
 
-/* On CAN FD: frames that a classic bus does not have, or that are longer there. */
+/* Prints the frames of a CAN FD bus that a classic bus does not have, or has shorter. */
 static void protocol_put_fd(const struct protocol_frames *classic, FILE *out)
 {
     static struct protocol_frames frames;
@@ -327,6 +342,7 @@ static void protocol_put_fd(const struct protocol_frames *classic, FILE *out)
     }
 }
 
+/* Prints the fault bits of an axis. */
 static void protocol_put_faults(const struct protocol *protocol, FILE *out)
 {
     fputs("\n## Faults\n\nThe bits of the fields `fault` and `faults` of an axis:\n\n", out);

@@ -7,7 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* Removes a regular file; a pipe that somebody reads stays. False with errno when it cannot. */
+/* Removes a regular file; leaves a pipe that somebody reads. False with errno when it cannot. */
 static bool remove_file(const char *path)
 {
     struct stat info;
@@ -18,7 +18,7 @@ static bool remove_file(const char *path)
     return unlink(path) == 0 || errno == ENOENT;
 }
 
-/* Writes NAME='VALUE' with every ' of the value as '\''. */
+/* Writes NAME='VALUE' with every ' of the value as '\''; nothing for a value of NULL or "". */
 static void put_entry(const char *name, const char *value, FILE *out)
 {
     if (!value || !*value) {
@@ -55,7 +55,7 @@ enum error_code ready_write(const char *path, const struct ready *ready, struct 
         return code;
     }
 
-    /* The page's address holds its token */
+    /* Only the owner may read it: the page's address holds its token */
     if (!file.in_place && fchmod(fileno(file.out), S_IRUSR | S_IWUSR)) {
         code = error_set_errno(error, errno, "cannot write %s", path);
     }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The file of --ready: it appears, complete, when others can talk to a run or a page, and says
- * where. A line is NAME='VALUE', as a shell's "." reads it, without the entries that the run has
- * not: pid, control (path of the control socket), gateway_host, gateway_port, page, page_view
+ * The file of --ready appears, complete, when others can talk to a run or a page, and says where. A
+ * line is NAME='VALUE', as a shell's "." reads it; entries that the run does not have are left out:
+ * pid, control (path of the control socket), gateway_host, gateway_port, page, page_view
  * (addresses, to control and to look only). Only its owner may read it. Not RT-safe.
  */
 #ifndef APP_CLI_READY_H
@@ -12,6 +12,7 @@
 
 #include <stdint.h>
 
+/* Where a run can be reached. */
 struct ready {
     const char *control;      /* "" or NULL here and below = none */
     const char *gateway_host; /* NULL = no gateway */
@@ -19,14 +20,15 @@ struct ready {
     const char *page, *page_view;
 };
 
-/* Removes the file that a run which was killed has left. Nothing happens without a path, here and
+/* Removes the file of an earlier run that was killed. Without a path nothing happens, here and
  * below. ERROR_SYSTEM. */
 enum error_code ready_begin(const char *path, struct error *error);
 
-/* Writes the file and gives it its name. ERROR_INPUT, ERROR_SYSTEM: as whole_file_close. */
+/* Writes the file and gives it its name when it is complete. ERROR_INPUT, ERROR_SYSTEM: as
+ * whole_file_close. */
 enum error_code ready_write(const char *path, const struct ready *ready, struct error *error);
 
-/* Removes it, for nobody is there to talk to any more. */
+/* Removes the file: nobody is there to talk to any more. */
 void ready_end(const char *path);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A recording in the page. */
+/* Shows a recording in the page. */
 #include "app/cli/replay_page.h"
 
 #include "app/cli/commands.h"
@@ -8,7 +8,7 @@
 #include "app/cli/rig_command.h"
 #include "app/scenario/scenario.h"
 #include "base/journal.h"
-#include "rt/recorder.h"
+#include "rt/recording/recorder.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -20,7 +20,7 @@
 #include <stdio.h>
 #include <unistd.h>
 
-/* Posted by the signal that ends it. */
+/* Posted by the signal that ends the page. */
 static sem_t replay_page_end;
 
 static void replay_page_stop(void *unused)
@@ -29,7 +29,8 @@ static void replay_page_stop(void *unused)
     sem_post(&replay_page_end);
 }
 
-/* A recording of a newer program may hold what this one takes for something else. */
+/* Refuses a recording of a newer format, which may hold what this program takes for something
+ * else. */
 static enum error_code replay_page_check_format(const char *path, const json_t *summary,
                                                 struct error *error)
 {
@@ -45,7 +46,7 @@ static enum error_code replay_page_check_format(const char *path, const json_t *
                      path, RECORDING_FORMAT_VERSION);
 }
 
-/* Reads the rig that a scenario of the summary made, with the values that its case had. */
+/* Loads the rig that a scenario of the summary made, with the parameter values of its case. */
 static enum error_code replay_page_load_case(const char *file, const json_t *values,
                                              struct arena *arena, const struct rig **rig,
                                              struct error *error)
@@ -55,7 +56,7 @@ static enum error_code replay_page_load_case(const char *file, const json_t *val
     size_t nvalue = 0, count;
     enum error_code code;
 
-    /* In the order of the summary, which is the scenario's */
+    /* Values in the order of the summary, which is the scenario's */
     for (void *at = json_object_iter((json_t *)(uintptr_t)values);
          at && nvalue < SCENARIO_PARAMETERS_MAX;
          at = json_object_iter_next((json_t *)(uintptr_t)values, at)) {
@@ -78,6 +79,7 @@ static enum error_code replay_page_load_rig(const struct replay_page_options *op
     const char *name, *file, *scenario;
     enum error_code code;
 
+    /* A summary that is missing leaves the names NULL */
     snprintf(path, sizeof path, "%s/" RECORDER_SUMMARY, options->directory);
     summary = json_load_file(path, JSON_REJECT_DUPLICATES, NULL);
     name = json_string_value(json_object_get(summary, "rig"));
@@ -105,7 +107,7 @@ done:
     return code;
 }
 
-/* Serves it until it is told to end. */
+/* Serves the recording until the program is told to end. */
 static enum error_code replay_page_serve(const struct replay_page_options *options,
                                          const struct rig *rig, const struct recording *recording,
                                          const struct recording *with, struct error *error)
@@ -133,6 +135,8 @@ static enum error_code replay_page_serve(const struct replay_page_options *optio
     viewer_serve(page.viewer);
     code = ready_write(options->ready,
                        &(struct ready){.page_view = viewer_address(page.viewer, false)}, error);
+
+    /* A signal that does not end the page interrupts the wait */
     while (!code && sem_wait(&replay_page_end) && errno == EINTR) {
     }
     ready_end(options->ready);
@@ -143,6 +147,7 @@ static enum error_code replay_page_serve(const struct replay_page_options *optio
     return code;
 }
 
+/* Reads the recording, and the one to compare it with, and serves them. */
 static enum error_code replay_page_play(const struct replay_page_options *options,
                                         const struct rig *rig, struct arena *arena,
                                         struct error *error)
@@ -161,12 +166,16 @@ static enum error_code replay_page_play(const struct replay_page_options *option
         fprintf(stderr, "reading %s\n", options->directory);
     }
     code = recording_open(&config, arena, &recording, error);
+
+    /* All of the second recording, at the times of the first */
     if (!code && options->with) {
         const struct recording_config other = {
             .directory = options->with, .rig = rig, .from_s = -INFINITY, .to_s = INFINITY};
 
         code = recording_open(&other, arena, &with, error);
     }
+
+    /* Tell what is not shown */
     if (!code && recording_strange_frames(recording) > 0) {
         fprintf(stderr,
                 "%snotice: %" PRIu64 " frames are of interfaces that the rig does not have, and "

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the commands that take a rig or a robot have in common. */
+/* Does what the commands that take a rig or a robot have in common. */
 #include "app/cli/rig_command.h"
 
 #include "base/count.h"
@@ -67,18 +67,19 @@ enum error_code rig_command_budget(const char *name, const struct rig *rig, stru
     return ERROR_NONE;
 }
 
-/* What a signal calls, none while it changes. */
+/* Function that a signal calls; NULL while it changes. */
 static void (*_Atomic on_stop)(void *context);
 static void *_Atomic on_stop_context;
 static atomic_bool stop_requested;
 
-/* What asks politely, as often as it comes: a terminal that closes sends more than one SIGHUP, and
- * every line into a pipe that nobody reads a SIGPIPE. */
+/* Signals that ask politely, as often as they come: a terminal that closes sends more than one
+ * SIGHUP, and every line into a pipe that nobody reads a SIGPIPE. */
 static struct polite_signal {
     int number;
     bool taken;
 } polite_signals[] = {{SIGHUP, false}, {SIGPIPE, false}};
 
+/* Notes a stop and calls the function for it; async-signal-safe. */
 static void on_signal(int number)
 {
     void (*stop)(void *context) = atomic_load(&on_stop);
@@ -95,7 +96,8 @@ bool rig_command_stop_requested(void)
     return atomic_load(&stop_requested);
 }
 
-/* One that is ignored (nohup, systemd's IgnoreSIGPIPE) or handled (a service's reload) stays so. */
+/* Handles a polite signal, unless it is ignored (nohup, systemd's IgnoreSIGPIPE) or handled
+ * otherwise (a service's reload). */
 static void take_polite_signal(struct polite_signal *polite)
 {
     const struct sigaction action = {.sa_handler = on_signal, .sa_flags = SA_RESTART};
@@ -111,7 +113,8 @@ static void take_polite_signal(struct polite_signal *polite)
 
 void rig_command_on_stop(void (*stop)(void *context), void *context)
 {
-    /* Reset on entry, so that a second one kills; an interrupted write is restarted */
+    /* The handler is reset on entry, so that a second signal kills; an interrupted write is
+     * restarted */
     const struct sigaction action = {.sa_handler = on_signal,
                                      .sa_flags = (int)(SA_RESETHAND | SA_RESTART)};
 
@@ -129,7 +132,7 @@ void rig_command_ignore_stop(void)
 {
     signal(SIGINT, SIG_DFL);
     signal(SIGTERM, SIG_DFL);
-    /* They must not cut the summary short */
+    /* Further polite signals must not cut the summary short */
     for (size_t i = 0; i < ARRAY_COUNT(polite_signals); i++) {
         if (polite_signals[i].taken) {
             signal(polite_signals[i].number, SIG_IGN);

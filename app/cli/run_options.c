@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The command line of coman-hil run. */
+/* Reads the command line of coman-hil run. */
 #include "app/cli/run_options.h"
 
 #include "app/cli/manual.h"
@@ -16,28 +16,15 @@
 
 enum { KINDS_SIZE = 4096 };
 
-static const struct option_word clock_words[] = {
-    {"real", LOOP_CLOCK_REAL}, {"lockstep", LOOP_CLOCK_LOCKSTEP}, {"free", LOOP_CLOCK_FREE}, {0}};
-static const struct option_word compile_words[] = {{"wait", DYNAMICS_COMPILE_WAIT},
-                                                   {"background", DYNAMICS_COMPILE_BACKGROUND},
-                                                   {"never", DYNAMICS_COMPILE_NEVER},
-                                                   {0}};
-static const struct option_word hold_words[] = {
-    {"none", RIG_HOLD_NONE}, {"until_enabled", RIG_HOLD_ENABLED}, {"always", RIG_HOLD_ALWAYS}, {0}};
-static const struct option_word overrun_words[] = {
-    {"skip", LOOP_OVERRUN_SKIP}, {"slip", LOOP_OVERRUN_SLIP}, {"stop", LOOP_OVERRUN_STOP}, {0}};
-static const struct option_word wire_words[] = {{"ideal", 0}, {"wire", 1}, {0}};
-static const struct option_word format_words[] = {
-    {"csv", RECORDER_CSV}, {"mcap", RECORDER_MCAP}, {"both", RECORDER_CSV | RECORDER_MCAP}, {0}};
-static const struct option_word transport_words[] = {
+static const struct word transport_words[] = {
     {"auto", TRANSPORT_AUTO}, {"socketcan", TRANSPORT_SOCKETCAN}, {"local", TRANSPORT_LOCAL}, {0}};
 
-/* The options' values while they are read: the table below points into it. */
+/* Values of the options while they are read: the table below points into it. */
 static struct run_options read;
 
 static const struct option_spec options[] = {
     {"--clock", OPTION_ENUM, "CLOCK", "real, lockstep or free; the rig's by default",
-     .value = &read.clock, .words = clock_words},
+     .value = &read.clock, .words = loop_clock_words},
     {"--duration", OPTION_REAL, "S",
      "end after S seconds of virtual time, more than 0; without it and --ticks when the task does, "
      "else never",
@@ -65,6 +52,10 @@ static const struct option_spec options[] = {
      "let other programs join the buses over TCP, with any socketcand client; HOST is a numeric "
      "address, 127.0.0.1 by default; PORT 0 is any that is free",
      .value = &read.gateway},
+    {"--slcan", OPTION_LIST, "BUS=PATH|tcp:[HOST:]PORT",
+     "let programs that know serial adapters (slcan, Lawicel) join a bus: PATH becomes a link to a "
+     "pseudo-terminal, tcp: a port; BUS is a name or an interface; may be given more than once",
+     .value = &read.slcan},
     {"--control", OPTION_STRING, "PATH",
      "path of the socket for \"coman-hil ctl\"; none: no socket; a default path otherwise, see "
      "below",
@@ -88,10 +79,10 @@ static const struct option_spec options[] = {
     {"--wire", OPTION_ENUM, "MODE",
      "ideal: frames take no time; wire: frames take the time of their bits and of arbitration, on "
      "local buses and at the speed of SocketCAN's; the rig's by default",
-     .value = &read.wire, .words = wire_words},
+     .value = &read.wire, .words = rig_wire_words},
     {"--hold", OPTION_ENUM, "WHEN",
      "links clamped: none, until_enabled (all motors on) or always; the rig's by default",
-     .value = &read.hold, .words = hold_words},
+     .value = &read.hold, .words = rig_hold_words},
     {"--settle", OPTION_FLAG, NULL,
      "start in static equilibrium: springs and contacts carry the weight from the first tick",
      .value = &read.settle},
@@ -99,12 +90,8 @@ static const struct option_spec options[] = {
      "account for electrical energy, heat and stored energy; the summary says how well the account "
      "balances",
      .value = &read.energy},
-    {"--compile", OPTION_ENUM, "WHEN",
-     "dynamics that are not compiled yet: background, for the next start, this one is numeric; "
-     "wait for them; never; by default background with the real clock, else wait",
-     .value = &read.compile, .words = compile_words},
     {"--overrun", OPTION_ENUM, "POLICY", "skip, slip or stop; the rig's by default",
-     .value = &read.overrun, .words = overrun_words},
+     .value = &read.overrun, .words = loop_overrun_words},
     {"--fault", OPTION_LIST, "LINE",
      "arm a fault, as 'motor LKneeSag jam 2..2.5'; may be given more than once; see below",
      .value = &read.fault, .noun = "faults"},
@@ -115,7 +102,7 @@ static const struct option_spec options[] = {
     {"--record-format", OPTION_ENUM, "FORMAT",
      "csv: signals.csv and poses.csv; mcap: recording.mcap, for Foxglove, Lichtblick and "
      "PlotJuggler; both; the rig's by default, which is csv",
-     .value = &read.record_format, .words = format_words},
+     .value = &read.record_format, .words = recorder_format_words},
     {"--record-period", OPTION_INT, "MS", "rows of signals every MS ms, 10 by default",
      .value = &read.record_period_ms, .min = 1.0, .max = 60000.0, .unit = "ms"},
     {"--force", OPTION_FLAG, NULL,
@@ -128,7 +115,7 @@ static const struct option_spec options[] = {
     {"--quiet", OPTION_FLAG, NULL, "no status line", .value = &read.quiet},
 };
 
-/* A line for each kind of fault. */
+/* Makes the help on faults: a line for each kind. */
 static void list_fault_kinds(char list[KINDS_SIZE])
 {
     size_t used = 0, count = faults_help(0, NULL, 0);
@@ -163,7 +150,6 @@ bool run_options_read(int argc, char **argv, struct run_options *out, int *statu
                                 .http_linger_s = -1.0,
                                 .seed = -1,
                                 .clock = -1,
-                                .compile = -1,
                                 .overrun = -1,
                                 .hold = -1,
                                 .wire = -1,
@@ -183,7 +169,7 @@ enum error_code run_options_parse_address(const char *option, const char *text, 
     size_t length = colon ? (size_t)(colon - text) : 0;
     int64_t number;
 
-    /* The address, without the brackets of IPv6 */
+    /* The address goes without the brackets of IPv6 */
     if (length > 2 && text[0] == '[' && text[length - 1] == ']') {
         snprintf(host, RUN_HOST_SIZE, "%.*s", (int)length - 2, text + 1);
     } else {
@@ -198,6 +184,51 @@ enum error_code run_options_parse_address(const char *option, const char *text, 
     *given = colon ? host : NULL;
     *port = (uint16_t)number;
     return ERROR_NONE;
+}
+
+/* Reads one --slcan, BUS=PATH or BUS=tcp:[HOST:]PORT, into the next channel. */
+static enum error_code run_options_read_channel(const char *text, struct run_slcan *slcan,
+                                                struct error *error)
+{
+    const char *equals = strchr(text, '='), *where = equals ? equals + 1 : "";
+    size_t at = slcan->count, length = equals ? (size_t)(equals - text) : 0;
+    struct gateway_slcan *channel = &slcan->channel[at];
+    enum error_code code = ERROR_NONE;
+
+    if (at == GATEWAY_SLCAN || length == 0 || length >= sizeof slcan->bus[at] || !*where) {
+        return error_set(
+            error, ERROR_INPUT,
+            "--slcan: found \"%.100s\", expected BUS=PATH or BUS=tcp:[HOST:]PORT, as in "
+            "can1=/tmp/slcan1, at most %d times",
+            text, GATEWAY_SLCAN);
+    }
+    snprintf(slcan->bus[at], sizeof slcan->bus[at], "%.*s", (int)length, text);
+    *channel = (struct gateway_slcan){.bus = slcan->bus[at]};
+
+    /* A port, or a path that becomes a link to a pseudo-terminal */
+    if (strncmp(where, "tcp:", 4) == 0) {
+        code = run_options_parse_address("--slcan", where + 4, "tcp:3333", slcan->host[at],
+                                         &channel->host, &channel->port, error);
+        if (!code && channel->port == 0) {
+            code = error_set(error, ERROR_INPUT, "--slcan: found port 0, expected 1 to 65535");
+        }
+    } else {
+        channel->path = where;
+    }
+    slcan->count += !code;
+    return code;
+}
+
+enum error_code run_options_read_slcan(const struct run_options *given, struct run_slcan *slcan,
+                                       struct error *error)
+{
+    enum error_code code = ERROR_NONE;
+
+    slcan->count = 0;
+    for (size_t i = 0; i < given->slcan.count && !code; i++) {
+        code = run_options_read_channel(given->slcan.item[i], slcan, error);
+    }
+    return code;
 }
 
 const char *run_options_http(const struct run_options *given, const struct rig *rig)
@@ -222,7 +253,7 @@ bool run_options_is_loopback(const char *host)
            (IN6_IS_ADDR_V4MAPPED(&six) && six.s6_addr[12] == IN_LOOPBACKNET);
 }
 
-/* Whether a path leads, or may lead, out of the folder that the program runs in. */
+/* Checks whether a path leads, or through symbolic links may lead, out of the working directory. */
 static bool path_leaves_folder(const char *path)
 {
     char part[PATH_MAX];
@@ -244,7 +275,8 @@ static bool path_leaves_folder(const char *path)
     return false;
 }
 
-/* Whether the rig's page is for this machine alone; the error is of an address that is none. */
+/* Checks whether the rig's page listens on this machine alone; an error for an address that is
+ * none. */
 static enum error_code listens_here(const struct rig_page *page, bool *here, struct error *error)
 {
     char host[RUN_HOST_SIZE];
@@ -266,6 +298,8 @@ enum error_code run_options_check_trust(const struct run_options *given, const s
     const struct rig_page *page = &rig->page;
     bool here = true;
 
+    /* A rig from elsewhere records below the working directory only, and serves its page here
+     * only */
     if (!given->record && record->directory && !given->trust &&
         !config_is_installed(record->mark.file) && path_leaves_folder(record->directory)) {
         return yaml_error(error, &record->mark,
@@ -309,17 +343,13 @@ enum error_code run_options_configure(const struct run_options *given, const str
         .setting = given->set.item,
         .nsetting = given->set.count,
         .stimulus = given->stimulus,
-        .steering = !given->control || strcmp(given->control, "none") != 0,
+        .requests = !given->control || strcmp(given->control, "none") != 0,
         .record = given->record ? given->record : rig->record.directory,
         .overwrite = given->force,
         .record_format = given->record_format ? (unsigned)given->record_format : rig->record.format,
         .guests = run_options_http(given, rig) != NULL,
         .row_period_ns = given->record_period_ms * CLOCK_MS,
     };
-    /* Who asks for the same bits at each repeat waits; who drives in real time does not */
-    config->compile = given->compile >= 0                ? (enum dynamics_compile)given->compile
-                      : config->clock == LOOP_CLOCK_REAL ? DYNAMICS_COMPILE_BACKGROUND
-                                                         : DYNAMICS_COMPILE_WAIT;
 
     if (given->set.count > 0 && !given->task) {
         return error_set(error, ERROR_INPUT, "found --set without --task");

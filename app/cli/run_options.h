@@ -10,47 +10,57 @@
 
 enum { RUN_HOST_SIZE = 64 }; /* room for any numeric address */
 
-/* As given; strings are the command line's. */
+/* The channels of --slcan, with the memory of their strings. */
+struct run_slcan {
+    size_t count;
+    struct gateway_slcan channel[GATEWAY_SLCAN];
+    char bus[GATEWAY_SLCAN][RUN_HOST_SIZE], host[GATEWAY_SLCAN][RUN_HOST_SIZE];
+};
+
+/* The options as given; strings belong to the command line. */
 struct run_options {
     const char *rig, *task, *stimulus, *record, *gateway, *control, *http, *ready, *token_file;
     struct task_options input; /* of the task */
-    struct option_list bus, fault, set;
+    struct option_list bus, fault, set, slcan;
     double duration_s;               /* INFINITY = not given */
     double http_linger_s;            /* -1 = not given */
     int64_t ticks, record_period_ms; /* ticks: 0 = not given */
     int64_t seed;                    /* -1 = the rig's */
     int clock, overrun, hold, wire;  /* -1 = the rig's */
-    int compile;                     /* enum dynamics_compile; -1 = by the clock */
-    int transport;
-    int record_format; /* enum recorder_format; 0 = the rig's */
+    int transport;                   /* enum bus_transport */
+    int record_format;               /* enum recorder_format; 0 = the rig's */
     bool settle, energy, force, quiet;
     bool trust; /* the rig may write and listen wherever it says */
 };
 
-/* False when the command is to return *status at once (options_read). */
+/* Reads the command line; false when the command is to return *status at once (options_read). */
 bool run_options_read(int argc, char **argv, struct run_options *options, int *status);
 
 /* Refuses what a rig that is not installed must not decide, unless the command line trusts it or
- * decides otherwise: to record outside the folder that the program runs in, and to serve the page
- * to other machines. The error names file:line:column. */
+ * decides otherwise: to record outside the working directory, and to serve the page to other
+ * machines. The error names file:line:column. */
 enum error_code run_options_check_trust(const struct run_options *options, const struct rig *rig,
                                         struct error *error);
 
-/* The simulator's configuration: the rig's settings where the command line has none. It points into
- * both, and has no gateway. */
+/* Reads the channels of --slcan. */
+enum error_code run_options_read_slcan(const struct run_options *options, struct run_slcan *slcan,
+                                       struct error *error);
+
+/* Makes the simulator's configuration: the rig's settings where the command line has none. It
+ * points into both, and has no gateway. */
 enum error_code run_options_configure(const struct run_options *options, const struct rig *rig,
                                       struct simulator_config *config, struct error *error);
 
-/* Whether only this machine reaches a numeric address. */
+/* Checks whether a numeric address is reached from this machine only. */
 bool run_options_is_loopback(const char *host);
 
-/* Reads "[HOST:]PORT", with an IPv6 address in brackets, as the value of an option; *given points
- * to host, or is NULL without one. example: of a port. */
+/* Parses "[HOST:]PORT", with an IPv6 address in brackets, as the value of an option; *given points
+ * to host, or is NULL without one. example: what a message shows. */
 enum error_code run_options_parse_address(const char *option, const char *text, const char *example,
                                           char host[RUN_HOST_SIZE], const char **given,
                                           uint16_t *port, struct error *error);
 
-/* Where the page is to be served, of the command line or the rig; NULL = nowhere. */
+/* Returns where the page is to be served, by the command line or the rig; NULL = nowhere. */
 const char *run_options_http(const struct run_options *given, const struct rig *rig);
 
 #endif

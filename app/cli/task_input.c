@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The options of sweep and follow. */
+/* Reads the options of the tasks sweep and follow. */
 #include "app/cli/task_input.h"
 
 #include <string.h>
 
-const struct option_word task_interpolation_words[] = {
+const struct word task_interpolation_words[] = {
     {"cubic", TRAJECTORY_CUBIC}, {"linear", TRAJECTORY_LINEAR}, {0}};
 
+/* Refuses an option that the task does not have, and says which tasks have it. */
 static enum error_code task_input_refuse(const char *option, const char *task, struct error *error)
 {
     return error_set(error, ERROR_INPUT, "found %s with %s%s, expected it with %s only", option,

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the commands that start a task have in common: the options of sweep and follow, and the
+ * Does what the commands that start a task have in common: the options of sweep and follow, and the
  * report that these tasks leave. Not RT-safe.
  */
 #ifndef APP_CLI_TASK_INPUT_H
@@ -10,14 +10,15 @@
 #include "rig/rig.h"
 #include "tasks/trajectory.h"
 
+/* Options of the tasks sweep and follow. */
 struct task_options {
     const char *joint, *trajectory, *report; /* NULL: not given */
     int interpolation;                       /* enum trajectory_interpolation */
 };
 
-extern const struct option_word task_interpolation_words[];
+extern const struct word task_interpolation_words[];
 
-/* Rows of a table of options that fill in a struct task_options. */
+/* Rows of an option table that fill in a struct task_options. */
 #define TASK_OPTION_ROWS(o)                                                                        \
     {"--joint",           OPTION_STRING,   "JOINT", "the joint that the task sweep identifies",    \
      .value = &(o).joint, .noun = "joints"},                                                       \
@@ -39,13 +40,14 @@ extern const struct option_word task_interpolation_words[];
             .value = &(o).report                                                                   \
     }
 
-/* Reads what the task of this name needs, and refuses what it does not know; NULL: no task. The
- * input points into the options and the arena. ERROR_INPUT, ERROR_SYSTEM, ERROR_MEMORY. */
+/* Reads the input of the task of this name, and refuses options that it does not have; NULL: no
+ * task. The input points into the options and the arena. ERROR_INPUT, ERROR_SYSTEM,
+ * ERROR_MEMORY. */
 enum error_code task_input_read(const struct task_options *options, const char *task,
                                 const struct rig *rig, struct arena *arena,
                                 struct task_input *input, struct error *error);
 
-/* Writes the report of a task that has ended, however it did; nothing without folder. */
+/* Writes the report of a task that has ended, however it did; does nothing without a folder. */
 enum error_code task_report_write(const struct task *task, const char *folder, struct error *error);
 
 #endif

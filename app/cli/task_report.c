@@ -1,25 +1,28 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What sweep and follow leave: tables, Bode plots, a page. */
+/* Writes what sweep and follow leave: tables, Bode plots, a page. */
 #include "app/cli/task_input.h"
 #include "app/report/report.h"
 
 #include <math.h>
 #include <stdlib.h>
 
+/* Columns of values for the plots: magnitude, phase and coherence of each response. */
 enum { SWEEP_COLUMNS = 3 * SWEEP_RESPONSES, PANELS = 3 };
 
 static const char *const sweep_name[SWEEP_RESPONSES] = {"link", "rotor", "torque"};
 
-/* A response that was heard; others leave their cells empty. */
+/* Checks whether a response was heard; others leave their cells empty. */
 static bool sweep_was_heard(const struct sweep_response *response)
 {
     return response->coherence > 0;
 }
 
+/* Writes the table of all points: gain, phase and coherence of link, rotor and torque. */
 static void sweep_write_table(struct report *report, const struct sweep_point *point, size_t count)
 {
     const char *in = point->by_angle ? "rad" : "V";
 
+    /* Columns and their units follow what drives the drive, an angle or a voltage */
     report_table(report, "sweep", "Responses of the drive, a unit of what drives it.",
                  point->by_angle
                      ? "frequency_hz|input_rad|link_rad_per_rad|link_deg|link_coherence|"
@@ -44,6 +47,8 @@ static void sweep_write_table(struct report *report, const struct sweep_point *p
         report_row(report, "%.9g|%.9g|%s|%s|%s", point[i].frequency_hz, point[i].input, cell[0],
                    cell[1], cell[2]);
     }
+
+    /* How to read it */
     report_text(report,
                 "The input is in %s; link and rotor are angles at the link's side of the gear; a "
                 "phase is positive when the response leads. The coherence is the part of a "
@@ -51,7 +56,8 @@ static void sweep_write_table(struct report *report, const struct sweep_point *p
                 in);
 }
 
-/* Magnitude (log), phase without jumps, coherence: a line for each response that was heard. */
+/* Fills the columns of a response: magnitude, phase unwrapped to jumps below half a turn,
+ * coherence; not a number where it was not heard. */
 static void sweep_fill(const struct sweep_point *point, size_t count, int k, double *column)
 {
     double *magnitude = column, *phase = column + count, *coherence = column + 2 * count;
@@ -73,6 +79,7 @@ static void sweep_fill(const struct sweep_point *point, size_t count, int k, dou
     }
 }
 
+/* Draws the Bode plots; value has room for all columns and the frequencies. */
 static void sweep_draw(struct report *report, const struct sweep_point *point, size_t count,
                        double *value)
 {
@@ -90,7 +97,7 @@ static void sweep_draw(struct report *report, const struct sweep_point *point, s
         sweep_fill(point, count, k, value + (size_t)k * PANELS * count);
     }
 
-    /* Angles in one row of panels, the torque in another */
+    /* Angles go into one row of panels, the torque into another */
     for (size_t p = 0; p < 2 * PANELS; p++) {
         bool torque = p >= PANELS;
         size_t kind = p % PANELS;
@@ -118,6 +125,7 @@ static void sweep_draw(struct report *report, const struct sweep_point *point, s
     }
 }
 
+/* Writes the table of tracking errors, a row for each joint. */
 static void follow_write_table(struct report *report, const struct follow_error *joint,
                                size_t count)
 {
@@ -142,6 +150,8 @@ enum error_code task_report_write(const struct task *task, const char *folder, s
     if (!folder || points + joints == 0) {
         return ERROR_NONE;
     }
+
+    /* Columns of all responses, and the frequencies behind them */
     value = malloc((SWEEP_COLUMNS + 1) * (points + 1) * sizeof *value);
     if (!value) {
         return error_set(error, ERROR_MEMORY, "no memory for the report");

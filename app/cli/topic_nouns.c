@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil help NOUN: what the things are that other manuals speak of. */
+/* coman-hil help NOUN: explains the things that other manuals speak of. */
 #include "app/cli/topics.h"
 #include "app/scenario/scenario.h"
 #include "base/options.h"
-#include "boards/faults.h"
+#include "faults/faults.h"
 #include "manual/board.h"
 #include "manual/bus.h"
 #include "manual/fault.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil help rt: how the loop keeps real time, and how to see whether it does. */
+/* coman-hil help rt: explains how the loop keeps real time, and how to see whether it does. */
 #include "app/cli/topics.h"
 #include "base/options.h"
 #include "manual/rt.h"
@@ -8,6 +8,7 @@
 #include <inttypes.h>
 #include <string.h>
 
+/* Instructions in a tick of 1 ms at one a nanosecond, of which a phase takes a share. */
 enum { TICK_INSTRUCTIONS = 1000000, NAME_COLUMN = 12 };
 
 /* Prints the manual's text up to the line "  @MARK@"; returns what follows that line. */
@@ -24,6 +25,7 @@ static const char *print_until_mark(const char *text, const char *mark, FILE *ou
     return at + strlen(mark) + strlen("\n");
 }
 
+/* Prints what each phase of the loop does. */
 static void topic_print_phases(FILE *out)
 {
     for (int p = 0; p < PHASE_COUNT; p++) {
@@ -32,6 +34,7 @@ static void topic_print_phases(FILE *out)
     }
 }
 
+/* Prints each phase's budget in instructions, and its measured time. */
 static void topic_print_budget(FILE *out)
 {
     uint32_t sum = 0;

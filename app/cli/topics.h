@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Parts of the manual that belong to no command: coman-hil help TOPIC. Each prints itself. Not
+/* Topics of the manual that belong to no command: coman-hil help TOPIC. Each prints itself. Not
  * RT-safe. */
 #ifndef APP_CLI_TOPICS_H
 #define APP_CLI_TOPICS_H

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Drives of the catalogue for the joints of an import; see the header. */
+/* Chooses drives of the catalogue for the joints of an import; see the header. */
 #include "app/import/catalogue.h"
 
 #include "base/config.h"
@@ -10,12 +10,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* One --drive, taken apart. */
+/* One --drive option, taken apart. */
 struct drive_pick {
-    const char *option;  /* as it was given */
-    const char *pattern; /* of joints */
-    const char *file;    /* as a robot file names the drive */
-    const char *copy;    /* path of a file of the user's own, or NULL */
+    const char *option;  /* the option's text, for messages */
+    const char *pattern; /* shell pattern of joint names */
+    const char *file;    /* name or path of the drive, as a robot file writes it */
+    const char *copy;    /* absolute path of a file of the user's own, which is copied; or NULL */
     const struct robot_drive *drive;
 };
 
@@ -27,7 +27,8 @@ double import_drive_torque(const struct robot_drive *drive)
     return drive->torque > 0.0 ? drive->torque : drive->sea.Kt * drive->supply_v / drive->sea.R;
 }
 
-/* How a robot file names one of the folder drives beside its own; NULL: no memory. */
+/* Returns the name by which a robot file refers to its own folder drives, "../drives/NAME";
+ * NULL when there is no memory. */
 static char *drive_name_own(const char *name, struct arena *arena)
 {
     static const char before[] = "../drives/";
@@ -36,7 +37,7 @@ static char *drive_name_own(const char *name, struct arena *arena)
     return file ? strcat(strcpy(file, before), name) : NULL;
 }
 
-/* Two files of one name cannot lie in one folder. */
+/* Refuses two different drive files of one name: their copies would lie in one folder. */
 static enum error_code robot_check_drive_copies(const struct import_robot *to, struct error *error)
 {
     for (size_t j = 0; j < to->robot->njoint; j++) {
@@ -53,14 +54,15 @@ static enum error_code robot_check_drive_copies(const struct import_robot *to, s
     return ERROR_NONE;
 }
 
-/* The file that the option means; one of the user's own will lie in the folder drives beside the
- * robot's. */
+/* Finds the drive file that the option names: a path (it has "/" or "."), which will be copied
+ * into the folder drives beside the robot's, or else a name of the catalogue. */
 static enum error_code drive_pick_locate(struct drive_pick *pick, struct arena *arena,
                                          const char **path, struct error *error)
 {
     char whole[PATH_MAX];
     enum error_code code;
 
+    /* A path means a file of the user's own, which goes by its name below ../drives/ */
     if (strpbrk(pick->file, "/.")) {
         const char *slash, *name;
 
@@ -84,10 +86,13 @@ static enum error_code drive_pick_locate(struct drive_pick *pick, struct arena *
         return *path && pick->file ? ERROR_NONE
                                    : error_set(error, ERROR_MEMORY, "no memory for the drives");
     }
+
+    /* A plain name is one of the catalogue */
     code = config_locate_from(CONFIG_DRIVE, pick->file, "", arena, path, error);
     return code ? error_prefix(error, "--drive") : ERROR_NONE;
 }
 
+/* Parses one --drive, NAME or JOINTS=NAME, and loads the drive that it names. */
 static enum error_code drive_pick_read(const char *option, struct arena *arena,
                                        struct drive_pick *pick, struct error *error)
 {
@@ -113,13 +118,13 @@ static enum error_code drive_pick_read(const char *option, struct arena *arena,
     return code ? code : robot_load_drive(path, arena, &pick->drive, error);
 }
 
-/* Whether a joint has a drive: it turns, and follows no other. */
+/* Checks whether a joint has a drive of its own: it is revolute and follows no other joint. */
 static bool joint_takes_drive(const struct robot *robot, size_t j)
 {
     return robot->joint[j].type == JOINT_REVOLUTE && !robot_find_coupling(robot, j);
 }
 
-/* No joint that turns has such a name. */
+/* Refuses a pattern that no driven joint matches and suggests the nearest name of one. */
 static enum error_code drive_pick_refuse(const struct drive_pick *pick, const struct robot *robot,
                                          struct arena *arena, struct error *error)
 {
@@ -152,6 +157,7 @@ enum error_code import_pick_drives(const struct import_options *options, struct 
     if (!to->drive || !to->drive_file || !to->drive_copy) {
         return error_set(error, ERROR_MEMORY, "no memory for the drives");
     }
+    /* Options apply in their order, so the last one that matches a joint counts */
     for (size_t i = 0; i < options->ndrive; i++) {
         struct drive_pick pick;
         bool matched = false;

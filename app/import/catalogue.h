@@ -16,7 +16,8 @@
 enum error_code import_pick_drives(const struct import_options *options, struct arena *arena,
                                    struct import_robot *to, struct error *error);
 
-/* What a picked drive gives for a short time, N m: by its file, or at the supply and standstill. */
+/* Returns the short-time torque of a drive, N m: its peak or rated torque by the file, else the
+ * stall torque at its supply voltage. */
 double import_drive_torque(const struct robot_drive *drive);
 
 #endif

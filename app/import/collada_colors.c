@@ -11,7 +11,7 @@
 
 #include <string.h>
 
-enum { COLLADA_STEP_WORK = 64 }; /* of one binding looked at, in bytes of work */
+enum { COLLADA_STEP_WORK = 64 }; /* charged for each binding looked at, in bytes */
 
 /* The first descendant along a path of names that ends in NULL. */
 static const xmlNode *collada_descend(const xmlNode *node, const char *const path[])
@@ -22,7 +22,7 @@ static const xmlNode *collada_descend(const xmlNode *node, const char *const pat
     return node;
 }
 
-/* What an attribute refers to; NULL: nothing. */
+/* Returns the element that an attribute of the node refers to; NULL when it refers to none. */
 static const xmlNode *collada_refer(const struct collada *c, const xmlNode *node,
                                     const char *attribute, const char *name)
 {
@@ -31,7 +31,8 @@ static const xmlNode *collada_refer(const struct collada *c, const xmlNode *node
     return reference ? collada_find(c, reference, name) : NULL;
 }
 
-/* The material that an instance binds to a symbol. */
+/* Finds the material that an instance binds to a symbol; NULL when it binds none. Charges the
+ * work. */
 static const xmlNode *collada_bound_material(struct collada *c, const xmlNode *instance,
                                              const char *symbol)
 {
@@ -50,7 +51,8 @@ static const xmlNode *collada_bound_material(struct collada *c, const xmlNode *i
     return NULL;
 }
 
-/* The element that says how an effect's surface scatters light. */
+/* Finds the element with the color by which an effect scatters light (diffuse), or for a
+ * constant shader emits it; NULL when there is none. */
 static const xmlNode *collada_find_diffuse(const xmlNode *effect)
 {
     static const char *const technique[] = {"profile_COMMON", "technique", NULL};
@@ -77,6 +79,7 @@ int collada_find_tint(struct collada *c, const xmlNode *instance, const xmlNode 
     if (c->counting || !symbol) {
         return -1;
     }
+    /* Follow symbol, material, effect and shader to the color; any missing link means no color */
     material = collada_bound_material(c, instance, symbol);
     effect =
         collada_refer(c, material ? xml_child(material, "instance_effect") : NULL, "url", "effect");

@@ -10,13 +10,15 @@
 #include <string.h>
 
 enum {
-    COLLADA_STRIDE_MAX = 64,
-    COLLADA_WORK_MAX = 1 << 29, /* bytes of numbers read, again for each place */
+    COLLADA_STRIDE_MAX = 64, /* numbers of one corner, at most */
+    COLLADA_WORK_MAX =
+        1 << 29, /* bytes of numbers read, counted again for each place in the scene */
 };
 
 /* ---- numbers ---- */
 
-/* The next word of a text; false at its end. A word that is too long ends in "...". */
+/* Reads the next word of a text; false at its end. A word of 64 characters and more is cut to
+ * 32 and "...". */
 static bool collada_next_word(const char **at, char word[64])
 {
     static const char blanks[] = " \t\r\n";
@@ -34,6 +36,7 @@ static bool collada_next_word(const char **at, char word[64])
     return length > 0;
 }
 
+/* Refuses a word of an element's numbers; expected says what it should have been. */
 static enum error_code collada_refuse_word(struct collada *c, const xmlNode *node, char word[64],
                                            const char *expected)
 {
@@ -43,6 +46,7 @@ static enum error_code collada_refuse_word(struct collada *c, const xmlNode *nod
                         expected);
 }
 
+/* Charges the length of a text to the reader's work; refuses a scene that needs too much of it. */
 static enum error_code collada_account(struct collada *c, const xmlNode *node, const char *text)
 {
     c->work += strlen(text);
@@ -51,7 +55,7 @@ static enum error_code collada_account(struct collada *c, const xmlNode *node, c
                : ERROR_NONE;
 }
 
-/* An attribute that is a whole number, or what stands for it. */
+/* Reads an attribute that is a whole number of 0 and more; otherwise is its default. */
 static enum error_code collada_read_whole(struct collada *c, const xmlNode *node, const char *name,
                                           int64_t otherwise, int64_t *value)
 {
@@ -66,12 +70,13 @@ static enum error_code collada_read_whole(struct collada *c, const xmlNode *node
     return ERROR_NONE;
 }
 
-/* All numbers of a <float_array>, on the heap. */
+/* Reads all numbers of a <float_array> into the heap; the caller frees *value, after errors too. */
 static enum error_code collada_read_floats(struct collada *c, const xmlNode *node, double **value,
                                            size_t *count)
 {
     const char *at = xml_content(node);
     enum error_code code = collada_account(c, node, at);
+    /* Numbers are at least a digit and a blank, so half of the text is room enough */
     size_t room = strlen(at) / 2 + 1;
     char word[64];
 
@@ -95,13 +100,14 @@ static enum error_code collada_read_floats(struct collada *c, const xmlNode *nod
 
 /* ---- positions ---- */
 
-/* Positions of a geometry, and which of them a face means. */
+/* Vertex positions of a geometry, x, y, z of each; on the heap. */
 struct collada_positions {
     double *xyz;
     size_t count;
 };
 
-/* The positions that <vertices> names: x, y, z at offset + k stride of its source's array. */
+/* Reads the positions that <vertices> refers to: x, y, z at offset + k stride of its source's
+ * array. The caller frees positions->xyz, after errors too. */
 static enum error_code collada_read_positions(struct collada *c, const xmlNode *vertices,
                                               struct collada_positions *positions)
 {
@@ -114,6 +120,7 @@ static enum error_code collada_read_positions(struct collada *c, const xmlNode *
     if (code) {
         return code;
     }
+    /* The input of semantic POSITION, its source, and the array of numbers in that */
     while (input && strcmp(xml_attribute(input, "semantic") ? xml_attribute(input, "semantic") : "",
                            "POSITION")) {
         input = xml_next(input, "input");
@@ -129,6 +136,7 @@ static enum error_code collada_read_positions(struct collada *c, const xmlNode *
     if (!array) {
         return collada_refuse(c, source, "without numbers, expected a <float_array>");
     }
+    /* The accessor says where in the array the coordinates stand; without one they are packed */
     accessor = xml_child(source, "technique_common");
     accessor = accessor ? xml_child(accessor, "accessor") : NULL;
     if (accessor) {
@@ -140,7 +148,8 @@ static enum error_code collada_read_positions(struct collada *c, const xmlNode *
     }
     code = code ? code : collada_read_floats(c, array, &value, &values);
 
-    /* As many as there are, whatever the file says of their number; moved to the front */
+    /* Take as many positions as the array holds, whatever count the file claims; pack them to
+     * the front */
     count = (int64_t)values - offset < 3 ? 0 : ((int64_t)values - offset - 3) / stride + 1;
     for (int64_t k = 0; !code && k < count; k++) {
         memmove(value + 3 * k, value + offset + k * stride, 3 * sizeof *value);
@@ -152,12 +161,14 @@ static enum error_code collada_read_positions(struct collada *c, const xmlNode *
 
 /* ---- faces ---- */
 
-/* Which number of each corner of a primitive is the position, and how many numbers a corner has. */
+/* Layout of a primitive's corners: how many numbers each has, and which of them is the position. */
 struct collada_corners {
     int64_t stride, position;
     const xmlNode *vertices;
 };
 
+/* Reads the inputs of a primitive: the offset of its vertices, and the stride, which is the
+ * highest offset plus one. */
 static enum error_code collada_read_inputs(struct collada *c, const xmlNode *primitive,
                                            struct collada_corners *corners)
 {
@@ -171,6 +182,9 @@ static enum error_code collada_read_inputs(struct collada *c, const xmlNode *pri
         if (!code && offset >= COLLADA_STRIDE_MAX) {
             code = collada_refuse(c, input, "of a high offset, expected one below 64");
         }
+
+        /* The vertices are one input of several (normals, texture); each takes a number of a
+         * corner */
         if (!code && semantic && !strcmp(semantic, "VERTEX")) {
             code = collada_follow(c, input, "source", "vertices", &corners->vertices);
             corners->position = offset;
@@ -185,15 +199,15 @@ static enum error_code collada_read_inputs(struct collada *c, const xmlNode *pri
                : collada_refuse(c, primitive, "without an input of semantic VERTEX, expected one");
 }
 
-/* The corners of one face after the other, out of a list of numbers. */
+/* A list of corners being read, one after the other, out of the numbers of a <p>. */
 struct collada_list {
     const xmlNode *node;
     const char *at;
     const struct collada_corners *corners;
-    size_t positions;
+    size_t positions; /* how many there are; bounds the indices */
 };
 
-/* The position of the next corner; *more false at the end of the list. */
+/* Reads the index of the next corner's position; *more is false at the end of the list. */
 static enum error_code collada_next_corner(struct collada *c, struct collada_list *list,
                                            int64_t *position, bool *more)
 {
@@ -219,7 +233,8 @@ static enum error_code collada_next_corner(struct collada *c, struct collada_lis
     return ERROR_NONE;
 }
 
-/* Adds a face of three positions, which stand at `first` in the mesh. */
+/* Adds a triangle of three positions, or counts it; first is the mesh's index of position 0. A
+ * mirrored place swaps two corners, so that the outside stays outside. */
 static void collada_add_face(struct collada *c, int first, bool mirrored, const int64_t p[3])
 {
     if (c->counting) {
@@ -230,11 +245,11 @@ static void collada_add_face(struct collada *c, int first, bool mirrored, const 
     }
 }
 
-/* How a list of corners makes faces. */
+/* How a list of corners is divided into triangles. */
 enum collada_shape { COLLADA_TRIANGLES, COLLADA_POLYGONS, COLLADA_STRIP, COLLADA_FAN };
 
-/* One list: triangles; polygons of the numbers of corners in *sizes, or one of all its corners; a
- * strip; a fan. */
+/* Reads one list of corners as triangles; as polygons, whose numbers of corners are in sizes,
+ * or one polygon of all corners when sizes is NULL; as a strip; or as a fan. */
 static enum error_code collada_read_list(struct collada *c, struct collada_list *list,
                                          enum collada_shape shape, const char *sizes, int first,
                                          bool mirrored)
@@ -245,6 +260,7 @@ static enum error_code collada_read_list(struct collada *c, struct collada_list 
     bool more;
 
     for (; !code; corner++) {
+        /* A polygon begins: read how many corners it has */
         if (sizes && corner == 0) {
             if (!collada_next_word(&sizes, word)) {
                 break;
@@ -258,7 +274,8 @@ static enum error_code collada_read_list(struct collada *c, struct collada_list 
             break;
         }
 
-        /* The first two corners wait for a third one */
+        /* The first two corners of a face wait for a third; fans and polygons keep their first
+         * corner, strips move on by one and turn every second triangle round */
         if (corner < 2) {
             p[corner] = next;
         } else {
@@ -269,6 +286,7 @@ static enum error_code collada_read_list(struct collada *c, struct collada_list 
             }
             p[1] = p[2];
         }
+        /* The triangle or polygon is complete: begin the next one */
         if ((shape == COLLADA_TRIANGLES && corner == 2) || corner + 1 == size) {
             corner = -1;
         }
@@ -279,6 +297,7 @@ static enum error_code collada_read_list(struct collada *c, struct collada_list 
     return code;
 }
 
+/* Reads all <p> of a primitive as faces, from the mesh's vertex first on. */
 static enum error_code collada_read_primitive(struct collada *c, const xmlNode *primitive,
                                               enum collada_shape shape,
                                               const struct collada_positions *positions,
@@ -305,6 +324,7 @@ static enum error_code collada_read_primitive(struct collada *c, const xmlNode *
 
 /* ---- geometries where they are ---- */
 
+/* Computes the determinant of a 3 x 3 matrix; it is negative for a place that mirrors. */
 static double collada_determinant(const double R[3][3])
 {
     return R[0][0] * (R[1][1] * R[2][2] - R[1][2] * R[2][1]) -
@@ -312,12 +332,14 @@ static double collada_determinant(const double R[3][3])
            R[0][2] * (R[1][0] * R[2][1] - R[1][1] * R[2][0]);
 }
 
-/* All positions, also those of no face, which the reader drops. */
+/* Adds all positions of a geometry at its place to the mesh, or counts them. Those that no face
+ * uses are dropped later, by mesh_join_vertices. */
 static enum error_code collada_add_positions(struct collada *c, const struct collada_place *place,
                                              const struct collada_positions *positions)
 {
     enum error_code code = ERROR_NONE;
 
+    /* The first pass only counts, and refuses as soon as the bounds of a mesh are exceeded */
     if (c->counting) {
         c->vertices += positions->count;
         return c->vertices > 3 * (size_t)IMPORT_MESH_FACES_MAX || c->faces > IMPORT_MESH_FACES_MAX
@@ -358,6 +380,7 @@ enum error_code collada_read_geometry(struct collada *c, const xmlNode *geometry
     if (!mesh) {
         return collada_refuse(c, geometry, "without a mesh, expected <mesh>");
     }
+    /* Each primitive has positions of its own, whose indices count from the mesh's present end */
     for (const xmlNode *part = xml_child(mesh, NULL); part; part = xml_next(part, NULL)) {
         for (size_t k = 0; k < ARRAY_COUNT(kinds); k++) {
             struct collada_positions positions = {0};

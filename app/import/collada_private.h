@@ -1,57 +1,64 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the reader of COLLADA shares: mesh_collada.c walks the scene, collada_faces.c reads what
- * stands in it. */
+/* Shared by the reader of COLLADA: mesh_collada.c walks the scene, collada_faces.c reads
+ * positions and faces, collada_colors.c finds their colors. */
 #ifndef APP_IMPORT_COLLADA_PRIVATE_H
 #define APP_IMPORT_COLLADA_PRIVATE_H
 
 #include "app/import/mesh_private.h"
 #include "app/import/xml.h"
 
+/* An element that has an id. */
 struct collada_id {
     const char *id;
     const xmlNode *node;
-    size_t number; /* in the file */
+    size_t number; /* order in the file; of equal ids the first counts */
 };
 
+/* The document being read, twice: the first pass counts, the second fills the mesh. */
 struct collada {
     struct mesh_reader *to;
     struct xml_file file;
-    struct collada_id *id; /* sorted */
+    struct collada_id *id; /* sorted by id, then element, then number */
     size_t nid;
-    bool counting;
-    size_t vertices, faces; /* counted */
-    size_t visited, work;
+    bool counting;          /* in the first pass */
+    size_t vertices, faces; /* found by the first pass */
+    size_t visited, work;   /* elements visited in this pass; bytes of numbers read */
 };
 
-/* Where a node is: p -> R p + t. */
+/* Pose and scale of a node in the scene: p -> R p + t. */
 struct collada_place {
     double R[3][3], t[3];
 };
 
 /* ---- mesh_collada.c ---- */
 
-/* Found an element that is something; found says what, and what was expected. */
+/* Reports an error at an element; found is the text after its name: what is wrong and what was
+ * expected. */
 enum error_code collada_refuse(struct collada *c, const xmlNode *node, const char *found);
 
-/* Counts a visit of an element, or of all that is in it; refuses a scene that wants too many. */
+/* Counts a visit of an element, or with all of everything in it; refuses a scene with too many
+ * visits. */
 enum error_code collada_visit(struct collada *c, const xmlNode *node, bool all);
-/* The element of that name that a reference, "#" and an id, means; NULL = there is none. */
+/* Returns the element of that name that a reference, "#" and an id, means; NULL when there is
+ * none. */
 const xmlNode *collada_find(const struct collada *c, const char *reference, const char *name);
 
-/* What an attribute of the node refers to: an element of that name in the same document. */
+/* Finds the element of that name to which an attribute of the node refers, in the same
+ * document; an error when there is none. */
 enum error_code collada_follow(struct collada *c, const xmlNode *node, const char *attribute,
                                const char *name, const xmlNode **found);
 
 /* ---- collada_faces.c ---- */
 
-/* All faces of a <geometry> at its place, in the colors that the <instance_geometry> binds; only
- * counts them while c->counting. */
+/* Adds all faces of a <geometry> at its place to the mesh, in the colors that the
+ * <instance_geometry> binds; only counts them while c->counting. */
 enum error_code collada_read_geometry(struct collada *c, const xmlNode *geometry,
                                       const xmlNode *instance, const struct collada_place *place);
 
 /* ---- collada_colors.c ---- */
 
-/* The tint of a primitive's material as the <instance_geometry> binds it, -1 = none. */
+/* Returns the index in the mesh's colors of a primitive's material, as the <instance_geometry>
+ * binds it; -1 when it has no color. */
 int collada_find_tint(struct collada *c, const xmlNode *instance, const xmlNode *primitive);
 
 #endif

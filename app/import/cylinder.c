@@ -1,25 +1,29 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Triangles, supply and gains of hydraulic joints; the rules are in cylinder.h. */
+/* Fits cylinders to joints, sizes the hydraulic supply, chooses gains; the rules are in
+ * cylinder.h. */
 #include "app/import/cylinder.h"
 
-#include "model/hydraulic.h"
+#include "model/hydraulics/hydraulic.h"
 
 #include <math.h>
 
-#define BASE_STROKES 4.0 /* from the joint to the cylinder's pin */
-#define ARM_STROKES 2.0  /* to that of the rod, at most */
-#define STROKE_SHARE 0.9 /* that the range takes */
-#define LEVER_SHARE 0.25 /* of the longest lever, at the ends of the range, at least */
+#define BASE_STROKES 4.0 /* distance from the joint to the cylinder's pin, in strokes */
+#define ARM_STROKES 2.0  /* distance from the joint to the rod's pin, in strokes, at most */
+#define STROKE_SHARE 0.9 /* share of the stroke that the joint's range takes */
+#define LEVER_SHARE 0.25 /* least lever at the ends of the range, as a share of the longest one */
+/* Accumulator: precharge as a share of the pressure, and the adiabatic exponent of nitrogen. */
 #define PRECHARGE_SHARE 0.6
 #define GAS_EXPONENT 1.4
-#define RETURN_PA 2e5
-#define CYCLE_S 2.0        /* of all pistons out and in, by the pump */
-#define RELIEF_SHARE 0.005 /* of the pressure, at which the relief valve takes all */
+#define RETURN_PA 2e5 /* pressure in the return line */
+#define CYCLE_S 2.0   /* time in which the pump moves all pistons out and in, s */
+/* rise above the pressure, as a share, at which the relief valve takes all of the pump */
+#define RELIEF_SHARE 0.005
+/* Velocity gain K_v as a share of the frequency on the oil; its bound, 1/s; ki / (kp K_v). */
 #define OIL_SHARE 0.2
 #define GAIN_MOST 16.0
 #define INTEGRAL_SHARE 0.2
 
-enum { BISECTIONS = 60 };
+enum { BISECTIONS = 60 /* halves an interval to the last bits of a double */ };
 
 bool import_takes_cylinder(const struct import_robot *from, size_t j)
 {
@@ -28,22 +32,25 @@ bool import_takes_cylinder(const struct import_robot *from, size_t j)
 
 /* ---- the triangle ---- */
 
-/* A triangle with the angle between its sides from first to last. */
+/* Triangle of the joint and the two pins: the sides base and arm meet at the joint, m; their
+ * angle goes from first to last over the joint's range, rad. */
 struct triangle {
     double base, arm, first, last;
 };
 
+/* Computes the distance between the pins at an angle, by the law of cosines, m. */
 static double triangle_length(const struct triangle *t, double angle)
 {
     return sqrt(t->base * t->base + t->arm * t->arm - 2.0 * t->base * t->arm * cos(angle));
 }
 
+/* Computes the lever of the cylinder's force at an angle, d length / d angle, m. */
 static double triangle_lever(const struct triangle *t, double angle)
 {
     return t->base * t->arm * sin(angle) / triangle_length(t, angle);
 }
 
-/* Turns the range of that width to where the levers at its ends are the same. */
+/* Finds the range of that width, rad, at whose ends the levers are equal, by bisection. */
 static void triangle_center(struct triangle *t, double width)
 {
     double low = 0.0, high = M_PI - width;
@@ -59,7 +66,8 @@ static void triangle_center(struct triangle *t, double width)
     }
 }
 
-/* The triangle with the longest arm whose range of that width takes its share of the stroke. */
+/* Computes the triangle with the longest arm whose range of that width, rad, takes its share of
+ * the stroke, m. */
 static struct triangle triangle_fit(double stroke, double width)
 {
     struct triangle t = {.base = BASE_STROKES * stroke};
@@ -77,7 +85,8 @@ static struct triangle triangle_fit(double stroke, double width)
     return t;
 }
 
-/* The longest lever of the range: the arm, where the rod is across it. */
+/* Computes the longest lever in the range, m: the arm, if the rod is perpendicular to it
+ * somewhere in the range. */
 static double triangle_longest_lever(const struct triangle *t)
 {
     const double across = acos(t->arm / t->base);
@@ -87,7 +96,8 @@ static double triangle_longest_lever(const struct triangle *t)
                : fmax(triangle_lever(t, t->first), triangle_lever(t, t->last));
 }
 
-/* The triangle of a joint in a cylinder: which way it pushes, and from where. */
+/* Writes a joint's triangle into its cylinder; the piston pushes toward the end of the range
+ * that is nearer to 0. */
 static void cylinder_take_triangle(const struct robot_joint *joint, const struct triangle *t,
                                    struct robot_hydraulic *cylinder)
 {
@@ -102,6 +112,8 @@ static void cylinder_take_triangle(const struct robot_joint *joint, const struct
         remainder(positive ? t->first - joint->lower : -t->first - joint->upper, 2.0 * M_PI);
 }
 
+/* Fits a joint's catalogue cylinder to its range. least and most are its smallest and largest
+ * torques at that pressure, N m; an error where the range is too wide. */
 static enum error_code joint_fit_cylinder(const struct import_robot *from, size_t j,
                                           double pressure, double *least, double *most,
                                           struct error *error)
@@ -128,6 +140,8 @@ static enum error_code joint_fit_cylinder(const struct import_robot *from, size_
                             source->name, width, from->drive[j]->name);
     }
     cylinder_take_triangle(joint, &t, cylinder);
+    /* Weakest when it draws at an end of the range, strongest when it pushes on the longest
+     * lever */
     *least = pressure * cylinder->A2 * end;
     *most = pressure * cylinder->A1 * longest;
     return hydraulic_check(cylinder, joint->lower, joint->upper, &why)
@@ -138,6 +152,7 @@ static enum error_code joint_fit_cylinder(const struct import_robot *from, size_
 
 /* ---- the supply ---- */
 
+/* Sizes pump, accumulator and relief valve for the volumes of all cylinders, and notes them. */
 static void robot_size_supply(const struct import_robot *from, double pressure, int line,
                               struct import_notes *notes)
 {
@@ -152,6 +167,7 @@ static void robot_size_supply(const struct import_robot *from, double pressure, 
         in += cylinder->A2 * cylinder->stroke;
         leaks += cylinder->leakage * pressure;
     }
+    /* An accumulator gives the share "emptied" of its volume between pressure and precharge */
     *supply = (struct robot_hydraulic_supply){.pressure = pressure,
                                               .back = RETURN_PA,
                                               .pump = leaks + (out + in) / CYCLE_S,
@@ -168,6 +184,8 @@ static void robot_size_supply(const struct import_robot *from, double pressure, 
 
 /* ---- all of them ---- */
 
+/* Notes a joint's fitted cylinder, and where it is too weak for a pose or made for another
+ * pressure. bears and least in N m, pressure in Pa. */
 static void joint_tell_cylinder(const struct import_robot *from, size_t j, double pressure,
                                 double bears, double least, struct import_notes *notes)
 {
@@ -185,6 +203,8 @@ static void joint_tell_cylinder(const struct import_robot *from, size_t j, doubl
                     hydraulic_direction(cylinder, joint->lower, joint->upper) > 0.0 ? "positively"
                                                                                     : "negatively",
                     joint->torque_limit, least, source->effort, source->velocity);
+
+    /* Weak and mismatched drives are told, not refused: the user has chosen them */
     if (least < bears) {
         import_note_add(notes, IMPORT_CHANGED, source->file, source->line,
                         "joint \"%.63s\" bears %.3g N m in a pose, its drive %.63s gives %.3g to "
@@ -205,6 +225,8 @@ enum error_code import_take_cylinders(struct import_robot *from, const double *b
     double pressure = 0.0, least;
     int line = 0;
 
+    /* The supply has the highest pressure that a drive is made for; its line is the first
+     * joint's */
     for (size_t j = robot->njoint; j-- > 0;) {
         if (import_takes_cylinder(from, j)) {
             line = from->source[j]->line;
@@ -231,7 +253,8 @@ enum error_code import_take_cylinders(struct import_robot *from, const double *b
 
 /* ---- gains ---- */
 
-/* Stiffness of the oil on the joint behind a closed valve, N m/rad. */
+/* Computes the stiffness of the trapped oil at the joint behind a closed valve, N m/rad:
+ * lever^2 beta (A1^2 / V1 + A2^2 / V2). */
 static double cylinder_stiffness(const struct robot_hydraulic *cylinder, double q)
 {
     double lever, x = hydraulic_length(cylinder, q, &lever) - cylinder->closed;
@@ -246,6 +269,7 @@ struct import_gains import_cylinder_gains(const struct robot *robot, size_t j, d
                                           double inertia)
 {
     const struct robot_joint *joint = &robot->joint[j];
+    /* K_v is a share of the natural frequency on the oil, sqrt(k / I) */
     const double swings = sqrt(cylinder_stiffness(&joint->hydraulic, q) / inertia);
     const double gain = fmin(OIL_SHARE * swings, GAIN_MOST);
     const double kw = hydraulic_speed_constant(&joint->hydraulic, &robot->hydraulic_supply,

@@ -30,7 +30,7 @@
 
 #include "app/import/drive.h"
 
-/* Whether a joint's drive of the catalogue is hydraulic. */
+/* Checks whether the joint's drive of the catalogue is hydraulic. */
 bool import_takes_cylinder(const struct import_robot *from, size_t j);
 
 /* Fills the hydraulic drives of those joints, their strengths and the supply of the robot. bears:
@@ -38,7 +38,8 @@ bool import_takes_cylinder(const struct import_robot *from, size_t j);
 enum error_code import_take_cylinders(struct import_robot *from, const double *bears,
                                       struct import_notes *notes, struct error *error);
 
-/* Gains of a joint with a cylinder at an angle: inertia that swings on its oil, kg m2. */
+/* Computes the gains of a joint with a cylinder at the angle q, rad. inertia: what swings on
+ * its oil, kg m2. */
 struct import_gains import_cylinder_gains(const struct robot *robot, size_t j, double q,
                                           double inertia);
 

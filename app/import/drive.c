@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Assumed drives and gains; the rules are in drive.h. */
+/* Assumes drives and gains; the rules are in drive.h. */
 #include "app/import/drive.h"
 
 #include "app/import/catalogue.h"
@@ -14,20 +14,24 @@
 #include <math.h>
 #include <string.h>
 
-#define GRAVITY 9.81
-#define PLACEHOLDER_TIMES 20.0 /* of what gravity asks: no strength */
-#define STRENGTH_TIMES 3.0     /* of it: an assumed strength */
-#define CARRY_TIMES 1.5        /* of what a joint bears in a pose: the least strength */
-#define UPRIGHT_TIMES 1.5      /* of what tips a standing robot over a joint: the least stiffness */
-#define FOOT_M 0.02            /* what ends so near the ground stands on it */
-#define STRENGTH_MOST_NM 1e6   /* that a robot file takes */
-#define SPEED_RAD_S (2.0 * M_PI)
-#define SPEED_MOST_RAD_S 100.0
-#define GEAR 100.0
-#define DELAYED_DAMPING_S 0.010 /* J over the damping that is fed back over the buses, at least */
+#define GRAVITY 9.81 /* m/s2 */
+/* an effort above this multiple of the gravity load is a placeholder */
+#define PLACEHOLDER_TIMES 20.0
+#define STRENGTH_TIMES 3.0 /* assumed strength over the gravity load */
+#define CARRY_TIMES 1.5    /* least strength over the torque that a joint bears in a pose */
+/* least stiffness over that at which a standing robot tips over a joint */
+#define UPRIGHT_TIMES 1.5
+#define FOOT_M 0.02              /* a body with its lowest point so close to the ground is a foot */
+#define STRENGTH_MOST_NM 1e6     /* bound of a robot file's strengths */
+#define SPEED_RAD_S (2.0 * M_PI) /* assumed speed */
+#define SPEED_MOST_RAD_S 100.0   /* a higher speed of the file is a placeholder */
+#define GEAR 100.0               /* assumed reduction ratio */
+/* least J over the damping that is fed back over the delayed buses */
+#define DELAYED_DAMPING_S 0.010
 
-/* What a joint bears at the worst: everything behind it stretched out level; on legs that may carry
- * the robot, half of its weight at the end of the leg. N m, or N of a prismatic joint. */
+/* Computes the worst gravity load of each joint: all bodies behind it stretched out level; on a
+ * floating robot, whose legs may carry it, at least half of its weight at the end of the leg.
+ * load in N m, or N of a prismatic joint; reach is the distance of the farthest body behind, m. */
 static void robot_find_loads(const struct robot *robot, double *reach, double *load)
 {
     double total = 0.0;
@@ -41,7 +45,7 @@ static void robot_find_loads(const struct robot *robot, double *reach, double *l
     for (size_t b = 1; b < robot->nbody; b++) {
         double arm = vec3_norm(robot->body[b].inertia.com);
 
-        /* Up to the base: every joint on the way carries this body so far out */
+        /* Walk up to the base: every joint on the way carries this body so far out */
         for (int up = (int)b; up > 0; up = robot->body[up].parent) {
             const struct robot_joint *joint = &robot->joint[up - 1];
             double lever = joint->type == JOINT_PRISMATIC ? 1.0 : arm;
@@ -58,7 +62,8 @@ static void robot_find_loads(const struct robot *robot, double *reach, double *l
     }
 }
 
-/* The largest torque that each joint bears against gravity in the robot's poses, the base held. */
+/* Computes by inverse dynamics the largest torque that each joint bears against gravity in the
+ * robot's poses, N m, the base held; raises bears to it. */
 static enum error_code robot_find_statics(const struct robot *robot, struct arena *arena,
                                           double *bears, struct error *error)
 {
@@ -75,6 +80,8 @@ static enum error_code robot_find_statics(const struct robot *robot, struct aren
     if (code) {
         return code;
     }
+
+    /* At rest in each pose, the inverse dynamics give the torques that hold the robot */
     for (size_t p = 0; p < robot->npose; p++) {
         if (robot->floating) {
             q[BASE_Q_QUATERNION] = 1.0;
@@ -91,7 +98,9 @@ static enum error_code robot_find_statics(const struct robot *robot, struct aren
     return ERROR_NONE;
 }
 
-/* Strength and speed of a joint, from the file or assumed. */
+/* Chooses strength, N m, and speed, rad/s, of a joint: the file's, or assumed ones where those
+ * are missing, placeholders or too weak for a pose. load is its gravity load, most_load the
+ * robot's largest. */
 static void drive_choose_limits(const struct import_robot *from, size_t j, double load,
                                 double most_load, double bears, struct import_notes *notes,
                                 double *strength, double *speed)
@@ -101,6 +110,8 @@ static void drive_choose_limits(const struct import_robot *from, size_t j, doubl
 
     *strength = source->effort;
     *speed = source->velocity;
+
+    /* An effort of 0, or far above all loads, is no strength */
     if (!(*strength > 0.0) || *strength > PLACEHOLDER_TIMES * most_load) {
         *strength = fmax(fmax(STRENGTH_TIMES * load, 0.02 * most_load), 1e-3);
         import_note_add(notes, IMPORT_ASSUMED, file, source->line,
@@ -108,6 +119,8 @@ static void drive_choose_limits(const struct import_robot *from, size_t j, doubl
                         source->name, *strength, source->effort,
                         source->effort > 0.0 ? "is a placeholder" : "is none");
     }
+
+    /* A joint must hold the robot's own poses, with room to move */
     if (*strength < CARRY_TIMES * bears) {
         import_note_add(
             notes, IMPORT_ASSUMED, file, source->line,
@@ -116,6 +129,8 @@ static void drive_choose_limits(const struct import_robot *from, size_t j, doubl
             source->name, CARRY_TIMES * bears, bears, *strength);
         *strength = CARRY_TIMES * bears;
     }
+
+    /* A velocity of 0, or a huge one, is no speed */
     if (source->type != IMPORT_PRISMATIC && (!(*speed > 0.0) || *speed > SPEED_MOST_RAD_S)) {
         *speed = SPEED_RAD_S;
         import_note_add(notes, IMPORT_ASSUMED, file, source->line,
@@ -125,6 +140,7 @@ static void drive_choose_limits(const struct import_robot *from, size_t j, doubl
     }
 }
 
+/* Fills a joint with an assumed electric drive by the rules in drive.h, on the link side. */
 static void drive_assume(const struct import_joint *source, double strength, double speed,
                          double supply_v, struct robot_joint *joint)
 {
@@ -145,7 +161,8 @@ static void drive_assume(const struct import_joint *source, double strength, dou
     };
 }
 
-/* The lowest of the usual supplies that drives the strongest joint with 25 A. */
+/* Returns the lowest of the usual supply voltages that feeds the strongest joint with at most
+ * 25 A. */
 static double drive_choose_supply(const struct robot *robot, const double *strength,
                                   const double *speed)
 {
@@ -165,7 +182,7 @@ static double drive_choose_supply(const struct robot *robot, const double *stren
     return 1000.0;
 }
 
-/* The supply of the catalogue's drives where there are some, else that of the assumed ones. */
+/* Returns the highest supply voltage of the chosen catalogue drives, else the assumed one. */
 static double drive_agree_supply(const struct import_robot *from, double assumed_v)
 {
     double supply_v = 0.0;
@@ -176,7 +193,8 @@ static double drive_agree_supply(const struct import_robot *from, double assumed
     return supply_v > 0.0 ? supply_v : assumed_v;
 }
 
-/* A joint gets its drive of the catalogue; what that cannot do is told. */
+/* Gives a joint its drive of the catalogue; notes where that is too weak for a pose or made for
+ * another voltage. */
 static void drive_take(const struct import_robot *from, size_t j, double bears, double supply_v,
                        struct import_notes *notes)
 {
@@ -203,7 +221,7 @@ static void drive_take(const struct import_robot *from, size_t j, double bears, 
     }
 }
 
-/* What moves a follower is what its leader can give it. */
+/* Limits each follower's torque to what its leader can pass on to it. */
 static void limit_followers(struct robot *robot)
 {
     for (size_t i = 0; i < robot->ncoupling; i++) {
@@ -241,6 +259,8 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
     for (size_t j = 0; j < robot->njoint; j++) {
         most = fmax(most, load[j]);
     }
+
+    /* Strengths and speeds first: the supply depends on the strongest, the drives on the supply */
     for (size_t j = 0; j < robot->njoint; j++) {
         if (robot_find_coupling(robot, j)) {
             continue;
@@ -257,7 +277,7 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
         return code;
     }
 
-    /* The drives of what turns */
+    /* Electric drives of all revolute joints that lead; prismatic ones only get their strength */
     for (size_t j = 0; j < robot->njoint; j++) {
         struct robot_joint *joint = &robot->joint[j];
         const struct import_joint *source = from->source[j];
@@ -294,7 +314,8 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
 
 /* ---- gains ---- */
 
-/* What swings on the oil of a joint: all behind it, or half of a robot that may stand on it. */
+/* Computes the inertia that swings on the oil of a joint, kg m2: all behind it, or half of the
+ * mass of a robot that may stand on it, at the end of the leg. */
 static double find_oil_load(struct import_trial *t, size_t j, double reach)
 {
     const struct robot *robot = t->dynamics.robot;
@@ -303,8 +324,9 @@ static double find_oil_load(struct import_trial *t, size_t j, double reach)
     return robot->floating ? fmax(held, 0.5 * robot->total_mass * reach * reach) : held;
 }
 
-/* What tips the robot over each joint above its feet, N m/rad: its weight by the height of its
- * center above the joint, shared by the feet. tips is 0 for the others. */
+/* Computes the stiffness below which the robot tips over each joint above its feet, N m/rad:
+ * its weight by the height of its center of mass above the joint, shared by the feet. tips
+ * stays 0 for the other joints. */
 static enum error_code robot_find_tipping(const struct robot *robot, const double *joint,
                                           struct arena *arena, double *tips, struct error *error)
 {
@@ -319,12 +341,14 @@ static enum error_code robot_find_tipping(const struct robot *robot, const doubl
     if (!import_find_lowest(robot, joint, bodies, &lowest)) {
         return ERROR_NONE;
     }
+    /* Feet are the bodies whose capsules come down to the ground */
     for (size_t c = 0; c < robot->ncapsule; c++) {
         bool down = import_capsule_bottom(&robot->capsule[c], bodies) < lowest + FOOT_M;
 
         feet += down && !foot[robot->capsule[c].body];
         foot[robot->capsule[c].body] |= down;
     }
+    /* Mass and height of the center of mass */
     for (size_t b = 0; b < robot->nbody; b++) {
         double com[3];
 
@@ -332,6 +356,7 @@ static enum error_code robot_find_tipping(const struct robot *robot, const doubl
         mass += robot->body[b].inertia.mass;
         moment += robot->body[b].inertia.mass * (bodies[b].p[2] + com[2]);
     }
+    /* Every joint between a foot and the base must hold the robot up */
     for (size_t b = 1; b < robot->nbody; b++) {
         for (int up = (int)b; foot[b] && up > 0; up = robot->body[up].parent) {
             double height = moment / mass - bodies[up].p[2];
@@ -342,6 +367,8 @@ static enum error_code robot_find_tipping(const struct robot *robot, const doubl
     return ERROR_NONE;
 }
 
+/* Computes a position loop's gains for a drive, by the rules in drive.h: I is the inertia of
+ * the free joint, kg m2; load its gravity load, N m; tips its tipping stiffness, N m/rad. */
 static struct import_gains gains_choose(const struct robot_sea *sea, double I, double load,
                                         double tips)
 {
@@ -349,7 +376,7 @@ static struct import_gains gains_choose(const struct robot_sea *sea, double I, d
     double least = fmax(fmax(5.0 * load, UPRIGHT_TIMES * tips), 30.0 * 30.0 * I);
     double K = fmin(least, 60.0 * 60.0 * I), D;
 
-    /* Above the resonance with the spring the loop moves the rotor alone */
+    /* Above the resonance with its spring the loop moves the rotor alone, which bounds K */
     K = fmin(K, fmin(most * most / I, 100.0 * 100.0 * sea->J));
     D = fmin(2.0 * sqrt(K * I), most) - own;
     return (struct import_gains){.kp_v_per_rad = K * sea->R / sea->Kt,
@@ -381,6 +408,7 @@ enum error_code import_find_gains(const struct robot *robot, const double *joint
     robot_find_loads(robot, reach, load);
     import_lead_stiffnesses(robot, load);
     import_lead_stiffnesses(robot, tips);
+    /* Each joint with a drive gets gains by the kind of the drive */
     for (size_t j = 0; j < robot->njoint; j++) {
         double I = import_trial_inertia(&trial, j);
 

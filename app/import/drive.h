@@ -32,8 +32,8 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
                                      struct import_notes *notes, double *supply_v,
                                      struct error *error);
 
-/* Gains of the loop V = kp (ref - qm) + ki integral - kd qm' + kw ref' + load times the torque at
- * the start, by joint; of no use for joints without a drive. */
+/* Gains by joint of the loop V = kp (ref - qm) + ki integral - kd qm' + kw ref' + load times
+ * the torque at the start; unused for joints without a drive. */
 struct import_gains {
     double kp_v_per_rad, ki_v_per_rad_s, kd_v_s_per_rad, kw_v_s_per_rad, load_v_per_nm;
 };

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The steps of an import, one after the other. */
+/* Runs the steps of an import, one after the other. */
 #include "app/import/import.h"
 
 #include "app/import/catalogue.h"
@@ -19,12 +19,13 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* Bound of the scene's own reading, in address space. */
+/* Bound of the arena in which a written rig is read back, in address space. */
 #define RIG_ARENA ((size_t)1 << 30)
 
-/* How high above the ground the lowest point of a robot hangs that is held by its base, m. */
+/* Clearance between the ground and the lowest point of a robot that hangs by its base, m. */
 #define HANG_CLEARANCE_M 0.3
 
+/* An import under way. */
 struct importer {
     const struct import_request *request;
     struct import_result *result;
@@ -33,12 +34,12 @@ struct importer {
     struct import_model model;
     struct import_robot robot;
     struct import_plan plan;
-    double supply_v;
+    double supply_v; /* of the drives */
 };
 
 /* ---- reading ---- */
 
-/* The robot that a file describes, by its root element. */
+/* Reads the robot that a file describes, URDF or MJCF by the name of its root element. */
 static enum error_code import_read_model(const struct xml_file *file,
                                          const struct import_packages *packages,
                                          struct arena *arena, struct import_model *model,
@@ -55,7 +56,7 @@ static enum error_code import_read_model(const struct xml_file *file,
                                         : urdf_read(file, arena, model, notes, error);
 }
 
-/* Merges, drives, and the checks of any robot. */
+/* Makes a robot of the model: merges links, finishes and checks it, gives it drives. */
 static enum error_code import_make_robot(const struct import_model *model,
                                          const struct import_options *options, struct arena *arena,
                                          struct import_notes *notes, struct import_robot *robot,
@@ -91,6 +92,7 @@ enum error_code import_model_text(const char *name, const char *text, size_t siz
     return code ? code : import_make_robot(model, options, arena, notes, robot, supply_v, error);
 }
 
+/* Reads the robot file, and the SRDF when one is given. */
 static enum error_code import_read_files(struct importer *m)
 {
     struct xml_file file;
@@ -116,6 +118,7 @@ static enum error_code import_read_files(struct importer *m)
 
 /* ---- folders ---- */
 
+/* Makes a folder unless it is there. */
 static enum error_code import_make_folder(const char *path, struct error *error)
 {
     if (mkdir(path, 0777) && errno != EEXIST) {
@@ -124,7 +127,8 @@ static enum error_code import_make_folder(const char *path, struct error *error)
     return ERROR_NONE;
 }
 
-/* FOLDER/before NAME after, the name the robot's. */
+/* Writes the path FOLDER/before NAME after; an error when it is too long. 128 bytes stay free
+ * for the names of meshes. */
 static enum error_code path_make(const struct importer *m, const char *before, const char *name,
                                  const char *after, char path[PATH_MAX])
 {
@@ -136,7 +140,7 @@ static enum error_code path_make(const struct importer *m, const char *before, c
                            m->request->folder);
 }
 
-/* The files that will be written. */
+/* Names the files that the import will write. */
 static enum error_code import_name_files(struct importer *m)
 {
     struct import_result *result = m->result;
@@ -169,7 +173,7 @@ static enum error_code import_check_folder(struct importer *m)
     return ERROR_NONE;
 }
 
-/* Takes back what an import has written that then failed: none of it was there before. */
+/* Removes the files of an import that failed; none of them was there before it began. */
 static void import_remove_files(const struct import_result *result)
 {
     unlink(result->robot);
@@ -179,6 +183,7 @@ static void import_remove_files(const struct import_result *result)
     }
 }
 
+/* Makes the output folder and the folders in it. */
 static enum error_code import_make_folders(struct importer *m)
 {
     static const char *const below[] = {"robots", "rigs", "meshes"};
@@ -194,6 +199,8 @@ static enum error_code import_make_folders(struct importer *m)
 
 /* ---- the bench ---- */
 
+/* Returns the name of a pose whose name says that the robot stands in it; NULL when there is
+ * none. */
 static const char *pose_find_like(const struct robot *robot)
 {
     static const char *const like[] = {"stand", "half_sitting", "home", "crouch"};
@@ -208,7 +215,8 @@ static const char *pose_find_like(const struct robot *robot)
     return NULL;
 }
 
-/* The poses to hang and to stand in. */
+/* Chooses the pose to hang in, and for a floating robot the one to stand in, with the base's
+ * height in both, m. */
 static enum error_code import_choose_poses(struct importer *m, struct import_rig *rig)
 {
     const struct robot *robot = rig->robot;
@@ -221,6 +229,8 @@ static enum error_code import_choose_poses(struct importer *m, struct import_rig
     if (!bodies) {
         return error_set(m->error, ERROR_MEMORY, "no memory for the poses");
     }
+
+    /* The pose asked for, or one that is named like standing; pose 0 is rest */
     pose = like ? robot_find_pose(robot, like) : 0;
     if (pose < 0) {
         return error_set(m->error, ERROR_INPUT,
@@ -228,6 +238,8 @@ static enum error_code import_choose_poses(struct importer *m, struct import_rig
                          like);
     }
     rig->pose = robot->pose[pose].name;
+
+    /* Hang it clear of the ground; stand it with its lowest point on the ground */
     shaped = import_find_lowest(robot, robot->pose[pose].joint, bodies, &lowest);
     rig->height_m = (shaped ? -lowest : 1.0) + HANG_CLEARANCE_M;
     if (robot->floating && like && shaped) {
@@ -237,7 +249,8 @@ static enum error_code import_choose_poses(struct importer *m, struct import_rig
     return ERROR_NONE;
 }
 
-/* Loads the rig that was written and notes the load of its fullest bus. */
+/* Loads the rig that was written; with loads, notes the load of its fullest bus and refuses an
+ * overload. */
 static enum error_code import_check_rig(struct importer *m, const char *path, bool loads)
 {
     struct arena arena = {0};
@@ -260,6 +273,8 @@ static enum error_code import_check_rig(struct importer *m, const char *path, bo
     return code;
 }
 
+/* Plans the buses, finds the gains, writes the hanging rig and the standing one, if it has a
+ * pose to stand in. */
 static enum error_code import_write_bench(struct importer *m)
 {
     struct import_rig rig = {.robot = m->result->loaded, .plan = &m->plan, .supply_v = m->supply_v};
@@ -270,6 +285,8 @@ static enum error_code import_write_bench(struct importer *m)
         return error_set(m->error, ERROR_MEMORY, "no memory for the gains");
     }
     rig.gains = gains;
+    /* Gains depend on the pose, and whether the robot stands in it; each file is read back at
+     * once */
     if ((code = import_plan_buses(rig.robot, &m->request->boards, &m->plan, m->error)) ||
         (code = import_choose_poses(m, &rig)) ||
         (code = import_find_gains(rig.robot,
@@ -290,7 +307,7 @@ static enum error_code import_write_bench(struct importer *m)
 
 /* ---- the whole ---- */
 
-/* The drives' files that are the user's own, into the folder drives. */
+/* Copies the drive files of the user's own into the output's folder drives. */
 static enum error_code import_copy_drives(struct importer *m)
 {
     const struct import_robot *from = &m->robot;
@@ -308,13 +325,14 @@ static enum error_code import_copy_drives(struct importer *m)
     return code;
 }
 
+/* Writes shapes, looks, robot, rigs and the report of the notes. */
 static enum error_code import_write_files(struct importer *m)
 {
     struct import_result *result = m->result;
     char meshes[PATH_MAX];
     enum error_code code;
 
-    /* The robot, with its shapes and looks, and as it is read back */
+    /* The robot with its shapes and looks; what follows works on the file as it is read back */
     if ((code = path_make(m, "meshes", "", "", meshes)) ||
         (code = import_add_shapes(&m->robot, &m->request->packages, meshes, m->arena,
                                   &result->notes, &result->meshes, m->error)) ||
@@ -344,6 +362,7 @@ enum error_code import_run(const struct import_request *request, struct arena *a
     enum error_code code;
 
     *result = (struct import_result){.notes.arena = arena};
+    /* Read and check everything before the first file is written */
     if ((code = import_read_files(&m)) ||
         (code = import_make_robot(&m.model, &request->options, arena, &result->notes, &m.robot,
                                   &m.supply_v, error)) ||

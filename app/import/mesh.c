@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Files of meshes: where they are found, how they are written. */
+/* Finds, reads and writes mesh files. */
 #include "app/import/mesh_private.h"
 
 #include "app/import/path.h"
@@ -25,7 +25,7 @@ static bool mesh_file_exists(const char *path)
     return !stat(path, &status) && S_ISREG(status.st_mode);
 }
 
-/* Whether a name has a ".." in it. */
+/* Checks whether a path has ".." as one of its names. */
 static bool path_has_parent(const char *path)
 {
     for (const char *at = path; *at;) {
@@ -39,7 +39,8 @@ static bool path_has_parent(const char *path)
     return false;
 }
 
-/* Tries folder/rest. */
+/* Writes the path folder/rest, length characters of the folder; returns whether a regular file
+ * is there. */
 static bool path_try(const char *folder, int length, const char *rest, char path[PATH_MAX])
 {
     int used = snprintf(path, PATH_MAX, "%.*s/%s", length, folder, rest);
@@ -47,8 +48,8 @@ static bool path_try(const char *folder, int length, const char *rest, char path
     return used > 0 && used < PATH_MAX && mesh_file_exists(path);
 }
 
-/* package://NAME/REST: in a folder that was given or above the file, as NAME/REST, and in a folder
- * of the name of the package itself, as REST. */
+/* Finds package://NAME/REST: in the folders that were given and in those above the robot file,
+ * as NAME/REST, and in the package's own folder, as REST. */
 static bool package_find(const char *reference, const char *above,
                          const struct import_packages *packages, char path[PATH_MAX])
 {
@@ -64,6 +65,7 @@ static bool package_find(const char *reference, const char *above,
             return true;
         }
     }
+    /* From the robot file's folder up, one name at a time; the root itself is left out */
     for (length = (int)strlen(above); length > 0; length--) {
         if (above[length] != '/' && above[length] != '\0') {
             continue;
@@ -75,12 +77,13 @@ static bool package_find(const char *reference, const char *above,
     return false;
 }
 
-/* A name of a mesh: of a package, or of a file. */
+/* A mesh's name as the robot file writes it: in a package, or a path. */
 struct mesh_name {
     const char *text; /* without package:// or file:// */
     bool is_package;
 };
 
+/* Takes the scheme off a mesh's name; refuses other schemes, and packages with ".." in the name. */
 static enum error_code mesh_name_read(const struct import_geometry *shape, struct mesh_name *name,
                                       struct error *error)
 {
@@ -104,7 +107,8 @@ static enum error_code mesh_name_read(const struct import_geometry *shape, struc
     return ERROR_NONE;
 }
 
-/* Where a mesh is. */
+/* Finds the path of a mesh and whether it is there; an error only for names that are not
+ * allowed. */
 static enum error_code mesh_look(const struct import_model *model,
                                  const struct import_geometry *shape,
                                  const struct import_packages *packages, char path[PATH_MAX],
@@ -121,6 +125,8 @@ static enum error_code mesh_look(const struct import_model *model,
     if (!import_find_folder(model->file, folder)) {
         return error_set_file(error, errno, model->file, "cannot be found again");
     }
+
+    /* Packages are searched for; other paths count from the robot file's folder */
     if (name.is_package) {
         *where = package_find(name.text, folder, packages, path) ? IMPORT_PATH_FOUND
                                                                  : IMPORT_PATH_MISSING;
@@ -186,6 +192,7 @@ enum error_code mesh_read_file(const char *path, size_t most, char **out, size_t
         code = error_set_file(error, errno, path, "cannot be read");
         goto done;
     }
+    /* Sizes are checked before any memory is taken: the file is not trusted */
     if (!S_ISREG(status.st_mode) || (size_t)status.st_size > most) {
         code = error_set(error, ERROR_INPUT, "%.200s: found %s, expected at most %zu bytes", path,
                          S_ISREG(status.st_mode) ? "more" : "no regular file", most);
@@ -199,6 +206,12 @@ enum error_code mesh_read_file(const char *path, size_t most, char **out, size_t
     while (got > 0 && *size < (size_t)status.st_size) {
         got = read(fd, text + *size, (size_t)status.st_size - *size);
         *size += got > 0 ? (size_t)got : 0;
+    }
+    /* A file that has become shorter, or cannot be read to its end, is none */
+    if (*size < (size_t)status.st_size) {
+        free(text);
+        code = error_set_file(error, got < 0 ? errno : EIO, path, "cannot be read");
+        goto done;
     }
     *out = text;
 
@@ -246,6 +259,7 @@ enum error_code import_write_mesh(const struct import_mesh *mesh, const char *pa
 
 /* ---- binary STL ---- */
 
+/* Writes a 32-bit word in little-endian order. */
 static void stl_put_word(unsigned char *to, uint32_t word)
 {
     for (int i = 0; i < 4; i++) {
@@ -253,6 +267,7 @@ static void stl_put_word(unsigned char *to, uint32_t word)
     }
 }
 
+/* Writes three coordinates as little-endian floats. */
 static void stl_put_vector(unsigned char *to, const double value[3])
 {
     for (int m = 0; m < 3; m++) {
@@ -264,7 +279,8 @@ static void stl_put_vector(unsigned char *to, const double value[3])
     }
 }
 
-/* A face of three corners with its normal, 0 where it has no area that is seen. */
+/* Writes a facet of 50 bytes: the unit normal (0 for a face without area), three corners, and
+ * two bytes that are 0. */
 static void stl_put_face(unsigned char to[50], const double *const corner[3])
 {
     double a[3], b[3], normal[3], length;
@@ -303,6 +319,7 @@ enum error_code import_write_tint(const struct import_mesh *mesh, int tint, cons
     if (code) {
         return code;
     }
+    /* The header's 80 bytes of text, the number of facets, then the facets of this tint */
     stl_put_word(header + 80, (uint32_t)import_count_tint(mesh, tint));
     fwrite(header, 1, sizeof header, file.out);
     for (size_t f = 0; f < mesh->nface; f++) {

@@ -15,7 +15,7 @@
 
 enum {
     COLLADA_DEPTH_MAX = 64,
-    COLLADA_VISITS_MAX = 1 << 22, /* of nodes, each as often as it stands in the scene */
+    COLLADA_VISITS_MAX = 1 << 22, /* visits of elements, each as often as it stands in the scene */
 };
 
 enum error_code collada_refuse(struct collada *c, const xmlNode *node, const char *found)
@@ -37,7 +37,8 @@ enum error_code collada_visit(struct collada *c, const xmlNode *node, bool all)
 
 /* ---- what has an id ---- */
 
-/* By the text, then by the element that has it: files use one id for several kinds. */
+/* Compares an id's text, then the element that has it: files use one id for several kinds of
+ * element. */
 static int collada_compare_id(const struct collada_id *id, const char *text, const char *element)
 {
     int order = strcmp(id->id, text);
@@ -45,6 +46,7 @@ static int collada_compare_id(const struct collada_id *id, const char *text, con
     return order ? order : strcmp((const char *)id->node->name, element);
 }
 
+/* Orders ids for qsort; equal ones keep the order of the file. */
 static int collada_compare_ids(const void *a, const void *b)
 {
     const struct collada_id *x = a, *y = b;
@@ -53,6 +55,7 @@ static int collada_compare_ids(const void *a, const void *b)
     return order ? order : (x->number > y->number) - (x->number < y->number);
 }
 
+/* Lists all elements that have an id, sorted, so that collada_find can search by halves. */
 static enum error_code collada_list_ids(struct collada *c)
 {
     size_t count = 0;
@@ -80,6 +83,7 @@ const xmlNode *collada_find(const struct collada *c, const char *reference, cons
 {
     size_t low = 0, high = c->nid;
 
+    /* Find the first entry that is not less than the reference */
     while (reference[0] == '#' && low < high) {
         size_t middle = (low + high) / 2;
 
@@ -133,7 +137,8 @@ static void collada_compose(struct collada_place *place, const double R[3][3], c
     *place = out;
 }
 
-/* A rotation about an axis by degrees (Rodrigues). */
+/* Computes the matrix of a rotation by degrees about an axis of any length (Rodrigues'
+ * formula); the identity's scaled cosine for an axis of length 0. */
 static void collada_rotation(const double axis[3], double degrees, double R[3][3])
 {
     double length = sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
@@ -148,12 +153,14 @@ static void collada_rotation(const double axis[3], double degrees, double R[3][3
             R[i][j] = (i == j ? c : 0.0) + (1.0 - c) * u[i] * u[j];
         }
     }
+    /* The skew-symmetric part, sin times the cross product matrix of the axis */
     R[0][1] -= s * u[2], R[1][0] += s * u[2];
     R[0][2] += s * u[1], R[2][0] -= s * u[1];
     R[1][2] -= s * u[0], R[2][1] += s * u[0];
 }
 
-/* Takes a child of a node into account when it is a transformation. */
+/* Applies a child of a node to its place when it is a transformation; passes over other
+ * elements. */
 static enum error_code collada_transform(struct collada *c, const xmlNode *node,
                                          struct collada_place *place)
 {
@@ -165,6 +172,8 @@ static enum error_code collada_transform(struct collada *c, const xmlNode *node,
     enum error_code code = ERROR_NONE;
     size_t kind = 0;
 
+    /* Which transformation it is; lookat and skew are refused, anything else is no
+     * transformation */
     while (kind < ARRAY_COUNT(kinds) && !xml_is(node, kinds[kind].name)) {
         kind++;
     }
@@ -178,6 +187,7 @@ static enum error_code collada_transform(struct collada *c, const xmlNode *node,
     if (code) {
         return code;
     }
+    /* Its numbers as a matrix and a translation */
     switch (kind) {
     case 0:
         for (int i = 0; i < 3; i++) {
@@ -201,7 +211,8 @@ static enum error_code collada_transform(struct collada *c, const xmlNode *node,
     return ERROR_NONE;
 }
 
-/* The transformations of a node stand before what they move. */
+/* Reads all geometries of a node and below; a node's transformations apply to what stands after
+ * them. */
 static enum error_code collada_walk(struct collada *c, const xmlNode *node,
                                     struct collada_place place, int depth)
 {
@@ -219,6 +230,7 @@ static enum error_code collada_walk(struct collada *c, const xmlNode *node,
         if (code) {
             return code;
         }
+        /* Nodes and geometries, here or by reference; anything else may be a transformation */
         if (xml_is(child, "node")) {
             code = collada_walk(c, child, place, depth + 1);
         } else if (xml_is(child, "instance_node")) {
@@ -236,7 +248,7 @@ static enum error_code collada_walk(struct collada *c, const xmlNode *node,
     return code;
 }
 
-/* Meters in a unit of the file. */
+/* Reads the length of the file's unit, m; 1 when it says nothing. */
 static enum error_code collada_read_unit(struct collada *c, double *meter)
 {
     const xmlNode *asset = xml_child(c->file.root, "asset");
@@ -253,7 +265,7 @@ static enum error_code collada_read_unit(struct collada *c, double *meter)
     return code;
 }
 
-/* The scene that the file shows, or its first. */
+/* Reads the scene that the file shows, or its first one. */
 static enum error_code collada_read_scene(struct collada *c)
 {
     const xmlNode *scene = xml_child(c->file.root, "scene"), *library, *shown = NULL;
@@ -264,9 +276,13 @@ static enum error_code collada_read_scene(struct collada *c)
     if (code) {
         return code;
     }
+
+    /* The root's place is the unit's scale alone */
     for (int m = 0; m < 3; m++) {
         place.R[m][m] = meter;
     }
+
+    /* The scene that is instantiated, or the first of the library */
     scene = scene ? xml_child(scene, "instance_visual_scene") : NULL;
     library = xml_child(c->file.root, "library_visual_scenes");
     if (scene) {
@@ -290,6 +306,7 @@ enum error_code mesh_read_collada(struct mesh_reader *r)
     if (code) {
         return code;
     }
+    /* Count first, make room for that many, and read again */
     if (!xml_is(c.file.root, "COLLADA")) {
         code = collada_refuse(&c, c.file.root, "as root, expected <COLLADA>");
     }

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Volume, center and inertia of what a mesh encloses, as sums of pyramids on its faces. */
+/* Computes volume, center of mass and inertia of what a mesh encloses, as sums of pyramids on
+ * its faces. */
 #include "app/import/mesh.h"
 
 #include "base/vec3.h"
@@ -7,7 +8,8 @@
 #include <math.h>
 #include <string.h>
 
-/* The corners of a face from a point, and the volume of the pyramid between. */
+/* Computes a face's corners as seen from the apex, and returns the volume of the pyramid
+ * between, m3: signed when exact, otherwise its magnitude. */
 static double pyramid_measure(const struct import_mesh *mesh, size_t face, const double apex[3],
                               bool exact, double corner[3][3])
 {
@@ -21,7 +23,7 @@ static double pyramid_measure(const struct import_mesh *mesh, size_t face, const
     return exact ? volume : fabs(volume);
 }
 
-/* The middle of the surface: of its faces, by their areas. */
+/* Computes the centroid of the surface: the mean of its faces, weighted by their areas. */
 static void mesh_find_middle(const struct import_mesh *mesh, double middle[3])
 {
     double total = 0.0;
@@ -45,7 +47,7 @@ static void mesh_find_middle(const struct import_mesh *mesh, double middle[3])
     }
 }
 
-/* The center of the volume; returns the volume. */
+/* Computes the center of mass of the enclosed volume, m; returns the volume, m3. */
 static double mesh_find_center(const struct import_mesh *mesh, bool exact, double center[3])
 {
     double middle[3], sum[3] = {0, 0, 0}, total = 0.0;
@@ -76,8 +78,8 @@ double import_measure_mesh(const struct import_mesh *mesh, bool exact, double ce
         return 0.0;
     }
 
-    /* Second moments about the center: of a pyramid with its apex there, volume / 20 times the
-     * products of its corners, each with each, and of their sum with itself */
+    /* Second moments about the center: a pyramid with its apex there adds volume / 20 times the
+     * products of its corners, each with itself, and of their sum with itself */
     for (size_t f = 0; f < mesh->nface; f++) {
         double corner[3][3], sum[3], volume = pyramid_measure(mesh, f, center, exact, corner);
 
@@ -96,6 +98,7 @@ double import_measure_mesh(const struct import_mesh *mesh, bool exact, double ce
             }
         }
     }
+    /* Inertia from second moments: I = trace(S) 1 - S */
     trace = second[0][0] + second[1][1] + second[2][2];
     for (int i = 0; i < 3; i++) {
         for (int j = i; j < 3; j++) {

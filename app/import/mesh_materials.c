@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Colors of meshes: the table of a mesh, and the materials of an OBJ (MTL files). */
+/* Colors of meshes: the table of a mesh's colors, and the materials of an OBJ (MTL files). */
 #include "app/import/mesh_private.h"
 
 #include "base/text.h"
@@ -13,8 +13,8 @@
 enum {
     MTL_BYTES_MAX = 1 << 20,
     MATERIALS_MAX = 512,
-    LIBRARIES_MAX = 16,          /* that an OBJ names */
-    MATERIAL_WORK_MAX = 1 << 24, /* names compared in one OBJ */
+    LIBRARIES_MAX = 16,          /* MTL files that an OBJ may name */
+    MATERIAL_WORK_MAX = 1 << 24, /* names compared for one OBJ, at most */
 };
 
 int mesh_find_tint(struct import_mesh *mesh, const double color[4])
@@ -22,6 +22,7 @@ int mesh_find_tint(struct import_mesh *mesh, const double color[4])
     double nearest = INFINITY;
     int found = -1;
 
+    /* The nearest color by squared distance over red, green, blue and opacity */
     for (size_t i = 0; i < mesh->ncolor; i++) {
         double distance = 0.0;
 
@@ -35,6 +36,7 @@ int mesh_find_tint(struct import_mesh *mesh, const double color[4])
             found = (int)i;
         }
     }
+    /* A new color while there is room; after that the nearest one stands for it */
     if (nearest > 1e-6 && mesh->ncolor < IMPORT_COLORS_MAX) {
         found = (int)mesh->ncolor++;
         for (int m = 0; m < 4; m++) {
@@ -46,7 +48,7 @@ int mesh_find_tint(struct import_mesh *mesh, const double color[4])
 
 /* ---- MTL ---- */
 
-/* Remarks what a mesh is without, once: before and after stand about the name. */
+/* Notes once what a mesh is drawn without: "without BEFORE "NAME"AFTER". */
 static void mesh_remark(struct mesh_reader *r, const char *before, const char *name,
                         const char *after)
 {
@@ -60,7 +62,7 @@ static void mesh_remark(struct mesh_reader *r, const char *before, const char *n
     }
 }
 
-/* The material of a name, added when there is none and room for it. */
+/* Returns the material of that name, added if asked for and there is room; otherwise NULL. */
 static struct mesh_material *mtl_find_material(struct mesh_reader *r, const char *name, bool add)
 {
     for (size_t i = 0; i < r->nmaterial && r->material_work < MATERIAL_WORK_MAX; i++) {
@@ -83,7 +85,7 @@ static struct mesh_material *mtl_find_material(struct mesh_reader *r, const char
     return &r->material[r->nmaterial++];
 }
 
-/* Three numbers of a line, 0 to 1; false where they are none. */
+/* Reads red, green and blue from a line, 0 to 1; false where they are not numbers. */
 static bool mtl_read_color(struct mesh_reader *lines, double color[4])
 {
     char word[MESH_WORD_MAX];
@@ -96,7 +98,7 @@ static bool mtl_read_color(struct mesh_reader *lines, double color[4])
     return true;
 }
 
-/* The colors of all materials in the text of an MTL file: newmtl NAME, then Kd R G B. */
+/* Reads the colors of all materials in the text of an MTL file: newmtl NAME, then Kd R G B. */
 static void mtl_read(struct mesh_reader *r, const char *text, size_t size)
 {
     struct mesh_reader lines = {.at = text, .end = text + size};
@@ -134,7 +136,7 @@ void mesh_read_library(struct mesh_reader *r)
 
     r->libraries++;
 
-    /* Beside the OBJ or below its folder, nowhere else */
+    /* A file beside the OBJ or below its folder, nowhere else */
     snprintf(path, sizeof path, "%.*s%s", slash ? (int)(slash - r->name) + 1 : 0, r->name, word);
     if (word[0] == '/' || strstr(word, "..")) {
         mesh_remark(r, "its materials", word, ": expected a file beside it");

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the readers of mesh files share. */
+/* Shared by the readers of mesh files. */
 #ifndef APP_IMPORT_MESH_PRIVATE_H
 #define APP_IMPORT_MESH_PRIVATE_H
 
@@ -9,24 +9,25 @@
 
 enum { MESH_WORD_MAX = 64 };
 
-/* A material of an OBJ. */
+/* A material of an OBJ; tint is the index of its color in the mesh, -1 = none. */
 struct mesh_material {
     char name[64];
     int tint;
 };
 
-/* A mesh file being read: corners first, three a face, before equal ones are joined. */
+/* A mesh file being read: vertices and faces as they stand in it; equal vertices are joined
+ * afterwards. */
 struct mesh_reader {
     const char *name, *at, *end;
-    bool is_file; /* name is a path, and files beside it may be read */
-    int tint;     /* of the faces that come, -1 = none */
+    bool is_file; /* name is a path, beside which further files may be read */
+    int tint;     /* color index of the faces that follow, -1 = none */
     struct mesh_material *material;
     size_t nmaterial, material_work, libraries;
     int line;
     const double *scale;
     struct arena *arena;
     struct import_mesh *mesh;
-    size_t capacity; /* of faces */
+    size_t capacity; /* faces that there is room for */
     struct error *error;
 };
 
@@ -34,42 +35,46 @@ struct mesh_reader {
 
 enum error_code mesh_no_memory(const struct mesh_reader *r);
 
-/* Room for so many vertices and faces. */
+/* Makes room for so many vertices and faces; refuses more than a mesh may have. */
 enum error_code mesh_make_room(struct mesh_reader *r, size_t vertices, size_t faces);
 
-/* Within the room that was made; of a vertex in the file's units, before the scale. */
+/* Adds a vertex in the file's units, which is scaled, or a face of three vertices, within the
+ * room that was made. */
 enum error_code mesh_add_vertex(struct mesh_reader *r, const double xyz[3]);
 void mesh_add_face(struct mesh_reader *r, int a, int b, int c);
 
-/* import_parse_mesh; with is_file, name is a path beside which materials are looked for. */
+/* Parses a mesh as import_parse_mesh does; with is_file, name is a path beside which materials
+ * are looked for. */
 enum error_code mesh_parse(const char *name, bool is_file, const char *text, size_t size,
                            const double scale[3], struct arena *arena, struct import_mesh *mesh,
                            struct error *error);
 
-/* The next word of the line, cut off where it is too long; false at the line's end, where the
- * reader stays. */
+/* Reads the next word of the line, cut off where it is too long; false at the line's end, where
+ * the reader stays. */
 bool mesh_next_word(struct mesh_reader *r, char word[MESH_WORD_MAX]);
 void mesh_skip_line(struct mesh_reader *r);
 
 /* ---- mesh.c ---- */
 
-/* A whole regular file, in memory of the heap. */
+/* Reads a whole regular file of at most that many bytes into memory of the heap, which the
+ * caller frees. */
 enum error_code mesh_read_file(const char *path, size_t most, char **text, size_t *size,
                                struct error *error);
 
 /* ---- mesh_materials.c ---- */
 
-/* The tint of a color of the mesh, which is added when there is room. */
+/* Returns the index of a color in the mesh's table, which it is added to while there is room;
+ * else of the nearest one. */
 int mesh_find_tint(struct import_mesh *mesh, const double color[4]);
 
-/* Lines `mtllib FILE` and `usemtl NAME` of an OBJ, after the first word. What cannot be had is
- * remarked and leaves faces without a color. */
+/* Handle the lines `mtllib FILE` and `usemtl NAME` of an OBJ, after the first word. A file or
+ * material that is missing is remarked and leaves faces without a color. */
 void mesh_read_library(struct mesh_reader *r);
 void mesh_use_material(struct mesh_reader *r);
 
 /* ---- mesh_collada.c ---- */
 
-/* All of a COLLADA document's scene. */
+/* Reads all geometries in a COLLADA document's scene. */
 enum error_code mesh_read_collada(struct mesh_reader *r);
 
 #endif

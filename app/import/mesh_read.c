@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* STL and OBJ from bytes to faces, and what all formats have in common. */
+/* Reads STL and OBJ from bytes to faces, and does what all formats have in common. */
 #include "app/import/mesh_private.h"
 
 #include "base/text.h"
@@ -10,6 +10,7 @@
 #include <string.h>
 #include <strings.h>
 
+/* A binary STL's header and facet, bytes; corners of a polygon, at most. */
 enum { STL_HEADER = 80, STL_FACE = 50, POLYGON_MAX = 256 };
 
 #define COORDINATE_MAX_M 1e6
@@ -44,6 +45,7 @@ enum error_code mesh_add_vertex(struct mesh_reader *r, const double xyz[3])
                                 "found coordinate %g, expected one within %g m", to[m],
                                 COORDINATE_MAX_M);
         }
+        /* Write -0 as 0, so that equal places have equal bytes when vertices are joined */
         to[m] = to[m] == 0.0 ? 0.0 : to[m];
     }
     r->mesh->nvertex++;
@@ -62,6 +64,7 @@ void mesh_add_face(struct mesh_reader *r, int a, int b, int c)
 
 /* ---- binary STL ---- */
 
+/* Reads a 32-bit word in little-endian order. */
 static uint32_t stl_get_word(const char *at)
 {
     const unsigned char *p = (const unsigned char *)at;
@@ -69,6 +72,7 @@ static uint32_t stl_get_word(const char *at)
     return (uint32_t)p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
 }
 
+/* Reads a little-endian float. */
 static double stl_get_real(const char *at)
 {
     uint32_t bits = stl_get_word(at);
@@ -78,12 +82,14 @@ static double stl_get_real(const char *at)
     return (double)value;
 }
 
+/* Checks whether an STL is binary: its size fits the number of facets that its header says. */
 static bool stl_is_binary(const char *text, size_t size)
 {
     return size >= STL_HEADER + 4 &&
            size == STL_HEADER + 4 + (size_t)stl_get_word(text + STL_HEADER) * STL_FACE;
 }
 
+/* Reads a binary STL: after the normal, three corners of three floats in each facet. */
 static enum error_code stl_read_binary(struct mesh_reader *r)
 {
     const char *at = r->at + STL_HEADER + 4;
@@ -135,6 +141,7 @@ void mesh_skip_line(struct mesh_reader *r)
     r->line++;
 }
 
+/* Reads three coordinates from the rest of a line. */
 static enum error_code mesh_read_xyz(struct mesh_reader *r, double xyz[3])
 {
     char word[MESH_WORD_MAX];
@@ -149,7 +156,8 @@ static enum error_code mesh_read_xyz(struct mesh_reader *r, double xyz[3])
     return ERROR_NONE;
 }
 
-/* How many lines begin with a word. */
+/* Counts the lines that begin with a word; *corners is the number of words after it on all of
+ * them. */
 static size_t mesh_count_lines(struct mesh_reader r, const char *first, size_t *corners)
 {
     char word[MESH_WORD_MAX];
@@ -168,6 +176,7 @@ static size_t mesh_count_lines(struct mesh_reader r, const char *first, size_t *
     return count;
 }
 
+/* Reads an ASCII STL: the corners of a facet are the vertices since the last one. */
 static enum error_code stl_read_text(struct mesh_reader *r)
 {
     char word[MESH_WORD_MAX];
@@ -199,7 +208,8 @@ static enum error_code stl_read_text(struct mesh_reader *r)
 
 /* ---- OBJ ---- */
 
-/* The vertex that a corner (v, v/vt, v//vn, v/vt/vn) names. */
+/* Finds the vertex that a corner (v, v/vt, v//vn, v/vt/vn) names; negative numbers count back
+ * from the last vertex. */
 static enum error_code mesh_read_corner(struct mesh_reader *r, char word[MESH_WORD_MAX],
                                         int *vertex)
 {
@@ -218,7 +228,7 @@ static enum error_code mesh_read_corner(struct mesh_reader *r, char word[MESH_WO
     return ERROR_NONE;
 }
 
-/* A polygon as a fan of triangles. */
+/* Reads a polygon of an OBJ as a fan of triangles about its first corner. */
 static enum error_code mesh_read_polygon(struct mesh_reader *r)
 {
     char word[MESH_WORD_MAX];
@@ -244,6 +254,7 @@ static enum error_code mesh_read_polygon(struct mesh_reader *r)
     return ERROR_NONE;
 }
 
+/* Reads all lines of an OBJ, after counting how many vertices and triangles they make. */
 static enum error_code mesh_read_obj_lines(struct mesh_reader *r)
 {
     char word[MESH_WORD_MAX];
@@ -252,7 +263,7 @@ static enum error_code mesh_read_obj_lines(struct mesh_reader *r)
     enum error_code code;
     double xyz[3];
 
-    /* A polygon of n corners is n - 2 triangles; one of fewer than 3 will be refused */
+    /* A polygon of n corners makes n - 2 triangles; one of fewer than 3 will be refused */
     faces = mesh_count_lines(*r, "f", &corners);
     code = mesh_make_room(r, vertices, corners > 2 * faces ? corners - 2 * faces : 0);
     while (!code && r->at < r->end) {
@@ -273,11 +284,13 @@ static enum error_code mesh_read_obj_lines(struct mesh_reader *r)
 
 /* ---- the whole ---- */
 
+/* A vertex on its way through the sort: where it is, and its index before. */
 struct joined_vertex {
     const double *xyz;
     int index;
 };
 
+/* Orders vertices for qsort by x, y, z, then by index. */
 static int joined_compare(const void *a, const void *b)
 {
     const struct joined_vertex *x = a, *y = b;
@@ -290,8 +303,8 @@ static int joined_compare(const void *a, const void *b)
     return x->index < y->index ? -1 : x->index > y->index;
 }
 
-/* Corners at the same place become one vertex, in the order of their first appearance; vertices
- * without a face and faces without area go. */
+/* Joins corners at the same place into one vertex, in the order of their first appearance;
+ * drops vertices without a face and faces without area. */
 static enum error_code mesh_join_vertices(struct mesh_reader *r)
 {
     struct import_mesh *mesh = r->mesh;
@@ -303,6 +316,7 @@ static enum error_code mesh_join_vertices(struct mesh_reader *r)
     if (!sorted || !same || !number) {
         return mesh_no_memory(r);
     }
+    /* Sort by place, then give all vertices of one place the index of the first */
     for (size_t v = 0; v < mesh->nvertex; v++) {
         sorted[v] = (struct joined_vertex){mesh->vertex[v], (int)v};
         number[v] = -1;
@@ -314,8 +328,8 @@ static enum error_code mesh_join_vertices(struct mesh_reader *r)
         same[sorted[v].index] = again ? same[sorted[v - 1].index] : sorted[v].index;
     }
 
-    /* Faces with three corners, their vertices numbered as they come; the first of equal ones has
-     * the lowest index, so that none is overwritten before it is moved */
+    /* Keep faces with three different corners and mark their vertices as used; the first of
+     * equal ones has the lowest index, so that none is overwritten before it is moved */
     for (size_t f = 0; f < mesh->nface; f++) {
         int *face = mesh->face[f], corner[3];
 
@@ -328,6 +342,7 @@ static enum error_code mesh_join_vertices(struct mesh_reader *r)
             number[corner[0]] = number[corner[1]] = number[corner[2]] = 0;
         }
     }
+    /* Close the gaps between the used vertices, then renumber the faces' corners */
     for (size_t v = 0; v < mesh->nvertex; v++) {
         if (number[v] == 0) {
             memmove(mesh->vertex[nvertex], mesh->vertex[v], sizeof *mesh->vertex);
@@ -344,7 +359,7 @@ static enum error_code mesh_join_vertices(struct mesh_reader *r)
     return ERROR_NONE;
 }
 
-/* A mirrored surface is inside out until its faces turn round. */
+/* Turns all faces round: a scale that mirrors has turned the surface inside out. */
 static void mesh_unmirror(struct mesh_reader *r)
 {
     for (size_t f = 0; f < r->mesh->nface; f++) {
@@ -355,7 +370,7 @@ static void mesh_unmirror(struct mesh_reader *r)
     }
 }
 
-/* The faces of a file by what its name ends in, as they stand in it. */
+/* Reads the faces of a file as they stand in it, in the format that its name's ending tells. */
 static enum error_code mesh_read_faces(struct mesh_reader *r)
 {
     const char *ending = strrchr(r->name, '.');
@@ -395,6 +410,8 @@ enum error_code mesh_parse(const char *name, bool is_file, const char *text, siz
     enum error_code code;
 
     *mesh = (struct import_mesh){0};
+
+    /* Read the faces as they stand, then join the vertices that they share */
     code = mesh_read_faces(&r);
     code = code ? code : mesh_join_vertices(&r);
     if (code) {

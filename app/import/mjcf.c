@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* MJCF: the tree of bodies and their joints. */
+/* Reads MJCF: settings, and the tree of bodies with their joints. */
 #include "app/import/mjcf_private.h"
 
 #include "base/count.h"
@@ -28,6 +28,7 @@ const xmlNode *mjcf_next(const struct mjcf_reader *r, const char *section, const
     const xmlNode *in = after ? after->parent : xml_child(r->file->root, section), *node;
 
     node = after ? xml_next(after, element) : in ? xml_child(in, element) : NULL;
+    /* Sections of one name count as one: go on in the next one of it */
     while (!node && in) {
         in = xml_next(in, section);
         node = in ? xml_child(in, element) : NULL;
@@ -43,6 +44,7 @@ enum error_code mjcf_no_memory(const struct mjcf_reader *r)
 
 /* ---- settings ---- */
 
+/* Reads where bodies take their inertia from; notes the settings that are not obeyed. */
 static enum error_code mjcf_read_inertia_rules(struct mjcf_reader *r, const xmlNode *node)
 {
     static const char *const unused[] = {"settotalmass", "boundmass", "boundinertia",
@@ -67,7 +69,7 @@ static enum error_code mjcf_read_inertia_rules(struct mjcf_reader *r, const xmlN
     return xml_reals(r->file, node, "inertiagrouprange", 2, r->groups, NULL, r->error);
 }
 
-/* One <compiler>; of several each adds to what those before it have said. */
+/* Reads one <compiler>; each of several adds to what those before it have said. */
 static enum error_code mjcf_read_compiler(struct mjcf_reader *r, const xmlNode *node)
 {
     const char *angle = xml_attribute(node, "angle"), *seq = xml_attribute(node, "eulerseq");
@@ -94,7 +96,8 @@ static enum error_code mjcf_read_compiler(struct mjcf_reader *r, const xmlNode *
     return mjcf_read_inertia_rules(r, node);
 }
 
-/* Elements that make bodies out of others, or take them from elsewhere. */
+/* Checks whether an element makes bodies out of others, or takes them from elsewhere, which
+ * only MuJoCo can expand. */
 static bool mjcf_must_be_expanded(const xmlNode *node)
 {
     static const char *const name[] = {"frame",     "replicate", "attach",
@@ -108,6 +111,7 @@ static bool mjcf_must_be_expanded(const xmlNode *node)
     return false;
 }
 
+/* Refuses such an element and says how to expand it. */
 static enum error_code mjcf_refuse_unexpanded(const struct mjcf_reader *r, const xmlNode *node)
 {
     return mjcf_refuse(r, node,
@@ -116,7 +120,8 @@ static enum error_code mjcf_refuse_unexpanded(const struct mjcf_reader *r, const
                        (const char *)node->name);
 }
 
-/* Constraints between bodies close loops; those between joints make one follow the other. */
+/* Refuses constraints between bodies, which close loops; leaves those between joints, which
+ * make one follow another, to mjcf_read_couplings. */
 static enum error_code mjcf_check_equality(const struct mjcf_reader *r, const xmlNode *equality)
 {
     for (const xmlNode *node = xml_child(equality, NULL); node; node = xml_next(node, NULL)) {
@@ -139,7 +144,8 @@ static enum error_code mjcf_check_equality(const struct mjcf_reader *r, const xm
     return ERROR_NONE;
 }
 
-/* What is at the top of the file, but for bodies. */
+/* Reads the top-level sections but bodies: compiler settings are taken, loops refused, unused
+ * sections noted. */
 static enum error_code mjcf_read_settings(struct mjcf_reader *r)
 {
     static const char *const silent[] = {"asset",   "worldbody", "actuator", "keyframe", "visual",
@@ -154,6 +160,8 @@ static enum error_code mjcf_read_settings(struct mjcf_reader *r)
         for (size_t i = 0; silent[i] && !known; i++) {
             known = xml_is(node, silent[i]);
         }
+
+        /* Sections that are read elsewhere are known; a section that nothing reads is noted */
         if (mjcf_must_be_expanded(node)) {
             code = mjcf_refuse_unexpanded(r, node);
         } else if (xml_is(node, "compiler")) {
@@ -168,7 +176,8 @@ static enum error_code mjcf_read_settings(struct mjcf_reader *r)
     return code;
 }
 
-/* The site of the first gyro or accelerometer. */
+/* Finds the site of the first gyro or accelerometer, where the inertial sensor is; notes
+ * sensors at other places as dropped. */
 static void mjcf_find_imu(struct mjcf_reader *r)
 {
     for (const xmlNode *node = mjcf_next(r, "sensor", NULL, NULL); node;
@@ -187,7 +196,7 @@ static void mjcf_find_imu(struct mjcf_reader *r)
 
 /* ---- joints ---- */
 
-/* A name for what the file gives none. */
+/* Makes the name NAME-NUMBER; NULL when there is no memory. */
 static const char *mjcf_number_name(const struct mjcf_reader *r, const char *name, int number)
 {
     char text[128];
@@ -196,7 +205,8 @@ static const char *mjcf_number_name(const struct mjcf_reader *r, const char *nam
     return arena_strdup(r->arena, text);
 }
 
-/* A name for a body without one: by its line, which says where it is, in the main file. */
+/* Makes a name for a body without one: by its line in the main file, by the number of links in
+ * an included one. */
 static const char *mjcf_name_body(const struct mjcf_reader *r, const xmlNode *node)
 {
     return xml_name(r->file, node) == r->file->name
@@ -211,6 +221,7 @@ const char *mjcf_file(const struct mjcf_reader *r, const xmlNode *node)
     return name == r->file->name ? r->model->file : name;
 }
 
+/* Adds a link and returns its index; NULL as name means that there is no memory. */
 static enum error_code mjcf_add_link(const struct mjcf_reader *r, const char *name,
                                      const xmlNode *node, int *link)
 {
@@ -222,7 +233,7 @@ static enum error_code mjcf_add_link(const struct mjcf_reader *r, const char *na
     return name ? ERROR_NONE : mjcf_no_memory(r);
 }
 
-/* A joint between two links that are there. */
+/* Adds a joint between two existing links, at a place in the parent. */
 static struct import_joint *mjcf_add_joint(const struct mjcf_reader *r, const char *name,
                                            const xmlNode *node, enum import_joint_type type,
                                            int parent, int child, const struct import_place *place)
@@ -242,7 +253,8 @@ static struct import_joint *mjcf_add_joint(const struct mjcf_reader *r, const ch
     return joint;
 }
 
-/* Limits, damping and rotor of a joint; its angle counts from ref in MuJoCo, from 0 here. */
+/* Reads limits, damping, friction and rotor inertia of a joint. MuJoCo's angle is ref in the
+ * file's pose, ours is 0, so limits are shifted by ref. */
 static enum error_code mjcf_read_joint_numbers(const struct mjcf_reader *r, const xmlNode *node,
                                                const char *childclass, struct import_joint *joint)
 {
@@ -262,6 +274,7 @@ static enum error_code mjcf_read_joint_numbers(const struct mjcf_reader *r, cons
         (code = mjcf_reals(r, node, childclass, "actuatorfrcrange", 2, force, NULL))) {
         return code;
     }
+    /* Limits count when the file says so, or by autolimits when a range is given */
     *ref *= unit;
     joint->effort = fmax(fabs(force[0]), fabs(force[1]));
     joint->has_limit =
@@ -272,6 +285,7 @@ static enum error_code mjcf_read_joint_numbers(const struct mjcf_reader *r, cons
     if (joint->type == IMPORT_REVOLUTE && !joint->has_limit) {
         joint->type = IMPORT_CONTINUOUS;
     }
+    /* Tell what is lost or counts differently */
     if (stiffness != 0.0) {
         import_note_add(r->notes, IMPORT_DROPPED, joint->file, joint->line,
                         "spring of joint \"%.63s\", %g N m/rad", joint->name, stiffness);
@@ -288,6 +302,7 @@ static enum error_code mjcf_read_joint_numbers(const struct mjcf_reader *r, cons
                : ERROR_NONE;
 }
 
+/* Reads the type of a joint: free, hinge or slide; refuses ball joints. */
 static enum error_code mjcf_read_joint_type(const struct mjcf_reader *r, const xmlNode *node,
                                             const char *childclass, enum import_joint_type *type)
 {
@@ -308,16 +323,16 @@ static enum error_code mjcf_read_joint_type(const struct mjcf_reader *r, const x
     return ERROR_NONE;
 }
 
-/* A body that is being read: the link that its next joint hangs on, and where the body's frame is
- * in it when no further joint comes. */
+/* A body being read: the link that its next joint hangs on, and the place of the body's frame
+ * in that link. */
 struct mjcf_body {
     const char *name, *childclass;
     const xmlNode *node;
-    int link, joints, left; /* left: joints that are yet to come */
+    int link, joints, left; /* joints read, and joints yet to come */
     struct import_place place;
 };
 
-/* One joint of a body: a link of its own at the joint's anchor. */
+/* Reads one joint of a body and adds a link of its own at the joint's anchor. */
 static enum error_code mjcf_read_joint(struct mjcf_reader *r, const xmlNode *node,
                                        struct mjcf_body *body)
 {
@@ -335,7 +350,7 @@ static enum error_code mjcf_read_joint(struct mjcf_reader *r, const xmlNode *nod
         return code;
     }
 
-    /* The last joint's link stands for the body */
+    /* Add the link: that of the last joint stands for the body, those before are numbered */
     body->left--;
     name = name ? arena_strdup(r->arena, name) : mjcf_number_name(r, body->name, body->joints);
     if (!name ||
@@ -344,10 +359,12 @@ static enum error_code mjcf_read_joint(struct mjcf_reader *r, const xmlNode *nod
              &link))) {
         return name ? code : mjcf_no_memory(r);
     }
+    /* The joint stands at its anchor in the link before; qpos counts MuJoCo's coordinates */
     import_place_compose(&body->place, &anchor, &at);
     joint = mjcf_add_joint(r, name, node, type, body->link, link, &at);
     r->qpos[joint - r->model->joint] = r->qpos_count;
     r->qpos_count += type == IMPORT_FLOATING ? 7 : 1;
+    /* Seen from the new link, the body's frame is back by the anchor */
     import_place_identity(&back);
     for (int m = 0; m < 3; m++) {
         back.xyz[m] = 0.0 - anchor.xyz[m]; /* no -0 */
@@ -358,6 +375,7 @@ static enum error_code mjcf_read_joint(struct mjcf_reader *r, const xmlNode *nod
     if (type == IMPORT_FLOATING) {
         return ERROR_NONE;
     }
+    /* A free joint is done; the others have an axis, z by default, and numbers */
     joint->axis[2] = 1.0;
     code = mjcf_reals(r, node, body->childclass, "axis", 3, joint->axis, NULL);
     length = vec3_norm(joint->axis);
@@ -370,10 +388,12 @@ static enum error_code mjcf_read_joint(struct mjcf_reader *r, const xmlNode *nod
 
 /* ---- bodies ---- */
 
+/* Reads <inertial>: mass, center and one of two forms of inertia, into the link's frame. */
 static enum error_code mjcf_read_inertial(const struct mjcf_reader *r, const xmlNode *node,
                                           struct import_link *link)
 {
-    static const int order[6] = {0, 3, 5, 1, 2, 4}; /* xx yy zz xy xz yz */
+    static const int order[6] = {
+        0, 3, 5, 1, 2, 4}; /* index in xx yy zz xy xz yz of the file's xx, yy, zz, xy, xz, yz */
     struct robot_inertia inertia = {0};
     struct import_place place;
     double full[6], diagonal[3];
@@ -403,7 +423,8 @@ static enum error_code mjcf_read_inertial(const struct mjcf_reader *r, const xml
     return ERROR_NONE;
 }
 
-/* Whether a body weighs what its geoms do; where the rule is that and it has none, it does not. */
+/* Checks whether a body's inertia is computed from its geoms, by inertiafromgeom; a body with
+ * <inertial> and no geom keeps its own. */
 static bool mjcf_takes_geoms(const struct mjcf_reader *r, const xmlNode *body, bool inertial)
 {
     switch (r->from_geom) {
@@ -416,7 +437,7 @@ static bool mjcf_takes_geoms(const struct mjcf_reader *r, const xmlNode *body, b
     }
 }
 
-/* Inertia and geoms of a body, in its link; the site that is the inertial sensor. */
+/* Reads inertia and geoms of a body into its link, and the site that is the inertial sensor. */
 static enum error_code mjcf_read_matter(const struct mjcf_reader *r, const xmlNode *node,
                                         const char *childclass, int at)
 {
@@ -431,6 +452,7 @@ static enum error_code mjcf_read_matter(const struct mjcf_reader *r, const xmlNo
          child = xml_next(child, NULL)) {
         const char *name = xml_attribute(child, "name");
 
+        /* Geoms add to the inertia only where the body has none of its own */
         if (xml_is(child, "geom")) {
             code = mjcf_read_geom(r, child, childclass, at, of_geoms ? &link->inertia : NULL);
         } else if (xml_is(child, "site") && name && r->imu_site && !strcmp(name, r->imu_site) &&
@@ -452,7 +474,7 @@ static enum error_code mjcf_read_matter(const struct mjcf_reader *r, const xmlNo
 static enum error_code mjcf_read_body(struct mjcf_reader *r, const xmlNode *node, int parent,
                                       const char *childclass, int depth);
 
-/* The bodies in a body. */
+/* Reads the bodies in a body. */
 static enum error_code mjcf_read_children(struct mjcf_reader *r, const xmlNode *node, int parent,
                                           const char *childclass, int depth)
 {
@@ -469,7 +491,7 @@ static enum error_code mjcf_read_children(struct mjcf_reader *r, const xmlNode *
     return code;
 }
 
-/* A link at the body's own frame where no joint's link is there. */
+/* Adds a fixed link at the body's own frame, unless the link of its last joint is there already. */
 static enum error_code mjcf_end_body(const struct mjcf_reader *r, struct mjcf_body *body)
 {
     static const double here[3];
@@ -493,6 +515,8 @@ static enum error_code mjcf_end_body(const struct mjcf_reader *r, struct mjcf_bo
     return ERROR_NONE;
 }
 
+/* Reads a body: the chain of links that its joints make, its inertia and geoms, then the bodies
+ * in it. */
 static enum error_code mjcf_read_body(struct mjcf_reader *r, const xmlNode *node, int parent,
                                       const char *childclass, int depth)
 {
@@ -508,6 +532,7 @@ static enum error_code mjcf_read_body(struct mjcf_reader *r, const xmlNode *node
     if (!body.name) {
         return mjcf_no_memory(r);
     }
+    /* Joints are counted first, because the last one's link stands for the body */
     code = mjcf_read_place(r, node, NULL, &body.place);
     for (const xmlNode *joint = xml_child(node, NULL); joint; joint = xml_next(joint, NULL)) {
         body.left += xml_is(joint, "joint") || xml_is(joint, "freejoint");
@@ -527,6 +552,7 @@ static enum error_code mjcf_read_body(struct mjcf_reader *r, const xmlNode *node
 
 /* ---- the whole ---- */
 
+/* Counts bodies, joints and geoms below a node, to make room for them. */
 static void mjcf_count(const xmlNode *node, int depth, size_t *bodies, size_t *joints,
                        size_t *geoms)
 {
@@ -540,6 +566,8 @@ static void mjcf_count(const xmlNode *node, int depth, size_t *bodies, size_t *j
     }
 }
 
+/* Allocates the model for all bodies of the file; a link for the world, each body and each
+ * joint. */
 static enum error_code mjcf_make_room(struct mjcf_reader *r)
 {
     struct import_model *model = r->model;
@@ -549,6 +577,8 @@ static enum error_code mjcf_make_room(struct mjcf_reader *r)
     for (const xmlNode *next = world; next; next = xml_next(next, "worldbody")) {
         mjcf_count(next, 0, &bodies, &joints, &geoms);
     }
+
+    /* A link for the world, each body, and each joint of a body with several */
     links = 1 + bodies + joints;
     if (bodies == 0 || links > IMPORT_LINKS_MAX || geoms > IMPORT_GEOMETRY_MAX) {
         return mjcf_refuse(r, world,
@@ -567,7 +597,7 @@ static enum error_code mjcf_make_room(struct mjcf_reader *r)
                : mjcf_no_memory(r);
 }
 
-/* No name stands twice. */
+/* Refuses names of links and joints that stand twice. */
 static enum error_code mjcf_check_names(const struct mjcf_reader *r)
 {
     const struct import_model *model = r->model;
@@ -589,7 +619,7 @@ static enum error_code mjcf_check_names(const struct mjcf_reader *r)
     return ERROR_NONE;
 }
 
-/* The bodies of all worlds: the sections of one name count as one. */
+/* Reads the bodies of all <worldbody> sections, which count as one. */
 static enum error_code mjcf_read_worlds(struct mjcf_reader *r)
 {
     const xmlNode *world = xml_child(r->file->root, "worldbody");
@@ -625,12 +655,15 @@ enum error_code mjcf_read(const struct xml_file *file, const struct import_packa
     if (!model->file || !model->name) {
         return mjcf_no_memory(&r);
     }
+    /* Includes first, so that all that follows sees one document */
     if ((code = mjcf_expand_includes(&r)) || (code = xml_check_elements(file, error))) {
         return code;
     }
     if (!xml_child(file->root, "worldbody")) {
         return mjcf_refuse(&r, file->root, "found <mujoco> without <worldbody>, expected one");
     }
+    /* Settings and classes are needed by the bodies, bodies by actuators, couplings and
+     * keyframes */
     if ((code = mjcf_read_settings(&r)) || (code = mjcf_index(&r)) || (code = mjcf_make_room(&r))) {
         return code;
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* MJCF: geoms, as shapes and as what a body weighs. */
+/* Reads MJCF geoms, as shapes and as the mass and inertia of bodies. */
 #include "app/import/mjcf_private.h"
 
 #include "base/vec3.h"
@@ -8,13 +8,16 @@
 #include <stdio.h>
 #include <string.h>
 
-#define DENSITY 1000.0 /* kg/m3, where the file says nothing */
+#define DENSITY 1000.0 /* kg/m3, MuJoCo's default */
 
-/* A solid of density 1: volume, and inertia about its center, which is the origin but of meshes. */
+/* A solid of density 1: volume, m3, and inertia, m5, about its center of mass, which is the origin
+ * except for meshes. */
 struct geom_solid {
     double volume, center[3], I[6];
 };
 
+/* Computes volume and inertia of half-axes or half-sides, up to the factor of the shape: 1/5 for an
+ * ellipsoid, 1/3 for a box; volume is the shape's of half-sides 1. */
 static void solid_take_ellipsoid(const double half[3], double volume, struct geom_solid *solid)
 {
     solid->volume = volume * half[0] * half[1] * half[2];
@@ -25,6 +28,7 @@ static void solid_take_ellipsoid(const double half[3], double volume, struct geo
     }
 }
 
+/* Computes volume and inertia of a cylinder or capsule about z. */
 static void solid_take_round(const struct import_geometry *g, struct geom_solid *solid)
 {
     const double radius = g->radius, length = g->length;
@@ -34,7 +38,7 @@ static void solid_take_round(const struct import_geometry *g, struct geom_solid 
     along = 0.5 * solid->volume * radius * radius;
     across = solid->volume * (3.0 * radius * radius + length * length) / 12.0;
     if (g->shape == IMPORT_CAPSULE) {
-        /* Half-spheres, whose centers of mass are 3/8 of the radius beyond the cylinder */
+        /* Add the half-spheres, whose centers of mass are 3/8 of the radius beyond the cylinder */
         ball = 4.0 / 3.0 * M_PI * radius * radius * radius;
         solid->volume += ball;
         along += 0.4 * ball * radius * radius;
@@ -44,7 +48,7 @@ static void solid_take_round(const struct import_geometry *g, struct geom_solid 
     solid->I[5] = along;
 }
 
-/* The mesh of a geom, as it stands in its file. */
+/* Computes volume and inertia of a geom's mesh, in the frame of its file. */
 static enum error_code solid_take_mesh(const struct mjcf_reader *r, const struct import_geometry *g,
                                        struct geom_solid *solid)
 {
@@ -65,6 +69,8 @@ static enum error_code solid_take_mesh(const struct mjcf_reader *r, const struct
         arena_fini(&scratch);
         return code;
     }
+
+    /* The mesh is needed for its integrals only: its memory goes at once */
     code = import_read_mesh(path, g->scale, &scratch, &mesh, &why);
     if (code) {
         import_error(r->error, g->file, g->line,
@@ -76,6 +82,7 @@ static enum error_code solid_take_mesh(const struct mjcf_reader *r, const struct
     return code;
 }
 
+/* Computes volume and inertia of a geom of any shape. */
 static enum error_code geom_measure(const struct mjcf_reader *r, const struct import_geometry *g,
                                     struct geom_solid *solid)
 {
@@ -105,7 +112,7 @@ static enum error_code geom_measure(const struct mjcf_reader *r, const struct im
     }
 }
 
-/* Whether the group of a geom is one of those that weigh something. */
+/* Checks whether the group of a geom is within inertiagrouprange, and so counts for mass. */
 static enum error_code geom_is_counted(const struct mjcf_reader *r, const xmlNode *node,
                                        const char *childclass, bool *counted)
 {
@@ -116,7 +123,7 @@ static enum error_code geom_is_counted(const struct mjcf_reader *r, const xmlNod
     return code;
 }
 
-/* What a geom weighs, added to the body that gets its inertia from geoms. */
+/* Adds a geom's mass and inertia to a body that gets its inertia from geoms. */
 static enum error_code geom_add_inertia(const struct mjcf_reader *r, const xmlNode *node,
                                         const char *childclass, const struct import_geometry *g,
                                         struct robot_inertia *inertia)
@@ -128,6 +135,7 @@ static enum error_code geom_add_inertia(const struct mjcf_reader *r, const xmlNo
     bool by_mass, counted;
     enum error_code code;
 
+    /* Geoms outside the groups and those without mass add nothing */
     if ((code = mjcf_reals(r, node, childclass, "density", 1, &density, NULL)) ||
         (code = mjcf_reals(r, node, childclass, "mass", 1, &mass, &by_mass)) ||
         (code = geom_is_counted(r, node, childclass, &counted)) || !counted ||
@@ -150,6 +158,8 @@ static enum error_code geom_add_inertia(const struct mjcf_reader *r, const xmlNo
                         "box of its inertia unless exactmeshinertia is \"true\"",
                         g->mesh, own.mass);
     }
+
+    /* Scale the solid of density 1 to the mass, and move it to the geom's place */
     memcpy(own.com, solid.center, sizeof own.com);
     for (int i = 0; i < 6; i++) {
         own.I[i] = solid.I[i] * own.mass / solid.volume;
@@ -158,7 +168,8 @@ static enum error_code geom_add_inertia(const struct mjcf_reader *r, const xmlNo
     return ERROR_NONE;
 }
 
-/* The mesh that a geom names: its file, below the folder of meshes unless it is absolute. */
+/* Finds the mesh that a geom names: its file, below meshdir unless the path is absolute, and its
+ * scale. */
 static enum error_code geom_read_mesh(const struct mjcf_reader *r, const xmlNode *node,
                                       const char *childclass, struct import_geometry *g)
 {
@@ -178,6 +189,8 @@ static enum error_code geom_read_mesh(const struct mjcf_reader *r, const xmlNode
                            "found refpos or refquat of a mesh, expected it where its file has it: "
                            "move the geom instead");
     }
+
+    /* The path is that of the file, below meshdir unless it is absolute */
     file = xml_attribute(mesh->node, "file");
     below = below && file[0] != '/';
     snprintf(path, sizeof path, "%.200s%s%.300s", below ? r->meshdir : "", below ? "/" : "", file);
@@ -186,6 +199,8 @@ static enum error_code geom_read_mesh(const struct mjcf_reader *r, const xmlNode
                    : mjcf_no_memory(r);
 }
 
+/* Reads the shape of a geom; known is false, with a note, for planes and other shapes that robots
+ * here lack. */
 static enum error_code geom_read_type(const struct mjcf_reader *r, const xmlNode *node,
                                       const char *childclass, struct import_geometry *g,
                                       bool *known)
@@ -214,7 +229,7 @@ static enum error_code geom_read_type(const struct mjcf_reader *r, const xmlNode
     return ERROR_NONE;
 }
 
-/* Sizes by size and fromto. */
+/* Reads the dimensions of a geom, by size or, for round ones, by the ends fromto. */
 static enum error_code geom_read_size(const struct mjcf_reader *r, const xmlNode *node,
                                       const char *childclass, struct import_geometry *g)
 {
@@ -231,13 +246,16 @@ static enum error_code geom_read_size(const struct mjcf_reader *r, const xmlNode
     g->radius = size[0];
     g->length = 2.0 * size[1];
     if (by_ends && round) {
-        /* From one end to the other: the middle, and z along it */
+        /* From one end to the other: place the geom in the middle, with z along it */
         vec3_sub(ends + 3, ends, along);
         g->length = vec3_norm(along);
         for (int m = 0; m < 3; m++) {
             g->place.xyz[m] = 0.5 * (ends[m] + ends[3 + m]);
+            /* A second axis that is not along the first: those that the direction has least of */
             along[3 + m] = fabs(along[m]) < 0.6 * g->length;
         }
+
+        /* The columns come out as z, x, y: move the first one to the end */
         if (g->length > 0 && mjcf_axes_to_rotation(along, g->place.R)) {
             const double x[3] = {g->place.R[0], g->place.R[3], g->place.R[6]};
 
@@ -258,8 +276,8 @@ static enum error_code geom_read_size(const struct mjcf_reader *r, const xmlNode
     return ERROR_NONE;
 }
 
-/* The color of a geom, by its rgba or its material, and whether MuJoCo's viewer shows it: groups 0
- * to 2 are. Colors in the file of a mesh do not count. */
+/* Reads the color of a geom, by its rgba or its material, and whether MuJoCo's viewer shows it: it
+ * shows groups 0 to 2. Colors in the file of a mesh do not count. */
 static enum error_code geom_read_looks(const struct mjcf_reader *r, const xmlNode *node,
                                        const char *childclass, struct import_geometry *g)
 {
@@ -275,6 +293,8 @@ static enum error_code geom_read_looks(const struct mjcf_reader *r, const xmlNod
         (code = mjcf_reals(r, node, childclass, "rgba", 4, g->color, &own))) {
         return code;
     }
+
+    /* The geom's own rgba goes before its material's */
     if (!own && material) {
         memcpy(g->color, white, sizeof g->color);
         code = mjcf_reals(r, material->node, NULL, "rgba", 4, g->color, NULL);
@@ -282,6 +302,8 @@ static enum error_code geom_read_looks(const struct mjcf_reader *r, const xmlNod
     for (int m = 0; m < 4; m++) {
         g->color[m] = fmin(fmax(g->color[m], 0.0), 1.0);
     }
+
+    /* MuJoCo's viewer shows groups 0 to 2; a color always overrides the mesh's */
     g->visual = group < 3.0 && g->color[3] > 0.0;
     g->colored = g->repaints = true;
     return code;
@@ -304,6 +326,8 @@ enum error_code mjcf_read_geom(const struct mjcf_reader *r, const xmlNode *node,
     if (!known) {
         return ERROR_NONE; /* planes and fields of heights weigh nothing in MuJoCo either */
     }
+
+    /* Dimensions first: mass and inertia follow from them */
     if ((code = g.shape == IMPORT_MESH ? geom_read_mesh(r, node, childclass, &g)
                                        : geom_read_size(r, node, childclass, &g)) ||
         (inertia && (code = geom_add_inertia(r, node, childclass, &g, inertia)))) {

@@ -13,9 +13,10 @@
 
 enum { INCLUDES_MAX = 256, INCLUDE_DEPTH_MAX = 16 };
 
+/* Expansion under way. */
 struct includer {
     const struct mjcf_reader *reader;
-    char inside[PATH_MAX]; /* the folder of the main file */
+    char inside[PATH_MAX]; /* folder of the main file */
     const char *seen[INCLUDES_MAX];
     size_t nseen, bytes;
 };
@@ -23,7 +24,7 @@ struct includer {
 static enum error_code include_expand(struct includer *in, const struct xml_file *file,
                                       const char *folder, xmlNode *parent, int depth);
 
-/* The path of the file that an <include> names. */
+/* Finds the path of the file that an <include> names. */
 static enum error_code include_find(struct includer *in, const struct xml_file *file,
                                     const xmlNode *node, const char *folder, char path[PATH_MAX])
 {
@@ -36,6 +37,8 @@ static enum error_code include_find(struct includer *in, const struct xml_file *
         return code;
     }
     where = import_resolve_path(in->inside, folder, name, r->packages->trust, path);
+
+    /* As MuJoCo: beside the file that includes, or else beside the main file */
     if (where == IMPORT_PATH_MISSING) {
         where = import_resolve_path(in->inside, in->inside, name, r->packages->trust, path);
     }
@@ -53,7 +56,7 @@ static enum error_code include_find(struct includer *in, const struct xml_file *
                               file->name);
 }
 
-/* Refuses a file that was read before, by its path without links. */
+/* Records a file as read; refuses one that was read before, by its path without symbolic links. */
 static enum error_code include_note(struct includer *in, const struct xml_file *file,
                                     const xmlNode *node, const char *path)
 {
@@ -79,7 +82,8 @@ static enum error_code include_note(struct includer *in, const struct xml_file *
     return in->seen[in->nseen++] ? ERROR_NONE : mjcf_no_memory(r);
 }
 
-/* Puts the content of a file in the place of an <include>. */
+/* Replaces an <include> by the content of the file that it names, whose own includes are expanded
+ * first. */
 static enum error_code include_replace(struct includer *in, const struct xml_file *file,
                                        const char *folder, xmlNode *node, int depth)
 {
@@ -97,6 +101,8 @@ static enum error_code include_replace(struct includer *in, const struct xml_fil
         (code = xml_file_open(&other, path, r->arena, r->error))) {
         return code;
     }
+
+    /* Many small includes could still make a huge document */
     in->bytes += other.size;
     if (in->bytes > XML_FILE_MAX) {
         code = import_error(r->error, xml_name(file, node), xml_line(node),
@@ -105,6 +111,8 @@ static enum error_code include_replace(struct includer *in, const struct xml_fil
     } else if (!import_find_folder(path, beside)) {
         code = error_set_file(r->error, errno, path, "cannot be read");
     }
+
+    /* Its own includes first, so that what is inserted has none left */
     code = code ? code : include_expand(in, &other, beside, other.root, depth + 1);
     code = code ? code : xml_insert_file(file, node, &other, r->error);
     xml_file_close(&other);
@@ -113,7 +121,7 @@ static enum error_code include_replace(struct includer *in, const struct xml_fil
     return code;
 }
 
-/* Expands the includes among the children of an element, and in these. */
+/* Expands the includes among the children of an element and below them. */
 static enum error_code include_expand(struct includer *in, const struct xml_file *file,
                                       const char *folder, xmlNode *parent, int depth)
 {
@@ -128,7 +136,7 @@ static enum error_code include_expand(struct includer *in, const struct xml_file
     return code;
 }
 
-/* The first <include>, or NULL. */
+/* Returns the first <include> below an element, or NULL. */
 static const xmlNode *include_find_first(const xmlNode *parent)
 {
     const xmlNode *found = NULL;

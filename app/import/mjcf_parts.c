@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* MJCF: default classes, names of meshes and materials, places, actuators, keyframes. */
+/* Indexes default classes, meshes and materials; reads places, actuators, couplings and
+ * keyframes. */
 #include "app/import/mjcf_private.h"
 
 #include "base/vec3.h"
@@ -13,6 +14,7 @@ enum { MJCF_DEFAULTS_MAX = 2048, MJCF_CLASSES_DEEP = 32 };
 
 /* ---- default classes ---- */
 
+/* Orders names for qsort; equal ones keep the order of the file. */
 static int mjcf_compare_names(const void *a, const void *b)
 {
     const struct mjcf_name *x = a, *y = b;
@@ -25,6 +27,7 @@ const struct mjcf_name *mjcf_find(const struct mjcf_names *names, const char *na
 {
     size_t low = 0, high = names->count;
 
+    /* Find the first entry of the name by halving the sorted list */
     while (low < high) {
         size_t middle = (low + high) / 2;
 
@@ -37,6 +40,7 @@ const struct mjcf_name *mjcf_find(const struct mjcf_names *names, const char *na
     return low < names->count && !strcmp(names->entry[low].name, name) ? &names->entry[low] : NULL;
 }
 
+/* Appends an entry; there is room for it. */
 static void mjcf_add_name(struct mjcf_names *names, const char *name, const char *above,
                           const xmlNode *node)
 {
@@ -45,7 +49,7 @@ static void mjcf_add_name(struct mjcf_names *names, const char *name, const char
     names->count++;
 }
 
-/* Adds a class and those in it; the first element of a file's classes need no name. */
+/* Adds a class and those in it; the outermost may go without a name, which is "main". */
 static void mjcf_add_classes(struct mjcf_names *names, const xmlNode *node, const char *above)
 {
     const char *own = xml_attribute(node, "class");
@@ -58,6 +62,7 @@ static void mjcf_add_classes(struct mjcf_names *names, const xmlNode *node, cons
     }
 }
 
+/* Lists all default classes by name; of one class there may be several elements. */
 static enum error_code mjcf_index_classes(struct mjcf_reader *r)
 {
     size_t count = 0;
@@ -72,6 +77,8 @@ static enum error_code mjcf_index_classes(struct mjcf_reader *r)
                                count, MJCF_DEFAULTS_MAX);
         }
     }
+
+    /* Each element below <default> may be a class: room for all of them is enough */
     r->classes.entry = arena_alloc(r->arena, count + 1, sizeof *r->classes.entry);
     if (!r->classes.entry) {
         return mjcf_no_memory(r);
@@ -84,7 +91,8 @@ static enum error_code mjcf_index_classes(struct mjcf_reader *r)
     return ERROR_NONE;
 }
 
-/* A mesh of the assets goes by its name, or else by that of its file without the ending. */
+/* Lists the meshes of the assets by name; one without a name goes by its file's without the
+ * ending. */
 static enum error_code mjcf_index_meshes(struct mjcf_reader *r)
 {
     size_t count = 0;
@@ -102,6 +110,7 @@ static enum error_code mjcf_index_meshes(struct mjcf_reader *r)
         const char *name = xml_attribute(mesh, "name"), *file = xml_attribute(mesh, "file");
         const char *slash = file ? strrchr(file, '/') : NULL;
 
+        /* A name from the file's: its base name up to the last "." */
         if (!name && file) {
             char *base = arena_strdup(r->arena, slash ? slash + 1 : file);
 
@@ -119,6 +128,7 @@ static enum error_code mjcf_index_meshes(struct mjcf_reader *r)
     return ERROR_NONE;
 }
 
+/* Lists the materials of the assets by name. */
 static enum error_code mjcf_index_materials(struct mjcf_reader *r)
 {
     size_t count = 0;
@@ -149,7 +159,8 @@ enum error_code mjcf_index(struct mjcf_reader *r)
     return code ? code : mjcf_index_materials(r);
 }
 
-/* An attribute that a class gives to elements of that name: the last one that says so. */
+/* Returns the attribute that a class gives to elements of that name: the last one that says so;
+ * NULL when none does. */
 static const char *class_find_attribute(const struct mjcf_reader *r, const struct mjcf_name *class,
                                         const char *element, const char *name)
 {
@@ -212,7 +223,8 @@ enum error_code mjcf_some_reals(const struct mjcf_reader *r, const xmlNode *node
 
 /* ---- places ---- */
 
-/* R <- R after a turn about an axis; MuJoCo's capital letters turn about fixed axes. */
+/* Turns R about an axis of the sequence: small letters turn about the moved axes, MuJoCo's capital
+ * letters about the fixed ones. */
 static void euler_turn(char letter, double angle, double R[9])
 {
     const double axis[3] = {tolower(letter) == 'x', tolower(letter) == 'y', tolower(letter) == 'z'};
@@ -263,6 +275,9 @@ enum error_code mjcf_read_place(const struct mjcf_reader *r, const xmlNode *node
         (code = mjcf_reals(r, node, childclass, "xyaxes", 6, axes, &by_axes))) {
         return code;
     }
+
+    /* MuJoCo takes the first of these that is given; orientations that are no rotation are
+     * refused */
     if (by_quaternion) {
         mat3_from_quaternion(quaternion, place->R);
         sound = isfinite(place->R[0]);
@@ -324,7 +339,7 @@ enum error_code mjcf_read_actuators(const struct mjcf_reader *r)
     return code;
 }
 
-/* The joint that an attribute of an equality names; -1 = it names none. */
+/* Finds the joint that an attribute of an equality names; -1 when the attribute is missing. */
 static enum error_code mjcf_find_coupled(const struct mjcf_reader *r, const xmlNode *node,
                                          const char *attribute, int *joint)
 {
@@ -337,8 +352,8 @@ static enum error_code mjcf_find_coupled(const struct mjcf_reader *r, const xmlN
                : ERROR_NONE;
 }
 
-/* One joint of an equality follows the other: the first, as the file says, unless that has the
- * actuator or follows another joint already and a straight line can be read either way. */
+/* Couples two joints: the first follows the second, as the file says, unless the first has the
+ * actuator or follows another joint already and the polynomial is a line, which can be inverted. */
 static enum error_code mjcf_lead(const struct mjcf_reader *r, const xmlNode *node, int first,
                                  int second, const double polynomial[5])
 {
@@ -346,6 +361,7 @@ static enum error_code mjcf_lead(const struct mjcf_reader *r, const xmlNode *nod
     struct import_joint *follower = &r->model->joint[first], *leader = &r->model->joint[second];
     double multiplier = polynomial[1], offset = polynomial[0];
 
+    /* Swap the two: y = a + b x becomes x = -a/b + y/b */
     if (!bends && multiplier != 0.0 && !leader->mimic && !leader->driven &&
         (follower->driven || follower->mimic)) {
         struct import_joint *other = follower;
@@ -355,6 +371,8 @@ static enum error_code mjcf_lead(const struct mjcf_reader *r, const xmlNode *nod
         offset = -offset / multiplier;
         multiplier = 1.0 / multiplier;
     }
+
+    /* Each joint follows one other at most */
     if (follower->mimic) {
         return mjcf_refuse(r, node,
                            "found joint \"%.63s\" of an equality, which follows \"%.63s\" already "
@@ -370,7 +388,8 @@ static enum error_code mjcf_lead(const struct mjcf_reader *r, const xmlNode *nod
     return ERROR_NONE;
 }
 
-/* An equality between two joints, or of one joint and a constant, which then has no range. */
+/* Reads an equality between two joints, or of one joint and a constant, which then has no range
+ * left. */
 static enum error_code mjcf_read_coupling(const struct mjcf_reader *r, const xmlNode *node)
 {
     const char *active = xml_attribute(node, "active");
@@ -396,6 +415,8 @@ static enum error_code mjcf_read_coupling(const struct mjcf_reader *r, const xml
     if (second >= 0) {
         return mjcf_lead(r, node, first, second, polynomial);
     }
+
+    /* Without a second joint, the first is held at the constant */
     constant = &r->model->joint[first];
     constant->type = constant->type == IMPORT_CONTINUOUS ? IMPORT_REVOLUTE : constant->type;
     constant->has_limit = true;
@@ -414,6 +435,7 @@ enum error_code mjcf_read_couplings(const struct mjcf_reader *r)
     return code;
 }
 
+/* Reads a keyframe: the positions of all joints out of MuJoCo's qpos, counted from their ref. */
 static enum error_code mjcf_read_key(const struct mjcf_reader *r, const xmlNode *node,
                                      struct import_pose *pose)
 {
@@ -432,6 +454,8 @@ static enum error_code mjcf_read_key(const struct mjcf_reader *r, const xmlNode 
     if (!text) {
         return ERROR_NONE;
     }
+
+    /* Fixed joints have no coordinate; the free one's seven belong to the base */
     code = xml_parse_reals(r->file, node, "qpos", text, (size_t)r->qpos_count, qpos, r->error);
     for (size_t j = 0; j < model->njoint && !code; j++) {
         const struct import_joint *joint = &model->joint[j];

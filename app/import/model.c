@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Notes, places and inertias of what is imported. */
+/* Handles notes, places and inertias of what is imported. */
 #include "app/import/model.h"
 
 #include "base/portable_math.h"
@@ -12,6 +12,8 @@
 
 /* ---- notes ---- */
 
+/* Checks for room for a note and doubles it when it is full; false at the bound or without
+ * memory. */
 static bool notes_have_room(struct import_notes *notes)
 {
     size_t capacity = notes->capacity ? 2 * notes->capacity : 256;
@@ -96,9 +98,9 @@ void import_rpy(const double R[9], double rpy[3])
 {
     double cp = hypot(R[0], R[3]), sr, cr;
 
-    /* R = Rz(yaw) Ry(pitch) Rx(roll). Near a right angle of pitch any roll will do as long as yaw
-     * is what then remains: of R Rx(-roll) the middle column is [-sin yaw, cos yaw, 0] whatever the
-     * pitch */
+    /* R = Rz(yaw) Ry(pitch) Rx(roll). Near a right angle of pitch only the sum or difference of
+     * roll and yaw counts, so roll is 0 there and yaw is what remains: the middle column of R
+     * Rx(-roll) is [-sin yaw, cos yaw, 0] whatever the pitch */
     rpy[1] = portable_atan2(-R[6], cp);
     rpy[0] = cp > 1e-12 ? portable_atan2(R[7], R[8]) : 0.0;
     sr = portable_sin(rpy[0]);
@@ -130,7 +132,7 @@ int import_find_joint(const struct import_model *model, const char *name)
 
 /* ---- inertias ---- */
 
-/* I += that of a point mass at r. */
+/* Adds the inertia of a point mass at r: mass (|r|^2 1 - r r^T). */
 static void inertia_add_point(double I[6], double mass, const double r[3])
 {
     double square = vec3_dot(r, r);
@@ -148,7 +150,7 @@ void import_add_inertia(struct robot_inertia *body, const struct robot_inertia *
     struct robot_inertia sum = {.mass = body->mass + part->mass};
     double at[3], I[6], apart[3];
 
-    /* The part in the body's frame */
+    /* Turn the part into the body's frame */
     mat3_apply(place->R, part->com, at);
     memcpy(I, part->I, sizeof I);
     if (!mat3_is_identity(place->R)) {
@@ -161,7 +163,7 @@ void import_add_inertia(struct robot_inertia *body, const struct robot_inertia *
         return;
     }
 
-    /* Both about their common center of mass (Steiner) */
+    /* Sum both about their common center of mass (parallel axis theorem) */
     for (int m = 0; m < 3; m++) {
         sum.com[m] = (body->mass * body->com[m] + part->mass * at[m]) / sum.mass;
     }

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A robot as a foreign file describes it, whatever its format: links, joints, geometry, sensors and
- * poses, each with the file and line it stands in, in the file's own order. Nothing is merged or
- * judged yet; app/import/reduce.h makes a robot of it. SI units, angles in rad; places are those of
- * the child in the parent. Memory is the arena's that it was read into; names are the file's. Not
- * RT-safe.
+ * Describes a robot as a foreign file has it, whatever its format: links, joints, geometry, sensors
+ * and poses, each with the file and line it stands in, in the file's own order. Nothing is merged
+ * or judged yet; app/import/reduce.h makes a robot of it. SI units, angles in rad; places are those
+ * of the child in the parent. Memory is the arena's that it was read into; names are the file's.
+ * Not RT-safe.
  */
 #ifndef APP_IMPORT_MODEL_H
 #define APP_IMPORT_MODEL_H
@@ -16,10 +16,11 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* Bounds of what is read: far above any robot, and small enough for work that grows with the
- * square of them. */
+/* Bounds of what is read: far above any robot, and small enough for work that grows with their
+ * square. */
 enum { IMPORT_LINKS_MAX = 4096, IMPORT_GEOMETRY_MAX = 16384, IMPORT_NOTES_MAX = 65536 };
 
+/* Pose of a child in its parent. */
 struct import_place {
     double xyz[3]; /* m */
     double R[9];   /* child to parent, row-major */
@@ -43,19 +44,20 @@ enum import_shape {
     IMPORT_MESH
 };
 
+/* A shape that a link touches with, is seen as, or both. */
 struct import_geometry {
     const char *file;
     int line;
     int link;
-    bool collision, visual; /* what it is for: one of them or both */
+    bool collision, visual; /* purposes of the shape: one of them or both */
     enum import_shape shape;
-    double radius, length; /* of a capsule the length without its ends */
-    double half[3];        /* of a box, an ellipsoid */
-    const char *mesh;      /* as the file names it */
+    double radius, length; /* m; the length of a capsule is that between its half-spheres */
+    double half[3];        /* half sides of a box, half axes of an ellipsoid, m */
+    const char *mesh;      /* file of the mesh, as the robot file names it */
     double scale[3];
     struct import_place place; /* in the link */
     bool colored;              /* the file gives it a color */
-    bool repaints;             /* ... that goes before those of the mesh itself */
+    bool repaints;             /* ... which overrides the mesh's own colors */
     double color[4];           /* sRGB and opacity, 0 to 1 */
 };
 
@@ -72,7 +74,7 @@ struct import_joint {
     int line;
     enum import_joint_type type;
     const char *parent, *child;
-    int parent_link, child_link; /* set when the whole file is read */
+    int parent_link, child_link; /* indices, set once the whole file is read */
     struct import_place place;
     double axis[3]; /* of any length but 0, in the child's frame */
     bool has_limit; /* lower and upper are given */
@@ -80,13 +82,13 @@ struct import_joint {
     double effort, velocity; /* 0 = not given */
     double damping, friction;
     double armature;   /* reflected inertia of the rotor, kg m2; 0 = not given */
-    double gear;       /* rotor turns a link turn; 0 = not given */
-    const char *mimic; /* the joint that it follows, or NULL */
+    double gear;       /* rotor turns per link turn; 0 = not given */
+    const char *mimic; /* name of the joint that it follows, or NULL */
     const char *mimic_file;
     int mimic_line;
-    double multiplier, offset;
-    bool bends;  /* ... by more than a multiplier and an offset */
-    bool driven; /* the file has an actuator for it */
+    double multiplier, offset; /* of the leader's position */
+    bool bends;                /* it follows by a polynomial of higher order */
+    bool driven;               /* the file has an actuator for it */
 };
 
 enum import_sensor_kind { IMPORT_FT, IMPORT_IMU };
@@ -100,6 +102,7 @@ struct import_sensor {
     struct import_place place;
 };
 
+/* Position of one joint in a pose, rad or m. */
 struct import_value {
     const char *joint;
     int line;
@@ -113,21 +116,22 @@ struct import_pose {
     size_t nvalue;
 };
 
-/* What became of a part of the file that is not in the robot as it stands there. */
+/* What became of a part of the file that the robot does not have as the file says. */
 enum import_fate {
     IMPORT_DROPPED, /* read and left out */
-    IMPORT_MERGED,  /* part of another body now, exactly */
-    IMPORT_CHANGED, /* not what the file says, but what can be had of it */
-    IMPORT_ASSUMED, /* the file does not say it */
+    IMPORT_MERGED,  /* part of another body now, without loss */
+    IMPORT_CHANGED, /* taken in another form than the file's */
+    IMPORT_ASSUMED, /* chosen by a rule, as the file does not say it */
     IMPORT_MISSING, /* a mesh that is not there or cannot be read */
-    IMPORT_SHAPED,  /* a collision shape that is a capsule now */
+    IMPORT_SHAPED,  /* a collision shape replaced by a capsule */
     IMPORT_FATES,
 };
 
+/* One thing to report, with its place in the file. */
 struct import_note {
     enum import_fate fate;
     const char *file;
-    int line; /* 0 = of no line */
+    int line; /* 0 = no particular line */
     const char *text;
 };
 
@@ -135,7 +139,7 @@ struct import_notes {
     struct arena *arena;
     struct import_note *note;
     size_t count, capacity;
-    bool overflow; /* memory or IMPORT_NOTES_MAX ended */
+    bool overflow; /* memory or IMPORT_NOTES_MAX was exhausted */
 };
 
 struct import_model {
@@ -150,31 +154,33 @@ struct import_model {
     size_t nsensor;
     struct import_pose *pose;
     size_t npose;
-    bool floating_base; /* a second file says that the base floats */
-    bool fixed_base;    /* ... or that it does not */
+    bool floating_base; /* an SRDF says that the base floats */
+    bool fixed_base;    /* ... or that it is fixed */
 };
 
 /* Adds a note; file and the text's arguments need not outlive the call. */
 void import_note_add(struct import_notes *notes, enum import_fate fate, const char *file, int line,
                      const char *format, ...) __attribute__((format(printf, 5, 6)));
 
-/* "file:line: ..." of something wrong; returns ERROR_INPUT. */
+/* Reports an error "file:line: ..."; returns ERROR_INPUT. */
 enum error_code import_error(struct error *error, const char *file, int line, const char *format,
                              ...) __attribute__((format(printf, 4, 5)));
 
-/* Where a child of b is in a's parent: out = a b. out may be neither. */
+/* Composes places: where a child of b is in a's parent, out = a b. out may be neither of the
+ * two. */
 void import_place_compose(const struct import_place *a, const struct import_place *b,
                           struct import_place *out);
 void import_place_identity(struct import_place *place);
 
-/* Fixed-axis roll, pitch, yaw of a rotation, accurate also where pitch is near a right angle. */
+/* Computes fixed-axis roll, pitch and yaw of a rotation, rad, accurate also near a right angle of
+ * pitch. */
 void import_rpy(const double R[9], double rpy[3]);
 
-/* Index by name or -1. */
+/* Return the index of a name, or -1. */
 int import_find_link(const struct import_model *model, const char *name);
 int import_find_joint(const struct import_model *model, const char *name);
 
-/* Adds the inertia of a part, placed so, to a body. */
+/* Adds the mass, center and inertia of a part at a place to a body. */
 void import_add_inertia(struct robot_inertia *body, const struct robot_inertia *part,
                         const struct import_place *place);
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Where names of files lead. */
+/* Resolves names of files and keeps them within a folder. */
 #include "app/import/path.h"
 
 #include <stdio.h>
@@ -7,7 +7,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
-/* Whether a relative name leads out of its folder on the way: "a/../../b" does, "a/../b" not. */
+/* Checks whether a relative name leads out of its folder on the way: "a/../../b" does, "a/../b"
+ * does not. */
 static bool path_climbs(const char *name)
 {
     int depth = 0;
@@ -25,7 +26,7 @@ static bool path_climbs(const char *name)
     return depth < 0;
 }
 
-/* The rest of an absolute path below a folder, or NULL. */
+/* Returns the rest of an absolute path below a folder; NULL when it is not below. */
 static const char *path_below(const char *folder, const char *path)
 {
     size_t length = strlen(folder);
@@ -51,12 +52,15 @@ enum import_path import_resolve_path(const char *inside, const char *from, const
     char real[PATH_MAX];
     struct stat status;
 
+    /* Refuse by the name first, so that nothing is learned about files outside */
     if (!trust && (!rest || path_climbs(rest))) {
         return IMPORT_PATH_OUTSIDE;
     }
     if (used >= PATH_MAX || !realpath(path, real)) {
         return IMPORT_PATH_MISSING;
     }
+
+    /* Then by where symbolic links lead */
     if (!trust && !path_below(inside, real)) {
         return IMPORT_PATH_OUTSIDE;
     }

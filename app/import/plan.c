@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Which joint is on which bus. */
+/* Plans which joint is on which bus. */
 #include "app/import/plan.h"
 
 #include "boards/protocols.h"
 
 #include <stdio.h>
 
-/* Servo valves of one bus at IMPORT_BUS_LOAD or less, 70 %: one board. */
+/* Servo valves of one bus: one board, which loads it to 70 %, below IMPORT_BUS_LOAD. */
 enum { VALVES_MOST = 4 };
 
-/* The most that a bus carries with any protocol; word: what the option calls it. */
+/* Returns the largest number of axes that a bus carries with any protocol; word is how the option
+ * names that protocol. */
 static size_t find_roomiest(char *word, size_t size)
 {
     const struct protocol *protocol;
@@ -28,7 +29,7 @@ static size_t find_roomiest(char *word, size_t size)
     return most;
 }
 
-/* The first body of the limb that a body is part of: the one below where the tree branched last. */
+/* Returns the first body of a body's limb: the one below the last branch of the tree. */
 static int body_find_limb(const struct robot *robot, int body)
 {
     while (robot->body[body].parent > 0) {
@@ -46,6 +47,7 @@ static int body_find_limb(const struct robot *robot, int body)
     return body;
 }
 
+/* Adds an empty bus to the plan; refuses more than IMPORT_BUSES_MAX. */
 static enum error_code plan_add_bus(struct import_plan *plan, struct import_bus **bus,
                                     struct error *error)
 {
@@ -63,13 +65,13 @@ static enum error_code plan_add_bus(struct import_plan *plan, struct import_bus 
     return ERROR_NONE;
 }
 
-/* Whether a joint has a motor, or a servo valve. */
+/* Checks whether a joint has a motor, or with valves a servo valve. */
 static bool joint_is_for(const struct robot_joint *joint, bool valves)
 {
     return valves ? joint->hydraulic.present : joint->sea.present;
 }
 
-/* How many joints with motors, or with valves, are on the limb of a body. */
+/* Counts the joints with motors, or with valves, on the limb of a body. */
 static size_t limb_count_axes(const struct robot *robot, int limb, bool valves)
 {
     size_t count = 0;
@@ -81,7 +83,8 @@ static size_t limb_count_axes(const struct robot *robot, int limb, bool valves)
     return count;
 }
 
-/* A limb begins a bus of its own unless all of it fits on the one before. */
+/* Puts joints on buses in their order; a limb begins a new bus unless all of it fits on the one
+ * before. */
 static enum error_code plan_add_joints(const struct robot *robot, size_t most, bool valves,
                                        struct import_plan *plan, struct error *error)
 {
@@ -95,6 +98,8 @@ static enum error_code plan_add_joints(const struct robot *robot, size_t most, b
         if (!joint_is_for(&robot->joint[j], valves)) {
             continue;
         }
+
+        /* On a limb that is begun one more joint must fit, of a new limb all its joints */
         fits = bus && bus->njoint + (own == limb ? 1 : limb_count_axes(robot, own, valves)) <= most;
         if (!fits) {
             enum error_code code = plan_add_bus(plan, &bus, error);
@@ -110,7 +115,8 @@ static enum error_code plan_add_joints(const struct robot *robot, size_t most, b
     return ERROR_NONE;
 }
 
-/* The bus of motors without a sensor yet whose last joint is the nearest above a body, or NULL. */
+/* Returns the bus of motors without a sensor yet that has the nearest joint above a body; NULL when
+ * there is none. */
 static struct import_bus *plan_find_limb_bus(const struct robot *robot, struct import_plan *plan,
                                              int body)
 {
@@ -128,6 +134,8 @@ static struct import_bus *plan_find_limb_bus(const struct robot *robot, struct i
     return NULL;
 }
 
+/* Puts each force-torque sensor on its limb's bus, or a new one; the inertial board gets a bus of
+ * its own. */
 static enum error_code plan_add_sensors(const struct robot *robot, struct import_plan *plan,
                                         struct error *error)
 {

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Bodies and joints of the robot; the steps before and after are in the files beside this one. */
+/* Makes the robot's bodies and joints; reduce_tree.c, reduce_follow.c and reduce_frames.c do the
+ * steps before and after. */
 #include "app/import/reduce_private.h"
 
 #include "base/portable_math.h"
@@ -9,7 +10,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Mass of a body that the file gives none: robot files want more than 0. */
+/* Mass of a body to which the file gives none: robot files require more than 0. */
 #define NO_MASS_KG 1e-15
 
 enum error_code reduce_no_memory(const struct reducer *r)
@@ -31,6 +32,8 @@ enum error_code import_make_name(const char *file, const char *name, int line, c
     if (text_is_name(copy) && strcmp(copy, "spare") != 0) {
         return ERROR_NONE;
     }
+
+    /* Too long, or a word of the file format's own: renaming would not help */
     if (strlen(copy) > 63 || !strcmp(copy, "spare") || !strcmp(copy, ".") || !strcmp(copy, "..")) {
         return import_error(error, file, line,
                             "found %s name \"%.80s\", expected at most 63 letters, digits and _ - "
@@ -51,7 +54,8 @@ enum error_code import_make_name(const char *file, const char *name, int line, c
 
 /* ---- inertias ---- */
 
-/* Jacobi rotations until the tensor is diagonal: its moments, and axes as the columns of V. */
+/* Diagonalizes a symmetric tensor by Jacobi rotations: I = V^T diag(moment) V, so that the rows of
+ * V are the principal axes. */
 static void tensor_diagonalize(const double I[6], double moment[3], double V[9])
 {
     double A[6];
@@ -65,8 +69,8 @@ static void tensor_diagonalize(const double I[6], double moment[3], double V[9])
                 double apart = A[sym3_index[q][q]] - A[sym3_index[p][p]];
                 double angle = 0.5 * portable_atan2(copysign(2.0, apart) * off, fabs(apart));
 
-                /* Turns the plane of p and q so that their product vanishes; the smaller of the two
-                 * angles, for the larger swaps the axes and never ends */
+                /* Turn the plane of p and q so that their product vanishes; by the smaller of the
+                 * two angles, for the larger swaps the axes and never converges */
                 mat3_identity(R);
                 R[4 * p] = R[4 * q] = portable_cos(angle);
                 R[3 * p + q] = -portable_sin(angle);
@@ -82,8 +86,8 @@ static void tensor_diagonalize(const double I[6], double moment[3], double V[9])
     moment[2] = A[5];
 }
 
-/* Raises the moments that are too small: to a thousandth of the largest, then until the two smaller
- * ones together reach the largest. */
+/* Raises principal moments that are too small: to a thousandth of the largest, then until the two
+ * smaller ones sum up to the largest (triangle inequality). */
 static void moments_repair(double moment[3])
 {
     int large = 0;
@@ -101,8 +105,10 @@ static void moments_repair(double moment[3])
     }
 }
 
-enum error_code reduce_check_inertia(struct reducer *r, const struct import_link *link,
-                                     struct robot_inertia *inertia)
+/* Checks a body's inertia; with --repair-inertia makes an impossible one possible, otherwise
+ * refuses it. */
+static enum error_code reduce_check_inertia(struct reducer *r, const struct import_link *link,
+                                            struct robot_inertia *inertia)
 {
     double moment[3], V[9], back[9];
     struct error why;
@@ -117,6 +123,8 @@ enum error_code reduce_check_inertia(struct reducer *r, const struct import_link
                             "or give --repair-inertia to raise the moments that are too small",
                             link->name, why.text);
     }
+
+    /* Raise the principal moments and turn the tensor back into the link's frame */
     tensor_diagonalize(inertia->I, moment, V);
     moments_repair(moment);
     memset(inertia->I, 0, sizeof inertia->I);
@@ -139,7 +147,8 @@ enum error_code reduce_check_inertia(struct reducer *r, const struct import_link
 
 /* ---- bodies and joints ---- */
 
-/* A new body for a link that a joint moves. */
+/* Adds a body for a link that a joint moves, and the joint. parent_place: of the parent link in its
+ * body. */
 static enum error_code reduce_add_body(struct reducer *r, int link, const struct import_joint *from,
                                        int parent, const struct import_place *parent_place)
 {
@@ -161,7 +170,7 @@ static enum error_code reduce_add_body(struct reducer *r, int link, const struct
     r->out->body[link] = (int)robot->nbody++;
     import_place_identity(&r->out->place[link]);
 
-    /* The joint, at the place of its parent link in its body */
+    /* Place the joint in the parent's body, and note where it rests */
     r->out->source[robot->njoint] = from;
     r->out->rest[robot->njoint] =
         reduce_is_coupled(r, own) ? reduce_follow(r, own) : reduce_rest(r, own);
@@ -174,6 +183,8 @@ static enum error_code reduce_add_body(struct reducer *r, int link, const struct
     }
     joint->lower = from->lower;
     joint->upper = from->upper;
+
+    /* A joint without limits gets a range that no run reaches the end of */
     if (!from->has_limit || from->type == IMPORT_CONTINUOUS) {
         joint->lower = -2.0 * M_PI * REDUCE_TURNS_MAX;
         joint->upper = 2.0 * M_PI * REDUCE_TURNS_MAX;
@@ -186,7 +197,8 @@ static enum error_code reduce_add_body(struct reducer *r, int link, const struct
     return ERROR_NONE;
 }
 
-/* The body of every link, and where the link is in it. */
+/* Finds the body of every link and the link's place in it: parents first, so a link on a rigid
+ * joint joins the body of its parent. */
 static enum error_code reduce_place_links(struct reducer *r)
 {
     const struct import_model *model = r->model;
@@ -198,6 +210,7 @@ static enum error_code reduce_place_links(struct reducer *r)
         const struct import_joint *joint = i == 0 ? NULL : &model->joint[above];
         struct import_place place;
 
+        /* The root is the base; a rigid joint's child is part of its parent's body; others move */
         if (!joint) {
             robot->nbody = 1;
             robot->body[0].parent = -1;
@@ -228,7 +241,7 @@ static enum error_code reduce_place_links(struct reducer *r)
     return ERROR_NONE;
 }
 
-/* Sums of what the links of each body weigh. */
+/* Sums mass and inertia of the links of each body and checks them. */
 static enum error_code reduce_sum_inertias(struct reducer *r)
 {
     const struct import_model *model = r->model;
@@ -246,7 +259,7 @@ static enum error_code reduce_sum_inertias(struct reducer *r)
         const struct import_link *source = &model->link[link];
         struct robot_inertia *inertia = &robot->body[r->out->body[link]].inertia;
 
-        /* The first link of each body stands for it */
+        /* The first link of each body stands for it in messages */
         if (i > 0 && reduce_is_rigid(r, (size_t)r->above[link])) {
             continue;
         }
@@ -266,7 +279,7 @@ static enum error_code reduce_sum_inertias(struct reducer *r)
 
 /* ---- the base ---- */
 
-/* How many limbs with two joints or more hang on the base. */
+/* Counts the limbs on the base that have two joints or more. */
 static size_t robot_count_limbs(const struct robot *robot)
 {
     size_t limbs = 0;
@@ -277,6 +290,8 @@ static size_t robot_count_limbs(const struct robot *robot)
         if (robot->body[b].parent != 0) {
             continue;
         }
+
+        /* Count the bodies whose path to the base leads over b, b included */
         for (size_t c = b; c < robot->nbody; c++) {
             int up = (int)c;
 
@@ -290,8 +305,8 @@ static size_t robot_count_limbs(const struct robot *robot)
     return limbs;
 }
 
-/* Whether the base floats: by the option, by a floating joint, by what the second file says, by the
- * root's name, else by its limbs. */
+/* Chooses whether the base floats: by the option, by a floating joint, by what the SRDF says, by
+ * the root's name or missing mass, else by the number of limbs. */
 static void reduce_choose_base(struct reducer *r)
 {
     const struct import_model *model = r->model;
@@ -299,6 +314,7 @@ static void reduce_choose_base(struct reducer *r)
     struct robot *robot = r->out->robot;
     const char *why = NULL;
 
+    /* What the user or the files say decides */
     if (r->options->base != IMPORT_BASE_GUESS) {
         robot->floating = r->options->base == IMPORT_BASE_FLOATING;
         return;
@@ -311,6 +327,8 @@ static void reduce_choose_base(struct reducer *r)
         robot->floating = model->floating_base;
         return;
     }
+
+    /* Otherwise guess, and note the guess: a base with two limbs or more floats */
     if (!strcmp(root->name, "world") || robot->body[0].inertia.mass <= NO_MASS_KG) {
         robot->floating = false;
         why = "the root has no mass or is the world";
@@ -323,6 +341,7 @@ static void reduce_choose_base(struct reducer *r)
                     robot->floating ? "floats" : "is fixed in the world", why);
 }
 
+/* Allocates the robot for all joints of the model; links without a body have -1. */
 static enum error_code reduce_make_room(struct reducer *r)
 {
     struct import_robot *out = r->out;
@@ -359,6 +378,9 @@ enum error_code import_reduce(const struct import_model *model,
     enum error_code code;
 
     *out = (struct import_robot){0};
+
+    /* The tree and what moves in it first; inertias need the places of links, the base the
+     * inertias */
     if ((code = reduce_make_room(&r)) || (code = reduce_find_tree(&r)) ||
         (code = reduce_fix_joints(&r)) || (code = reduce_place_links(&r)) ||
         (code = reduce_add_couplings(&r))) {

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Joints that follow others: chains of them, what becomes of each, and where they rest. A chain is
- * led by its first joint; those between count into the multiplier and the offset of the last.
+ * Handles joints that follow others: chains of them, what becomes of each, and where they rest. A
+ * chain is led by its first joint; the joints between enter the multiplier and the offset of the
+ * last.
  */
 #include "app/import/reduce_private.h"
 
@@ -10,7 +11,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Multipliers and offsets that a robot file takes. */
+/* Bounds of multipliers and offsets in a robot file. */
 #define MULTIPLIER_LEAST 1e-6
 #define MULTIPLIER_MOST 1e3
 #define OFFSET_MOST 1e3
@@ -38,7 +39,7 @@ enum error_code reduce_find_followers(struct reducer *r)
         r->upper[j] = joint->has_limit ? joint->upper : 2.0 * M_PI * REDUCE_TURNS_MAX;
     }
 
-    /* Up from each one; what does not end goes round */
+    /* Walk up from each joint: a chain longer than the number of joints is a circle */
     for (size_t j = 0; j < model->njoint; j++) {
         int up = r->mimic[j];
 
@@ -55,14 +56,16 @@ enum error_code reduce_find_followers(struct reducer *r)
     return ERROR_NONE;
 }
 
-/* Where joint j follows: the first joint of the chain above it that does not follow or does not
- * move, -1 = none; position = *multiplier times that joint's + *offset. */
+/* Finds the leader of joint j: the first joint of the chain above it that follows none or does not
+ * move, -1 = none; position = *multiplier times the leader's + *offset. */
 static int find_leader(const struct reducer *r, size_t j, double *multiplier, double *offset)
 {
     int leader = r->mimic[j];
 
     *multiplier = r->model->joint[j].multiplier;
     *offset = r->model->joint[j].offset;
+
+    /* The joints between follow too: substitute their equations into j's */
     while (leader >= 0 && r->mimic[leader] >= 0 && !reduce_is_rigid(r, (size_t)leader)) {
         *offset += *multiplier * r->model->joint[leader].offset;
         *multiplier *= r->model->joint[leader].multiplier;
@@ -73,7 +76,8 @@ static int find_leader(const struct reducer *r, size_t j, double *multiplier, do
 
 /* ---- rest ---- */
 
-/* Beyond a limit by so much of the range, or by 0.1 rad or m of a wide one. */
+/* Distance from a limit at which a joint rests when 0 is out of range, as a share of the range; at
+ * most 0.1 rad or m. */
 #define REST_INSIDE 0.05
 
 double reduce_rest(const struct reducer *r, size_t j)
@@ -108,7 +112,7 @@ bool reduce_is_coupled(const struct reducer *r, size_t j)
     return r->options->mimic == IMPORT_MIMIC_COUPLE && r->mimic[j] >= 0 && !reduce_is_rigid(r, j);
 }
 
-/* What a coupling can be: linear, with numbers of a size that a robot file takes. */
+/* Refuses couplings that a robot file cannot state: bent ones, and numbers out of its bounds. */
 static enum error_code check_coupling(const struct reducer *r, const struct import_joint *joint,
                                       double multiplier, double offset)
 {
@@ -131,11 +135,13 @@ static enum error_code check_coupling(const struct reducer *r, const struct impo
     return ERROR_NONE;
 }
 
-/* A leader rests, and stands in poses, where its follower can follow. */
+/* Narrows a leader's range to where its follower can follow, so that it rests and stands in poses
+ * there; refuses ranges that exclude each other. */
 static enum error_code narrow_leader(struct reducer *r, size_t j, size_t leader, double multiplier,
                                      double offset)
 {
     const struct import_joint *joint = &r->model->joint[j];
+    /* The follower's limits, as positions of its leader */
     const double end[2] = {(r->lower[j] - offset) / multiplier,
                            (r->upper[j] - offset) / multiplier};
 
@@ -174,6 +180,7 @@ enum error_code reduce_narrow_leaders(struct reducer *r)
 
 /* ---- what becomes of them ---- */
 
+/* Refuses a follower by default and says which options there are. */
 static enum error_code refuse_follower(const struct reducer *r, const struct import_joint *joint)
 {
     return import_error(r->error, joint->mimic_file, joint->mimic_line,
@@ -183,12 +190,15 @@ static enum error_code refuse_follower(const struct reducer *r, const struct imp
                         joint->name, joint->mimic);
 }
 
+/* Decides what becomes of a follower: fixed with its leader, or by --mimic locked, free or coupled;
+ * couplings counts the last. */
 static enum error_code settle_follower(struct reducer *r, size_t j, size_t *couplings)
 {
     const struct import_joint *joint = &r->model->joint[j];
     double multiplier, offset;
     int leader = find_leader(r, j, &multiplier, &offset);
 
+    /* A follower of a fixed joint has nothing to follow, whatever --mimic says */
     if (leader < 0 || reduce_is_rigid(r, j)) {
         return ERROR_NONE;
     }
@@ -235,7 +245,8 @@ enum error_code reduce_settle_followers(struct reducer *r)
 
 /* ---- the robot's couplings ---- */
 
-/* The joint of the robot that a joint of the model has become. */
+/* Returns the index of the robot's joint that a joint of the model has become; -1 when it became
+ * none. */
 static int find_made(const struct reducer *r, const struct import_joint *joint)
 {
     for (size_t j = 0; j < r->out->robot->njoint; j++) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Frames, sensors and poses of the robot. */
+/* Makes frames, sensors and poses of the robot. */
 #include "app/import/reduce_private.h"
 
 #include <math.h>
@@ -8,6 +8,7 @@
 
 /* ---- frames ---- */
 
+/* Adds a frame at a place in a body and returns its index; refuses a name that is taken. */
 static enum error_code reduce_add_frame(struct reducer *r, const char *name, const char *file,
                                         int line, int body, const struct import_place *place,
                                         int *frame)
@@ -32,7 +33,7 @@ static enum error_code reduce_add_frame(struct reducer *r, const char *name, con
     return ERROR_NONE;
 }
 
-/* A name for the frame of a sensor that no frame has yet. */
+/* Makes the name of a sensor's frame, NAME-sensor. */
 static const char *frame_choose_name(const struct reducer *r, const char *name)
 {
     static const char suffix[] = "-sensor";
@@ -44,8 +45,8 @@ static const char *frame_choose_name(const struct reducer *r, const char *name)
 
 /* ---- sensors ---- */
 
-/* What is below a force-torque sensor within its body, in the body's frame; *ends is false when
- * further bodies hang there, whose forces the sensor of the model does not see. One walk down the
+/* Sums the inertia below a force-torque sensor within its body, in the body's frame; *ends is false
+ * when further bodies hang there, whose forces the model's sensor does not see. One pass down the
  * tree: parents come first. */
 static enum error_code sensor_sum_distal(const struct reducer *r, int top,
                                          struct robot_inertia *distal, bool *ends)
@@ -69,6 +70,8 @@ static enum error_code sensor_sum_distal(const struct reducer *r, int top,
     return ERROR_NONE;
 }
 
+/* Adds a force-torque sensor at the child link of its joint; notes and drops one that is not at the
+ * end of a limb. */
 static enum error_code reduce_add_ft(struct reducer *r, const struct import_sensor *sensor)
 {
     struct robot *robot = r->out->robot;
@@ -92,7 +95,7 @@ static enum error_code reduce_add_ft(struct reducer *r, const struct import_sens
         return ERROR_NONE;
     }
 
-    /* In the frame of the child link, moved by what the sensor says itself */
+    /* Place the sensor in the frame of the child link, moved by its own offset */
     import_place_compose(&r->out->place[joint->child_link], &sensor->place, &place);
     name = frame_choose_name(r, sensor->joint);
     if (!name) {
@@ -104,6 +107,8 @@ static enum error_code reduce_add_ft(struct reducer *r, const struct import_sens
                                  r->out->body[joint->child_link], &place, &ft->frame))) {
         return code;
     }
+
+    /* Turn what is below it from the body's frame into the sensor's: R^T and -R^T p */
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
             back.R[3 * i + j] = place.R[3 * j + i];
@@ -116,6 +121,7 @@ static enum error_code reduce_add_ft(struct reducer *r, const struct import_sens
     return ERROR_NONE;
 }
 
+/* Adds the first inertial sensor; notes and drops further ones. */
 static enum error_code reduce_add_imu(struct reducer *r, const struct import_sensor *sensor)
 {
     struct robot *robot = r->out->robot;
@@ -140,7 +146,8 @@ static enum error_code reduce_add_imu(struct reducer *r, const struct import_sen
                             &robot->imu_frame);
 }
 
-/* Whether a force-torque sensor in that joint is there already: files name one twice. */
+/* Checks whether an earlier entry is a force-torque sensor in the same joint: some files name one
+ * twice. */
 static bool ft_is_known(const struct reducer *r, size_t sensor)
 {
     for (size_t i = 0; i < sensor; i++) {
@@ -167,7 +174,7 @@ enum error_code reduce_add_frames(struct reducer *r)
     for (size_t i = 0; i < r->norder && !code; i++) {
         int link = r->order[i];
 
-        /* The first link of a body is the body's own frame */
+        /* The first link of a body is the body's own frame; the others become frames */
         if (strcmp(model->link[link].name, robot->body[r->out->body[link]].name) != 0) {
             code = reduce_add_frame(r, model->link[link].name, model->link[link].file,
                                     model->link[link].line, r->out->body[link],
@@ -194,6 +201,7 @@ enum error_code reduce_add_frames(struct reducer *r)
 
 /* ---- poses ---- */
 
+/* Returns a pose's value for a joint, or NULL. */
 static const struct import_value *pose_find_value(const struct import_pose *pose, const char *joint)
 {
     for (size_t i = 0; i < pose->nvalue; i++) {
@@ -204,7 +212,8 @@ static const struct import_value *pose_find_value(const struct import_pose *pose
     return NULL;
 }
 
-/* A pose of the file: joints that it does not name rest. */
+/* Adds a pose of the file; joints that it does not name rest, and all are moved into their
+ * limits. */
 static enum error_code reduce_add_pose(struct reducer *r, const struct import_pose *source)
 {
     struct robot *robot = r->out->robot;
@@ -225,6 +234,8 @@ static enum error_code reduce_add_pose(struct reducer *r, const struct import_po
                         "pose \"%.63s\": the name is taken", pose->name);
         return ERROR_NONE;
     }
+
+    /* Limits here are those of the joint and of all that is coupled to it */
     for (size_t j = 0; j < robot->njoint; j++) {
         const struct import_value *value = pose_find_value(source, r->out->source[j]->name);
         const struct robot_joint *joint = &robot->joint[j];

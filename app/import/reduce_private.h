@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the steps of the reduction share. Not RT-safe. */
+/* Shared by the steps of the reduction. Not RT-safe. */
 #ifndef APP_IMPORT_REDUCE_PRIVATE_H
 #define APP_IMPORT_REDUCE_PRIVATE_H
 
 #include "app/import/reduce.h"
 
-/* Turns either way of a joint without limits: far more than a run of it makes. */
+/* Range of a joint without limits, turns either way: far more than a run makes. */
 #define REDUCE_TURNS_MAX 50.0
 
+/* A reduction under way. */
 struct reducer {
     const struct import_model *model;
     const struct import_options *options;
@@ -16,14 +17,15 @@ struct reducer {
     struct import_robot *out;
     struct error *error;
 
-    int *above;            /* by link: the joint that it hangs on, -1 = none */
-    int *order;            /* links, parents first, children in the order of their joints */
-    size_t norder;         /* without a root that is the world */
-    bool floats;           /* a floating joint says so */
-    int root;              /* the link that is the base, or part of it */
-    double *at;            /* by joint of the model: where a joint that is fixed stays */
-    int *mimic;            /* by joint of the model: the one that it follows, -1 = none */
-    double *lower, *upper; /* by joint of the model: where it and what is coupled to it can be */
+    int *above;    /* by link: the joint whose child it is, -1 = none */
+    int *order;    /* links, parents first, children in the order of their joints */
+    size_t norder; /* the world is left out when the base floats in it */
+    bool floats;   /* a floating joint makes the base float */
+    int root;      /* the link that is the base, or part of it */
+    double *at;    /* by joint of the model: position of a fixed joint, rad or m */
+    int *mimic;    /* by joint of the model: the joint that it follows, -1 = none */
+    /* By joint of the model: range in which it and all that is coupled to it can be. */
+    double *lower, *upper;
 };
 
 enum error_code reduce_no_memory(const struct reducer *r);
@@ -34,49 +36,46 @@ enum error_code reduce_find_tree(struct reducer *r);
 /* Decides which joints are fixed, and where. */
 enum error_code reduce_fix_joints(struct reducer *r);
 
-/* Fixes a joint there, with a note of the reason. */
+/* Fixes a joint at a position, rad or m, and notes the reason. */
 void reduce_fix_joint(struct reducer *r, size_t j, double at, const char *why);
 
 /* ---- joints that follow others: reduce_follow.c ---- */
 
-/* Whether a joint does not move. */
+/* Checks whether a joint does not move: fixed by type or by the reduction. */
 bool reduce_is_rigid(const struct reducer *r, size_t j);
 
-/* Finds mimic, lower and upper; circles are refused. */
+/* Finds mimic, lower and upper; refuses circles. */
 enum error_code reduce_find_followers(struct reducer *r);
 
-/* Narrows lower and upper of leaders to where their coupled followers can follow; couplings that
- * cannot be are refused. */
+/* Narrows lower and upper of leaders to where their coupled followers can follow; refuses
+ * impossible couplings. */
 enum error_code reduce_narrow_leaders(struct reducer *r);
 
-/* Decides what becomes of each one that follows a joint. */
+/* Decides what becomes of each joint that follows another. */
 enum error_code reduce_settle_followers(struct reducer *r);
 
-/* Whether a joint is coupled to its leader, once that is decided. */
+/* Checks whether a joint is coupled to its leader; valid once that is decided. */
 bool reduce_is_coupled(const struct reducer *r, size_t j);
 
-/* The robot's couplings, when its joints are known. */
+/* Adds the couplings to the robot, whose joints must be there. */
 enum error_code reduce_add_couplings(struct reducer *r);
 
-/* Puts the coupled followers of a pose where their leaders want them. */
+/* Moves the coupled followers of a pose to where their leaders lead them; notes each that the pose
+ * had elsewhere. */
 void reduce_align_pose(const struct reducer *r, const struct import_pose *pose, double *position);
 
-/* Where a joint rests: 0, or in from the nearest limit when they exclude 0; and one that follows,
- * where its leader's rest wants it, within its limits. */
+/* Return where a joint rests, rad or m: 0, or a little inside the nearer limit when the limits
+ * exclude 0; and for one that follows, where its leader's rest leads it, within its limits. */
 double reduce_rest(const struct reducer *r, size_t j);
 double reduce_follow(const struct reducer *r, size_t j);
 
 /* ---- */
 
-/* Makes impossible inertias possible or refuses them. */
-enum error_code reduce_check_inertia(struct reducer *r, const struct import_link *link,
-                                     struct robot_inertia *inertia);
-
-/* Frames of the links that are part of a body, sensors and poses. */
+/* Add frames for the links that are part of a body, sensors and poses. */
 enum error_code reduce_add_frames(struct reducer *r);
 enum error_code reduce_add_poses(struct reducer *r);
 
-/* Where the child of a joint is in its parent when the joint is at q. */
+/* Computes the place of a joint's child in its parent when the joint is at q, rad or m. */
 void reduce_place_child(const struct import_joint *joint, double q, struct import_place *place);
 
 #endif

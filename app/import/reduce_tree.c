@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The tree of links, and which of its joints move. */
+/* Finds the tree of links and which of its joints move. */
 #include "app/import/reduce_private.h"
 
 #include "base/vec3.h"
@@ -10,6 +10,7 @@
 
 /* ---- the tree ---- */
 
+/* Refuses a link that is the child of two joints. */
 static enum error_code reduce_refuse_loop(struct reducer *r, const struct import_joint *joint,
                                           const struct import_joint *other)
 {
@@ -20,7 +21,7 @@ static enum error_code reduce_refuse_loop(struct reducer *r, const struct import
                         joint->child, joint->name, other->name, other->line);
 }
 
-/* The joint that every link hangs on. */
+/* Finds the joint that each link is the child of; refuses loops. */
 static enum error_code reduce_find_parents(struct reducer *r)
 {
     const struct import_model *model = r->model;
@@ -40,7 +41,7 @@ static enum error_code reduce_find_parents(struct reducer *r)
     return ERROR_NONE;
 }
 
-/* The only link that hangs on none. */
+/* Finds the root: the only link that is no joint's child. */
 static enum error_code reduce_find_root(struct reducer *r)
 {
     const struct import_model *model = r->model;
@@ -50,6 +51,8 @@ static enum error_code reduce_find_root(struct reducer *r)
         if (r->above[i] >= 0) {
             continue;
         }
+
+        /* A second root makes a forest */
         if (r->root >= 0) {
             return import_error(r->error, model->link[i].file, model->link[i].line,
                                 "found link \"%.63s\" on no joint beside \"%.63s\" (line %d), "
@@ -67,6 +70,7 @@ static enum error_code reduce_find_root(struct reducer *r)
     return ERROR_NONE;
 }
 
+/* Checks whether --lock names a joint. */
 static bool option_locks_joint(const struct import_options *options, const char *name)
 {
     for (size_t i = 0; i < options->nlock; i++) {
@@ -77,18 +81,21 @@ static bool option_locks_joint(const struct import_options *options, const char 
     return false;
 }
 
-/* A root without mass that a floating joint hangs on is the world, and the base is what floats in
- * it. What else is in that world does not move, and is left there. */
+/* Finds out whether the root is the world: it has no mass and a floating joint hangs on it. Then
+ * the base is that joint's child; everything else in that world must not move, and is left out. */
 static enum error_code reduce_enter_world(struct reducer *r)
 {
     const struct import_model *model = r->model;
     const struct import_joint *floating = NULL;
 
+    /* The first floating joint on a root without mass is the robot's */
     for (size_t j = 0; j < model->njoint && !model->link[r->root].has_inertia; j++) {
         if (model->joint[j].parent_link == r->root && model->joint[j].type == IMPORT_FLOATING) {
             floating = floating ? floating : &model->joint[j];
         }
     }
+
+    /* Everything else on that root must stand still */
     for (size_t j = 0; floating && j < model->njoint; j++) {
         const struct import_joint *other = &model->joint[j];
 
@@ -115,7 +122,8 @@ static enum error_code reduce_enter_world(struct reducer *r)
     return ERROR_NONE;
 }
 
-/* Links in the order of a walk down the tree, children as their joints stand in the file. */
+/* Orders links by a walk down the tree: parents before children, children as their joints stand in
+ * the file. */
 static enum error_code reduce_order_links(struct reducer *r)
 {
     const struct import_model *model = r->model;
@@ -130,6 +138,8 @@ static enum error_code reduce_order_links(struct reducer *r)
         int link = next[--depth];
 
         r->order[count++] = link;
+
+        /* Pushed in reverse, so that they come off the stack in the file's order */
         for (size_t j = model->njoint; j-- > 0;) {
             if (model->joint[j].parent_link == link) {
                 next[depth++] = model->joint[j].child_link;
@@ -140,12 +150,13 @@ static enum error_code reduce_order_links(struct reducer *r)
     return ERROR_NONE;
 }
 
-/* Joints that hang on each other hang on no root. */
+/* Refuses joints that form a circle, which hangs on no root. */
 static enum error_code reduce_check_cycles(struct reducer *r)
 {
     const struct import_model *model = r->model;
 
     for (size_t j = 0; j < model->njoint; j++) {
+        /* A walk up that takes more steps than there are links goes round */
         int link = model->joint[j].child_link;
 
         for (size_t step = 0; r->above[link] >= 0 && step <= model->nlink; step++) {
@@ -212,7 +223,8 @@ void reduce_fix_joint(struct reducer *r, size_t j, double at, const char *why)
                     joint->type == IMPORT_PRISMATIC ? "m" : "rad", why);
 }
 
-/* Limits of joints that have some. */
+/* Checks the limits of revolute and prismatic joints: missing or reversed ones are refused, equal
+ * ones fix the joint. */
 static enum error_code reduce_check_limit(struct reducer *r, size_t j)
 {
     const struct import_joint *joint = &r->model->joint[j];
@@ -233,6 +245,8 @@ static enum error_code reduce_check_limit(struct reducer *r, size_t j)
                             "expected it below",
                             joint->name, joint->lower, joint->upper);
     }
+
+    /* Equal limits leave no motion; limits beside 0 move the rest position */
     if (joint->lower == joint->upper) {
         reduce_fix_joint(r, j, joint->lower, "both limits are there");
     } else if ((joint->lower > 0.0 || joint->upper < 0.0) && !reduce_is_coupled(r, j)) {
@@ -243,7 +257,8 @@ static enum error_code reduce_check_limit(struct reducer *r, size_t j)
     return ERROR_NONE;
 }
 
-/* Drives turn: what slides has none, and would fall to its stop. */
+/* Fixes a prismatic joint, which no drive moves and which would fall to its stop, or lets it slide
+ * free by option. */
 static void reduce_fix_slide(struct reducer *r, size_t j)
 {
     const struct import_joint *joint = &r->model->joint[j];
@@ -262,7 +277,7 @@ static void reduce_fix_slide(struct reducer *r, size_t j)
                      "it slides, and drives turn; --prismatic free lets it slide without one");
 }
 
-/* Floating and planar joints: only the base floats. */
+/* Refuses planar joints, and floating ones except the base's. */
 static enum error_code reduce_check_free(struct reducer *r, const struct import_joint *joint)
 {
     if (joint->type == IMPORT_PLANAR) {
@@ -281,7 +296,7 @@ static enum error_code reduce_check_free(struct reducer *r, const struct import_
     return ERROR_NONE;
 }
 
-/* Joints behind which nothing has mass cannot move: their motion would have no equation. */
+/* Fixes joints behind which nothing has mass: their motion would have no equation. */
 static enum error_code reduce_fix_massless(struct reducer *r)
 {
     const struct import_model *model = r->model;
@@ -290,6 +305,8 @@ static enum error_code reduce_fix_massless(struct reducer *r)
     if (!mass) {
         return reduce_no_memory(r);
     }
+
+    /* Children first, so that each link's mass is complete when it is added to its parent */
     for (size_t i = r->norder; i-- > 0;) {
         int link = r->order[i], above = r->above[link];
 
@@ -307,7 +324,7 @@ static enum error_code reduce_fix_massless(struct reducer *r)
     return ERROR_NONE;
 }
 
-/* Joints that --lock names. */
+/* Fixes the joints that --lock names. */
 static enum error_code reduce_fix_named(struct reducer *r)
 {
     const struct import_model *model = r->model;
@@ -327,7 +344,7 @@ static enum error_code reduce_fix_named(struct reducer *r)
     return ERROR_NONE;
 }
 
-/* As many joints may move as a bench carries. */
+/* Refuses more moving joints than a bench carries. */
 static enum error_code reduce_check_count(struct reducer *r)
 {
     const struct import_model *model = r->model;
@@ -353,6 +370,8 @@ enum error_code reduce_fix_joints(struct reducer *r)
     const struct import_model *model = r->model;
     enum error_code code = reduce_find_followers(r);
 
+    /* Limits and names fix joints first; followers are settled when it is known which leaders
+     * move */
     for (size_t j = 0; j < model->njoint && !code; j++) {
         if ((code = reduce_check_free(r, &model->joint[j])) || (code = reduce_check_limit(r, j))) {
             return code;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Capsules from collision shapes. */
+/* Fits capsules to collision shapes. */
 #include "app/import/shapes.h"
 
 #include "base/vec3.h"
@@ -12,6 +12,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
+/* What fitting the shapes needs; written counts OBJ files in folder. */
 struct shape_builder {
     struct import_robot *from;
     const struct import_packages *packages;
@@ -24,7 +25,7 @@ struct shape_builder {
 
 /* ---- fitting ---- */
 
-/* The rotation whose third column is axis m, a right-handed one. */
+/* Returns a right-handed rotation whose third column is axis m. */
 static void axis_to_rotation(int m, double R[9])
 {
     static const double column[3][9] = {
@@ -36,7 +37,7 @@ static void axis_to_rotation(int m, double R[9])
     memcpy(R, column[m], sizeof column[m]);
 }
 
-/* The capsule along the longest side of the points' box that holds them all. */
+/* Fits the capsule along the longest side of the points' bounding box that holds all points. */
 static void capsule_hold_points(const double (*point)[3], size_t count,
                                 struct robot_capsule *capsule)
 {
@@ -51,12 +52,15 @@ static void capsule_hold_points(const double (*point)[3], size_t count,
             high[m] = fmax(high[m], point[i][m]);
         }
     }
+
+    /* Axis: through the middle of the box, along its longest side */
     for (int m = 0; m < 3; m++) {
         middle[m] = 0.5 * (low[m] + high[m]);
         along = high[m] - low[m] > high[along] - low[along] ? m : along;
     }
 
-    /* As wide as the point farthest from the axis, then as long as its ends must reach */
+    /* First pass: the radius, by the point farthest from the axis. Second: the length that its ends
+     * must reach */
     for (int pass = 0; pass < 2; pass++) {
         for (size_t i = 0; i < count; i++) {
             double d[3], across, reach;
@@ -78,6 +82,7 @@ static void capsule_hold_points(const double (*point)[3], size_t count,
     capsule->length = 2.0 * half;
 }
 
+/* Fits a capsule around a box of those half-sides, m. */
 static void capsule_hold_box(const double half[3], struct robot_capsule *capsule)
 {
     double corner[8][3];
@@ -90,8 +95,8 @@ static void capsule_hold_box(const double half[3], struct robot_capsule *capsule
     capsule_hold_points(corner, 8, capsule);
 }
 
-/* Along the longest half-axis, as wide as the next: inside it throughout, for it is flatter at the
- * ends than the half-spheres. */
+/* Fits a capsule along the longest half-axis, as wide as the next: it holds the ellipsoid, which is
+ * slimmer toward the ends than the half-spheres. */
 static void capsule_hold_ellipsoid(const double half[3], struct robot_capsule *capsule)
 {
     int along = half[1] > half[0] ? 1 : 0;
@@ -103,6 +108,8 @@ static void capsule_hold_ellipsoid(const double half[3], struct robot_capsule *c
     capsule->length = 2.0 * (half[along] - capsule->radius);
 }
 
+/* Fits a capsule into a cylinder, of the same radius and overall length; a capsule stays as it
+ * is. */
 static void capsule_from_cylinder(const struct import_geometry *shape,
                                   struct robot_capsule *capsule)
 {
@@ -116,7 +123,7 @@ static void capsule_from_cylinder(const struct import_geometry *shape,
 
 /* ---- meshes ---- */
 
-/* Whether contact would take the surface, in words. */
+/* Returns in words whether a mesh is a surface that contact accepts. */
 static const char *mesh_judge(const struct import_mesh *mesh)
 {
     const struct mesh surface = {.name = "",
@@ -132,7 +139,8 @@ static const char *mesh_judge(const struct import_mesh *mesh)
     return finding.fault == MESH_SOUND ? "a sound surface" : mesh_fault_text(finding.fault);
 }
 
-/* Reads a mesh, fits a capsule and writes the OBJ file; false, with a note, when it cannot. */
+/* Reads a mesh, fits a capsule and writes the OBJ file; false, with a note, when one of these
+ * fails. */
 static bool shape_fit_mesh(const struct shape_builder *b, const struct import_geometry *shape,
                            struct robot_capsule *capsule)
 {
@@ -153,6 +161,8 @@ static bool shape_fit_mesh(const struct shape_builder *b, const struct import_ge
         arena_fini(&scratch);
         return false;
     }
+
+    /* The surface itself is kept as an OBJ file for scenes that want it */
     capsule_hold_points((const double(*)[3])mesh.vertex, mesh.nvertex, capsule);
     snprintf(path, sizeof path, "%s/%s.obj", b->folder, capsule->name);
     if (import_write_mesh(&mesh, path, &why)) {
@@ -172,6 +182,7 @@ static bool shape_fit_mesh(const struct shape_builder *b, const struct import_ge
 
 /* ---- the whole ---- */
 
+/* Makes the name of a capsule, BODY-shellNUMBER. */
 static enum error_code shape_make_name(const struct shape_builder *b,
                                        const struct import_geometry *shape, int number,
                                        const char **name)
@@ -186,13 +197,16 @@ static enum error_code shape_make_name(const struct shape_builder *b,
                  : error_set(b->error, ERROR_MEMORY, "no memory for the shapes of the robot");
 }
 
-/* A capsule for one shape, in its own frame; false when there is none. */
+/* Fits a capsule to one shape, in the shape's own frame, and notes what is not exact; false when
+ * there is none. */
 static bool shape_fit(const struct shape_builder *b, const struct import_geometry *shape,
                       struct robot_capsule *capsule)
 {
     const struct import_model *model = b->from->model;
 
     switch (shape->shape) {
+    /* Boxes, ellipsoids and meshes get the capsule that holds them; round shapes are close to
+     * one */
     case IMPORT_MESH:
         return b->folder && shape_fit_mesh(b, shape, capsule);
     case IMPORT_BOX:
@@ -222,6 +236,7 @@ static bool shape_fit(const struct shape_builder *b, const struct import_geometr
     }
 }
 
+/* Adds the capsule of one shape to the robot. */
 static enum error_code shape_add(const struct shape_builder *b, const struct import_geometry *shape,
                                  int number)
 {
@@ -234,7 +249,8 @@ static enum error_code shape_add(const struct shape_builder *b, const struct imp
         return code;
     }
 
-    /* In the body: the link's place, the shape's in it, the capsule's in that */
+    /* Compose places: the link's in the body, the shape's in the link, the capsule's in the
+     * shape */
     memcpy(own.xyz, capsule.position, sizeof own.xyz);
     memcpy(own.R, capsule.rotation, sizeof own.R);
     import_place_compose(&b->from->place[shape->link], &shape->place, &in_body);

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What can touch. The robot file knows capsules: a sphere and a capsule are one exactly, a cylinder
- * becomes one of the same radius and, where it is long enough, the same length with its ends; boxes
- * and meshes become the capsule along their longest side that holds them. Each that is not exact is
- * noted. Meshes are also written as OBJ, in the frame of their shape, for scenes that want the
- * surface itself. Not RT-safe.
+ * Fits capsules, the only collision shapes of a robot file: a sphere and a capsule are exact, a
+ * cylinder becomes one of the same radius and, where it is long enough, the same length with its
+ * ends; boxes and meshes become the capsule along their longest side that holds them. Each that is
+ * not exact is noted. Meshes are also written as OBJ, in the frame of their shape, for scenes that
+ * want the surface itself. Not RT-safe.
  */
 #ifndef APP_IMPORT_SHAPES_H
 #define APP_IMPORT_SHAPES_H
@@ -12,7 +12,7 @@
 #include "app/import/mesh.h"
 #include "app/import/reduce.h"
 
-/* Refuses collision meshes whose names lead where they may not (import_check_mesh). */
+/* Refuses collision meshes whose names lead out of the allowed folders (import_check_mesh). */
 enum error_code import_check_shapes(const struct import_robot *from,
                                     const struct import_packages *packages, struct error *error);
 
@@ -22,11 +22,11 @@ enum error_code import_add_shapes(struct import_robot *from, const struct import
                                   const char *folder, struct arena *arena,
                                   struct import_notes *notes, size_t *written, struct error *error);
 
-/* How low a capsule reaches, its bodies where they are. */
+/* Computes the height of a capsule's lowest point, m, from the placed bodies. */
 double import_capsule_bottom(const struct robot_capsule *capsule, const struct body_motion *bodies);
 
-/* The height of the lowest point of the robot's capsules over its base's origin, m, in a pose;
- * false when it has none. bodies: room for nbody motions. */
+/* Computes the height of the lowest point of the robot's capsules above its base's origin, m, in a
+ * pose of an upright base; false when it has none. bodies: room for nbody motions. */
 bool import_find_lowest(const struct robot *robot, const double *joint, struct body_motion *bodies,
                         double *height);
 

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* SRDF: named poses, and how the robot stands in the world. */
+/* Reads SRDF: named poses, and whether the base is fixed in the world. */
 #include "app/import/urdf_private.h"
 
 #include <string.h>
 
+/* Counts the states, and in *values the joint positions of all of them. */
 static size_t srdf_count_states(const xmlNode *root, size_t *values)
 {
     size_t states = 0;
@@ -20,6 +21,7 @@ static size_t srdf_count_states(const xmlNode *root, size_t *values)
     return states;
 }
 
+/* Returns the model's pose of that name, or NULL. */
 static struct import_pose *srdf_find_pose(struct import_model *model, const char *name)
 {
     for (size_t i = 0; i < model->npose; i++) {
@@ -30,8 +32,8 @@ static struct import_pose *srdf_find_pose(struct import_model *model, const char
     return NULL;
 }
 
-/* The angle of one joint, into the pose; joints that the robot lacks or that have more coordinates
- * than one are dropped. */
+/* Reads the position of one joint into the pose; drops those of joints that the robot lacks or that
+ * have more than one coordinate. */
 static enum error_code srdf_read_value(const struct urdf_reader *r, const xmlNode *node,
                                        struct import_pose *pose)
 {
@@ -44,6 +46,8 @@ static enum error_code srdf_read_value(const struct urdf_reader *r, const xmlNod
         (code = xml_need(r->file, node, "value", &text, r->error))) {
         return code;
     }
+
+    /* Joints that the robot lacks, and joints with several coordinates, are left out */
     joint = import_find_joint(r->model, name);
     if (joint < 0 || strpbrk(text + strspn(text, " \t\r\n"), " \t\r\n")) {
         import_note_add(r->notes, IMPORT_DROPPED, r->file->name, value.line,
@@ -57,6 +61,8 @@ static enum error_code srdf_read_value(const struct urdf_reader *r, const xmlNod
         return code;
     }
     value.joint = r->model->joint[joint].name;
+
+    /* The first value of a joint counts */
     for (size_t i = 0; i < pose->nvalue; i++) {
         if (!strcmp(pose->value[i].joint, value.joint)) {
             import_note_add(r->notes, IMPORT_DROPPED, r->file->name, value.line,
@@ -68,7 +74,7 @@ static enum error_code srdf_read_value(const struct urdf_reader *r, const xmlNod
     return ERROR_NONE;
 }
 
-/* States of several groups with one name are one pose. */
+/* Reads a state; states of several groups with one name are one pose. */
 static enum error_code srdf_read_state(const struct urdf_reader *r, const xmlNode *node)
 {
     struct import_model *model = r->model;
@@ -79,6 +85,8 @@ static enum error_code srdf_read_state(const struct urdf_reader *r, const xmlNod
     if (code) {
         return code;
     }
+
+    /* A second state of the same name belongs to another group of joints: it adds to the pose */
     pose = srdf_find_pose(model, name);
     if (!pose) {
         pose = &model->pose[model->npose++];
@@ -121,6 +129,8 @@ enum error_code srdf_read(const struct xml_file *file, struct arena *arena,
     if (!model->pose) {
         return urdf_no_memory(&r);
     }
+
+    /* The virtual joint says whether the base floats; anything else is of no use here */
     for (const xmlNode *node = xml_child(file->root, NULL); node && !code;
          node = xml_next(node, NULL)) {
         if (xml_is(node, "group_state")) {

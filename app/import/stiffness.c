@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Couplings of an import; the rules are in stiffness.h. */
+/* Chooses stiffness and damping of couplings; the rules are in stiffness.h. */
 #include "app/import/stiffness.h"
 
 #include "app/import/trial.h"
@@ -7,8 +7,8 @@
 #include <math.h>
 #include <stdio.h>
 
-#define SWINGS_RAD_S 1000.0
-#define GIVES 1e-3 /* rad or m of the leader, under the strength of its drive */
+#define SWINGS_RAD_S 1000.0 /* frequency of the held follower on its coupling */
+#define GIVES 1e-3          /* deflection at the leader under its drive's full strength, rad or m */
 #define STIFFNESS_LEAST 1e-6
 #define STIFFNESS_MOST 1e8
 
@@ -40,7 +40,8 @@ void import_lead_stiffnesses(const struct robot *robot, double *stiffness)
     }
 }
 
-/* By the inertia of the follower, and by the strength of the leader's drive. */
+/* Chooses a coupling's stiffness by the follower's inertia and the strength of the leader's drive;
+ * damping is critical. */
 static void choose_stiffness(const struct robot *robot, double inertia,
                              struct robot_coupling *coupling)
 {
@@ -55,6 +56,7 @@ static void choose_stiffness(const struct robot *robot, double inertia,
     coupling->damping = 2.0 * sqrt(coupling->stiffness * fmax(inertia, 0.0));
 }
 
+/* Notes a coupling that was assumed. */
 static void tell_coupling(const struct import_robot *from, const struct robot_coupling *coupling,
                           struct import_notes *notes)
 {

@@ -15,13 +15,13 @@
 
 #include "app/import/reduce.h"
 
-/* Fills stiffness and damping of the robot's couplings, whose torque limits and drives are known,
- * and notes each. */
+/* Fills stiffness and damping of the robot's couplings and notes each; torque limits and drives
+ * must be known. */
 enum error_code import_stiffen_couplings(struct import_robot *from, struct arena *arena,
                                          struct import_notes *notes, struct error *error);
 
-/* Adds to each leader's what its followers bear, by joint: their torques with their signs; the
- * sizes of torques; stiffnesses. */
+/* Add to each leader what its followers bear, by joint: torques with their signs, by the
+ * multiplier; magnitudes of loads, by its magnitude; stiffnesses, by its square. */
 void import_lead_torques(const struct robot *robot, double *torque);
 void import_lead_loads(const struct robot *robot, double *load);
 void import_lead_stiffnesses(const struct robot *robot, double *stiffness);

@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Inertias of joints, found by trial. */
+/* Finds the inertias of joints by trial torques and accelerations. */
 #include "app/import/trial.h"
 
 #include "model/coupling.h"
 
 #include <string.h>
 
-/* Accelerations by the torques of the trial, as if no joint followed. */
+/* Computes the accelerations under the trial's torques and gravity, as if no joint followed
+ * another. */
 static void trial_accelerate(struct import_trial *t, double *vdot)
 {
     const struct dynamics *d = &t->dynamics;
@@ -14,7 +15,8 @@ static void trial_accelerate(struct import_trial *t, double *vdot)
     d->ops->implicit(d, t->q, t->v, t->tau, t->ext, t->extra, t->none, vdot);
 }
 
-/* What a unit on each follower, and its multiplier against it on its leader, does. */
+/* Computes for each coupling the accelerations by a unit force on its follower and minus the
+ * multiplier on its leader, and factorizes the matrix that makes followers follow. */
 static void trial_find_columns(struct import_trial *t)
 {
     const struct robot *robot = t->dynamics.robot;
@@ -38,6 +40,7 @@ enum error_code import_trial_make(const struct robot *robot, const double *joint
     const size_t n = robot->njoint + BASE_Q_COUNT, k = robot->ncoupling;
     enum error_code code;
 
+    /* State, torques and accelerations; then what couplings need */
     t->q = arena_alloc(arena, n, sizeof *t->q);
     t->v = arena_alloc(arena, n, sizeof *t->v);
     t->tau = arena_alloc(arena, n, sizeof *t->tau);
@@ -55,6 +58,8 @@ enum error_code import_trial_make(const struct robot *robot, const double *joint
         !t->ext || !t->column || !t->factor || !t->zero || !t->press) {
         return error_set(error, ERROR_MEMORY, "no memory for a trial of %s", robot->name);
     }
+
+    /* The base is upright; rotors count as inertia added to their joints */
     if (robot->floating) {
         t->q[BASE_Q_QUATERNION] = 1.0;
     }
@@ -62,6 +67,8 @@ enum error_code import_trial_make(const struct robot *robot, const double *joint
         t->q[robot->nq - robot->njoint + j] = joint[j];
         t->extra[j] = robot->joint[j].sea.present ? robot->joint[j].sea.J : 0.0;
     }
+
+    /* What gravity does alone is taken off every later trial */
     code = dynamics_generic(robot, arena, &t->dynamics, error);
     if (!code) {
         trial_accelerate(t, t->still);
@@ -74,6 +81,7 @@ double import_trial_inertia(struct import_trial *t, size_t j)
 {
     const struct robot *robot = t->dynamics.robot;
 
+    /* The acceleration by a unit torque, less that at rest, with followers following */
     t->tau[j] = 1.0;
     trial_accelerate(t, t->vdot);
     t->tau[j] = 0.0;
@@ -84,7 +92,7 @@ double import_trial_inertia(struct import_trial *t, size_t j)
     return 1.0 / t->vdot[robot->nv - robot->njoint + j];
 }
 
-/* The share of forces on all joints that joint j and its followers feel, at joint j. */
+/* Projects forces on all joints onto the motion of joint j with its followers. */
 static double trial_project(const struct import_trial *t, size_t j)
 {
     const struct robot *robot = t->dynamics.robot;
@@ -105,11 +113,12 @@ double import_trial_held_inertia(struct import_trial *t, size_t j)
     const struct robot *robot = d->robot;
     double *joint = t->vdot + robot->nv - robot->njoint, torque;
 
+    /* Inverse dynamics at rest give the gravity torque, which is taken off below */
     memset(t->vdot, 0, robot->nv * sizeof *t->vdot);
     d->ops->inverse(d, t->q, t->v, t->vdot, NULL, t->force);
     torque = trial_project(t, j);
 
-    /* A unit of acceleration, in which its followers follow */
+    /* A unit of acceleration, which its followers follow by their multipliers */
     joint[j] = 1.0;
     for (size_t i = 0; i < robot->ncoupling; i++) {
         if (robot->coupling[i].leader == (int)j) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* URDF: the elements of <robot>, and how its links and joints hang together by name. */
+/* Reads URDF: the elements of <robot>, and how its links and joints refer to each other by name. */
 #include "app/import/urdf_private.h"
 
 #include "base/vec3.h"
@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Elements that say nothing to a simulator of dynamics. */
+/* Elements without meaning for dynamics, passed over without a note. */
 static const char *const ignored[] = {"material", "group", "version", NULL};
 
 enum error_code urdf_no_memory(const struct urdf_reader *r)
@@ -71,6 +71,7 @@ enum error_code urdf_read_origin(const struct urdf_reader *r, const xmlNode *nod
 
 /* ---- elements of the robot ---- */
 
+/* Checks that the root is <robot> and that no xacro elements are left to be expanded. */
 static enum error_code urdf_check_root(const struct urdf_reader *r)
 {
     const xmlNode *root = r->file->root;
@@ -96,6 +97,7 @@ static enum error_code urdf_check_root(const struct urdf_reader *r)
     return ERROR_NONE;
 }
 
+/* Counts the elements of that name at any depth. */
 static size_t xml_count_deep(const xmlNode *node, const char *name)
 {
     size_t count = 0;
@@ -106,6 +108,7 @@ static size_t xml_count_deep(const xmlNode *node, const char *name)
     return count;
 }
 
+/* Counts the children of that name. */
 static size_t xml_count(const xmlNode *node, const char *name)
 {
     size_t count = 0;
@@ -116,7 +119,7 @@ static size_t xml_count(const xmlNode *node, const char *name)
     return count;
 }
 
-/* Room for all that the file has, within bounds. */
+/* Allocates the model for all that the file has, within bounds. */
 static enum error_code urdf_make_room(const struct urdf_reader *r)
 {
     const xmlNode *root = r->file->root;
@@ -139,7 +142,8 @@ static enum error_code urdf_make_room(const struct urdf_reader *r)
                                                                            : urdf_no_memory(r);
 }
 
-/* The gear of <transmission> for the joints that it names. */
+/* Reads the gear ratio of a <transmission>; notes and drops one without a gear or with several
+ * joints. */
 static enum error_code urdf_read_transmission(const struct urdf_reader *r, const xmlNode *node)
 {
     const xmlNode *joint = xml_child(node, "joint"), *actuator = xml_child(node, "actuator");
@@ -163,7 +167,7 @@ static enum error_code urdf_read_transmission(const struct urdf_reader *r, const
     return code;
 }
 
-/* <gazebo>: its sensors, the rest is dropped. */
+/* Reads the sensors of a <gazebo> element; notes the rest of it as dropped. */
 static enum error_code urdf_read_gazebo(const struct urdf_reader *r, const xmlNode *node)
 {
     const char *reference = xml_attribute(node, "reference");
@@ -190,6 +194,7 @@ static enum error_code urdf_read_gazebo(const struct urdf_reader *r, const xmlNo
     return ERROR_NONE;
 }
 
+/* Checks whether an element is passed over without a note. */
 static bool urdf_is_ignored(const xmlNode *node)
 {
     for (size_t i = 0; ignored[i]; i++) {
@@ -200,7 +205,7 @@ static bool urdf_is_ignored(const xmlNode *node)
     return false;
 }
 
-/* Links and joints, then what refers to them. */
+/* Reads links and joints first, then the elements that refer to them. */
 static enum error_code urdf_read_elements(const struct urdf_reader *r)
 {
     struct import_model *model = r->model;
@@ -235,7 +240,8 @@ static enum error_code urdf_read_elements(const struct urdf_reader *r)
 
 #define WORLD "world"
 
-/* The link that a joint names; the nearest is not guessed, the file was written by a program. */
+/* Finds the index of a link that a joint names; suggests no nearest name, as such files are written
+ * by programs. */
 static enum error_code urdf_resolve_link(const struct urdf_reader *r,
                                          const struct import_joint *joint, const char *name,
                                          int *link)
@@ -249,7 +255,7 @@ static enum error_code urdf_resolve_link(const struct urdf_reader *r,
     return ERROR_NONE;
 }
 
-/* Files of some tools hang the robot in a link "world" that is not in them. */
+/* Adds a link "world" when joints hang on one that is not in the file, as some tools write it. */
 static void urdf_add_world(const struct urdf_reader *r)
 {
     struct import_model *model = r->model;
@@ -266,6 +272,7 @@ static void urdf_add_world(const struct urdf_reader *r)
     }
 }
 
+/* Resolves the names of parents, children and mimicked joints; refuses names that stand twice. */
 static enum error_code urdf_resolve_names(const struct urdf_reader *r)
 {
     struct import_model *model = r->model;
@@ -275,6 +282,7 @@ static enum error_code urdf_resolve_names(const struct urdf_reader *r)
     for (size_t i = 0; i < model->nlink; i++) {
         int first = import_find_link(model, model->link[i].name);
 
+        /* The first of a name is found: another one stands twice */
         if ((size_t)first != i) {
             return import_error(r->error, r->file->name, model->link[i].line,
                                 "found link \"%.63s\" again, expected it once (line %d)",

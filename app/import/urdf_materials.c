@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* URDF: colors. A material may be given anywhere in the file and named before or after. */
+/* Reads URDF colors. A material may be given anywhere in the file and named before or after. */
 #include "app/import/urdf_private.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* The color of a <material> that has one which can be read. */
+/* Reads the color of a <material>, clamped to 0 to 1; false when it has none or it cannot be
+ * read. */
 static bool material_read_color(const struct urdf_reader *r, const xmlNode *material,
                                 double color[4])
 {
@@ -23,7 +24,7 @@ static bool material_read_color(const struct urdf_reader *r, const xmlNode *mate
     return true;
 }
 
-/* Adds a material with a name and a color; without room only counts. */
+/* Adds a material with a name and a color; while there is no room allocated, only counts it. */
 static void material_add(struct urdf_reader *r, const xmlNode *material)
 {
     struct urdf_material added = {.name = xml_attribute(material, "name"),
@@ -37,7 +38,7 @@ static void material_add(struct urdf_reader *r, const xmlNode *material)
     }
 }
 
-/* Those of the robot, then those of its visuals. */
+/* Adds the materials of the robot, then those of its visuals. */
 static void material_add_all(struct urdf_reader *r)
 {
     const xmlNode *root = r->file->root;
@@ -59,6 +60,7 @@ static void material_add_all(struct urdf_reader *r)
     }
 }
 
+/* Orders materials for qsort by name, then as in the file. */
 static int material_compare(const void *a, const void *b)
 {
     const struct urdf_material *x = a, *y = b;
@@ -69,6 +71,7 @@ static int material_compare(const void *a, const void *b)
 
 enum error_code urdf_read_materials(struct urdf_reader *r)
 {
+    /* Count, allocate, then fill */
     material_add_all(r);
     r->material = arena_alloc(r->arena, r->nmaterial + 1, sizeof *r->material);
     if (!r->material) {
@@ -79,7 +82,7 @@ enum error_code urdf_read_materials(struct urdf_reader *r)
     return ERROR_NONE;
 }
 
-/* The first material of a name, by bisection. */
+/* Finds the first material of a name by bisection; NULL when there is none. */
 static const struct urdf_material *urdf_find_material(const struct urdf_reader *r, const char *name)
 {
     size_t low = 0, high = r->nmaterial;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* URDF: links, joints and sensors. */
+/* Reads URDF links, joints and sensors. */
 #include "app/import/urdf_private.h"
 
 #include "base/count.h"
@@ -8,18 +8,19 @@
 #include <math.h>
 #include <string.h>
 
-/* Beyond these no robot is meant, and arithmetic with them says nothing. */
+/* Largest length and limit that are accepted: beyond them no robot is meant. */
 #define LENGTH_MAX_M 1e3
 
-/* What stands for a point where something is to be touched. */
+/* Radius of a collision or visual sphere that the file gives radius 0. */
 #define POINT_RADIUS_M 1e-3
 #define ANGLE_MAX 1e6
 
-/* What stands for a limit that a joint does not have. */
+/* Value that some tools write for a limit that a joint does not have. */
 #define NO_LIMIT (-1.0)
 
 /* ---- links ---- */
 
+/* Reads <inertial>: mass and inertia at its origin, into the link's frame. */
 static enum error_code urdf_read_inertial(const struct urdf_reader *r, const xmlNode *node,
                                           struct import_link *link)
 {
@@ -44,6 +45,8 @@ static enum error_code urdf_read_inertial(const struct urdf_reader *r, const xml
     if ((code = xml_need_real(r->file, mass, "value", &inertia.mass, r->error))) {
         return code;
     }
+
+    /* Elements of the tensor that are left out are 0 */
     for (size_t i = 0; i < ARRAY_COUNT(element); i++) {
         if ((code = xml_reals(r->file, tensor, element[i], 1, &inertia.I[i], NULL, r->error))) {
             return code;
@@ -65,6 +68,7 @@ static enum error_code urdf_read_inertial(const struct urdf_reader *r, const xml
     return ERROR_NONE;
 }
 
+/* Reads the file name and scale of a <mesh>. */
 static enum error_code urdf_read_mesh(const struct urdf_reader *r, const xmlNode *node,
                                       struct import_geometry *shape)
 {
@@ -81,7 +85,7 @@ static enum error_code urdf_read_mesh(const struct urdf_reader *r, const xmlNode
     return code;
 }
 
-/* A size that must be above zero. */
+/* Reads a length that must be above 0, m. */
 static enum error_code urdf_need_length(const struct urdf_reader *r, const xmlNode *node,
                                         const char *name, double *value)
 {
@@ -95,6 +99,7 @@ static enum error_code urdf_need_length(const struct urdf_reader *r, const xmlNo
     return code;
 }
 
+/* Reads a <box>, whose size is its whole sides. */
 static enum error_code urdf_read_box(const struct urdf_reader *r, const xmlNode *node,
                                      struct import_geometry *shape)
 {
@@ -113,7 +118,7 @@ static enum error_code urdf_read_box(const struct urdf_reader *r, const xmlNode 
     return code;
 }
 
-/* The shape in <geometry>; *known false when it is none of URDF's. */
+/* Reads the shape in <geometry>; *known is false when it is none of URDF's. */
 static enum error_code urdf_read_shape(const struct urdf_reader *r, const xmlNode *geometry,
                                        struct import_geometry *shape, bool *known)
 {
@@ -127,6 +132,8 @@ static enum error_code urdf_read_shape(const struct urdf_reader *r, const xmlNod
     if (node && xml_is(node, "box")) {
         return urdf_read_box(r, node, shape);
     }
+
+    /* A radius of 0 is accepted here: some files mark points with spheres */
     if (node && xml_is(node, "sphere")) {
         shape->shape = IMPORT_SPHERE;
         code = xml_need_real(r->file, node, "radius", &shape->radius, r->error);
@@ -142,6 +149,7 @@ static enum error_code urdf_read_shape(const struct urdf_reader *r, const xmlNod
     return ERROR_NONE;
 }
 
+/* Reads a <visual> or <collision> of a link; notes and drops one without a known shape. */
 static enum error_code urdf_read_geometry(const struct urdf_reader *r, const xmlNode *node,
                                           size_t link)
 {
@@ -166,6 +174,8 @@ static enum error_code urdf_read_geometry(const struct urdf_reader *r, const xml
                         model->link[link].name);
         return ERROR_NONE;
     }
+
+    /* A sphere of radius 0 is a point, which nothing could touch */
     if (shape.shape == IMPORT_SPHERE && shape.radius == 0) {
         shape.radius = POINT_RADIUS_M;
         if (shape.collision) {
@@ -216,6 +226,7 @@ static const struct {
     {"floating", IMPORT_FLOATING},     {"planar", IMPORT_PLANAR},
 };
 
+/* Reads the type of a joint; refuses unknown words. */
 static enum error_code urdf_read_joint_type(const struct urdf_reader *r, const xmlNode *node,
                                             struct import_joint *joint)
 {
@@ -235,6 +246,7 @@ static enum error_code urdf_read_joint_type(const struct urdf_reader *r, const x
                                type, joint->name);
 }
 
+/* Reads the axis of a joint, by default x; one that moves needs a direction. */
 static enum error_code urdf_read_axis(const struct urdf_reader *r, const xmlNode *node,
                                       struct import_joint *joint)
 {
@@ -256,8 +268,8 @@ static enum error_code urdf_read_axis(const struct urdf_reader *r, const xmlNode
     return code;
 }
 
-/* Limits that some tools write where there are none: -1 throughout, or a lower one above the upper
- * one. */
+/* Drops limits that some tools write where there are none: -1 throughout, or a lower one above the
+ * upper one. */
 static void urdf_drop_limits(const struct urdf_reader *r, int line, struct import_joint *joint)
 {
     joint->effort = joint->effort == NO_LIMIT ? 0.0 : joint->effort;
@@ -272,6 +284,7 @@ static void urdf_drop_limits(const struct urdf_reader *r, int line, struct impor
     }
 }
 
+/* Reads <limit>: range, effort and velocity, none of which must be there. */
 static enum error_code urdf_read_limit(const struct urdf_reader *r, const xmlNode *node,
                                        struct import_joint *joint)
 {
@@ -289,7 +302,7 @@ static enum error_code urdf_read_limit(const struct urdf_reader *r, const xmlNod
         return code;
     }
 
-    /* One of the two that is left out is 0, says URDF */
+    /* URDF: of the two limits, one that is left out is 0 */
     joint->has_limit = lower || upper;
     urdf_drop_limits(r, xml_line(limit), joint);
     if (joint->effort < 0 || joint->velocity < 0 || fabs(joint->lower) > ANGLE_MAX ||
@@ -304,6 +317,7 @@ static enum error_code urdf_read_limit(const struct urdf_reader *r, const xmlNod
     return ERROR_NONE;
 }
 
+/* Reads <mimic>: the joint that this one follows, with multiplier and offset. */
 static enum error_code urdf_read_mimic(const struct urdf_reader *r, const xmlNode *node,
                                        struct import_joint *joint)
 {
@@ -323,6 +337,7 @@ static enum error_code urdf_read_mimic(const struct urdf_reader *r, const xmlNod
     return xml_reals(r->file, mimic, "offset", 1, &joint->offset, NULL, r->error);
 }
 
+/* Reads the link that <parent> or <child> names. */
 static enum error_code urdf_read_end(const struct urdf_reader *r, const xmlNode *node,
                                      const char *which, const char **link)
 {
@@ -354,6 +369,8 @@ enum error_code urdf_read_joint(const struct urdf_reader *r, const xmlNode *node
         (code = urdf_only_child(r, node, "dynamics", &dynamics))) {
         return code;
     }
+
+    /* <dynamics> may say damping and friction; neither can be negative */
     if (dynamics &&
         ((code = xml_reals(r->file, dynamics, "damping", 1, &joint->damping, NULL, r->error)) ||
          (code = xml_reals(r->file, dynamics, "friction", 1, &joint->friction, NULL, r->error)))) {
@@ -373,7 +390,8 @@ enum error_code urdf_read_joint(const struct urdf_reader *r, const xmlNode *node
 
 /* ---- sensors ---- */
 
-/* Where a sensor is fixed: by <parent link=""> or <parent joint="">, or by what <gazebo> names. */
+/* Reads where a sensor is fixed: by <parent link=""> or <parent joint="">, or to what <gazebo>
+ * refers to. */
 static enum error_code urdf_read_sensor_place(const struct urdf_reader *r, const xmlNode *node,
                                               const char *reference, struct import_sensor *sensor)
 {
@@ -383,6 +401,7 @@ static enum error_code urdf_read_sensor_place(const struct urdf_reader *r, const
     double xyz_rpy[6];
     enum error_code code = urdf_read_origin(r, node, &sensor->place);
 
+    /* Gazebo's <pose>, x y z roll pitch yaw, counts instead of <origin> */
     if (!code && pose) {
         code = xml_parse_reals(r->file, pose, "text", xml_content(pose), 6, xyz_rpy, r->error);
         if (!code) {

@@ -1,18 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Visuals of the robot from those of the file. */
+/* Makes the robot's visuals of those of the file. */
 #include "app/import/visuals.h"
 
 #include <limits.h>
 #include <stdio.h>
 #include <string.h>
 
-/* Visuals that one mesh of the file has become. */
+/* The visuals that one mesh of the file has become, so that the same mesh is written once. */
 struct visual_source {
     const char *mesh;
     double scale[3];
     size_t first, count;
 };
 
+/* What making the visuals needs. */
 struct visual_builder {
     struct import_robot *from;
     const struct import_packages *packages;
@@ -22,8 +23,9 @@ struct visual_builder {
     struct error *error;
 
     struct visual_source *source;
+    /* Sources; faces written so far; shapes beyond ROBOT_VISUALS_MAX. */
     size_t nsource, faces, left_out;
-    bool *painted; /* by visual: its color is that of the mesh */
+    bool *painted; /* by visual: its color is the mesh's own */
 };
 
 static enum error_code visual_no_memory(const struct visual_builder *b)
@@ -33,7 +35,8 @@ static enum error_code visual_no_memory(const struct visual_builder *b)
 
 /* ---- one visual ---- */
 
-/* A further visual of a shape, without its size or file; *out NULL when the robot has no room. */
+/* Adds a visual at a shape's place, without its size or file; *out is NULL when the robot has no
+ * room. */
 static enum error_code visual_add(struct visual_builder *b, const struct import_geometry *shape,
                                   struct robot_visual **out)
 {
@@ -51,6 +54,8 @@ static enum error_code visual_add(struct visual_builder *b, const struct import_
     visual = &robot->visual[robot->nvisual++];
     snprintf(name, sizeof name, "%.40s-visual%zu", robot->body[from->body[shape->link]].name,
              robot->nvisual);
+
+    /* The place in the body: the link's in it, the shape's in the link */
     import_place_compose(&from->place[shape->link], &shape->place, &place);
     visual->name = arena_strdup(b->arena, name);
     visual->body = from->body[shape->link];
@@ -62,6 +67,7 @@ static enum error_code visual_add(struct visual_builder *b, const struct import_
     return visual->name ? ERROR_NONE : visual_no_memory(b);
 }
 
+/* Adds the visual of a sphere, box, cylinder or capsule. */
 static enum error_code visual_add_primitive(struct visual_builder *b,
                                             const struct import_geometry *shape)
 {
@@ -85,7 +91,7 @@ static enum error_code visual_add_primitive(struct visual_builder *b,
 
 /* ---- meshes ---- */
 
-/* Writes the faces of one tint to a file of the visual's name. */
+/* Writes the faces of one tint to an STL file named after the visual. */
 static enum error_code visual_write(struct visual_builder *b, const struct import_mesh *mesh,
                                     int tint, struct robot_visual *visual)
 {
@@ -100,7 +106,7 @@ static enum error_code visual_write(struct visual_builder *b, const struct impor
     return import_write_tint(mesh, tint, path, b->error);
 }
 
-/* A visual for each tint of a mesh that has faces. */
+/* Adds a visual for each tint of a mesh that has faces, the uncolored ones (-1) first. */
 static enum error_code visual_add_tints(struct visual_builder *b,
                                         const struct import_geometry *shape,
                                         const struct import_mesh *mesh)
@@ -123,7 +129,7 @@ static enum error_code visual_add_tints(struct visual_builder *b,
     return code;
 }
 
-/* A visual that only says why there is no mesh. */
+/* Adds a visual that only says why its mesh is missing. */
 static enum error_code visual_add_missing(struct visual_builder *b,
                                           const struct import_geometry *shape, const char *why)
 {
@@ -142,8 +148,8 @@ static enum error_code visual_add_missing(struct visual_builder *b,
     return code;
 }
 
-/* Reads a mesh, in one color when the shape's own goes before the mesh's; refuses what is beyond
- * the bound of all. */
+/* Reads a mesh, in one color when the shape's own overrides the mesh's; refuses what exceeds the
+ * bound of all meshes together. */
 static enum error_code visual_read_mesh(struct visual_builder *b,
                                         const struct import_geometry *shape, struct arena *scratch,
                                         struct import_mesh *mesh, struct error *why)
@@ -169,7 +175,7 @@ static enum error_code visual_read_mesh(struct visual_builder *b,
     return ERROR_NONE;
 }
 
-/* The visuals that the same mesh has become before, again for another shape. */
+/* Adds the visuals that the same mesh has become before once more, at another shape's place. */
 static enum error_code visual_repeat(struct visual_builder *b, const struct import_geometry *shape,
                                      const struct visual_source *source)
 {
@@ -193,6 +199,8 @@ static enum error_code visual_repeat(struct visual_builder *b, const struct impo
     return code;
 }
 
+/* Adds the visuals of a mesh: those of an equal mesh with the same scale, or newly read and
+ * written. */
 static enum error_code visual_add_mesh(struct visual_builder *b,
                                        const struct import_geometry *shape)
 {
@@ -202,6 +210,7 @@ static enum error_code visual_add_mesh(struct visual_builder *b,
     struct error why;
     enum error_code code;
 
+    /* The same file at the same scale was written before */
     for (size_t i = 0; i < b->nsource; i++) {
         if (!strcmp(b->source[i].mesh, shape->mesh) &&
             !memcmp(b->source[i].scale, shape->scale, sizeof shape->scale)) {
@@ -215,6 +224,8 @@ static enum error_code visual_add_mesh(struct visual_builder *b,
 
     *source = (struct visual_source){.mesh = shape->mesh, .first = b->from->robot->nvisual};
     memcpy(source->scale, shape->scale, sizeof source->scale);
+
+    /* A mesh that cannot be read stops nothing: its place stays, with the reason */
     if (arena_init(&scratch, IMPORT_MESH_ARENA, &why) ||
         visual_read_mesh(b, shape, &scratch, &mesh, &why)) {
         code = visual_add_missing(b, shape, why.text);
@@ -251,6 +262,7 @@ enum error_code import_add_visuals(struct import_robot *from,
     for (size_t i = 0; i < model->ngeometry && !code; i++) {
         const struct import_geometry *shape = &model->geometry[i];
 
+        /* Shapes that are seen, of links that are part of a body */
         if (!shape->visual || from->body[shape->link] < 0) {
             continue;
         }

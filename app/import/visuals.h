@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What a robot looks like: its visual shapes, and those of MJCF that are shown and touched alike.
- * Meshes are written as binary STL, one file for each color, in the frame of their shape; what
- * stands in the file again gets the files that are there. A mesh that cannot be read or is too
- * large is noted and named in the robot file, and stops nothing. Bounded in shapes and faces. Not
- * RT-safe.
+ * Makes the visuals of a robot: its visual shapes, and those of MJCF, which may also touch. Meshes
+ * are written as binary STL, one file for each color, in the frame of their shape; a mesh that
+ * occurs again gets the files that are there. A mesh that cannot be read or is too large is noted
+ * and named in the robot file, and stops nothing. Bounded in shapes and faces. Not RT-safe.
  */
 #ifndef APP_IMPORT_VISUALS_H
 #define APP_IMPORT_VISUALS_H

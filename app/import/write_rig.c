@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The rig files of an import. */
+/* Writes the rig files of an import. */
 #include "app/import/write.h"
 
 #include "base/whole_file.h"
@@ -11,13 +11,14 @@ enum { INERTIAL_ADDRESS = 8 };
 
 /* ---- boards ---- */
 
-/* Current that a drive takes at its full strength, with half as much again before a board trips. */
+/* Returns the current limit of a joint's board, A: 1.5 times what its drive takes at full
+ * strength. */
 static double drive_current_limit(const struct robot_joint *joint)
 {
     return 1.5 * joint->torque_limit / joint->sea.Kt;
 }
 
-/* The board of a bus of servo valves. */
+/* Writes the one board of a bus of servo valves. */
 static void write_valves(FILE *out, const struct import_rig *rig, const struct import_bus *bus)
 {
     fputs("      - {kind: motor, address: 1, axes: [", out);
@@ -27,7 +28,7 @@ static void write_valves(FILE *out, const struct import_rig *rig, const struct i
     fputs("]}\n", out);
 }
 
-/* The boards of the motors, with as many axes each as the protocol has. */
+/* Writes the motor boards of a bus, with as many axes each as the protocol allows. */
 static void write_motors(FILE *out, const struct import_rig *rig, const struct import_bus *bus)
 {
     const size_t step = rig->plan->bench->board_axes;
@@ -48,6 +49,7 @@ static void write_motors(FILE *out, const struct import_rig *rig, const struct i
     }
 }
 
+/* Writes the board that sends joint torques, for protocols that have one. */
 static void write_torque_board(FILE *out, const struct import_rig *rig,
                                const struct import_bus *bus)
 {
@@ -62,7 +64,8 @@ static void write_torque_board(FILE *out, const struct import_rig *rig,
     fprintf(out, "], period_s: %s}\n", rig->plan->bench->torque_period_s);
 }
 
-/* Full scales, of nothing that the file says: five times the robot's weight at the end of 0.2 m. */
+/* Writes the boards of the sensors. Full scales are assumed: five times the robot's weight, N, and
+ * that at a lever of 0.2 m, N m; at most what 16 bits hold. */
 static void write_sensor_boards(FILE *out, const struct import_rig *rig,
                                 const struct import_bus *bus)
 {
@@ -85,7 +88,7 @@ static void write_sensor_boards(FILE *out, const struct import_rig *rig,
     }
 }
 
-/* Whether all buses are of servo valves. */
+/* Checks whether all buses are of servo valves. */
 static bool plan_has_only_valves(const struct import_plan *plan)
 {
     size_t count = 0;
@@ -96,6 +99,7 @@ static bool plan_has_only_valves(const struct import_plan *plan)
     return count == plan->nbus;
 }
 
+/* Writes all buses with their boards; a bus of valves names its protocol unless all are such. */
 static void write_buses(FILE *out, const struct import_rig *rig)
 {
     const bool only_valves = plan_has_only_valves(rig->plan);
@@ -105,6 +109,8 @@ static void write_buses(FILE *out, const struct import_rig *rig)
         const struct import_bus *bus = &rig->plan->bus[i];
 
         fprintf(out, "  - name: bus%zu\n    interface: can%zu\n", i, i);
+
+        /* A bus of valves has one board and no sensors */
         if (bus->valves) {
             fputs(only_valves ? "" : "    personality: described\n    protocol: servo-valve\n",
                   out);
@@ -124,11 +130,14 @@ static void write_buses(FILE *out, const struct import_rig *rig)
 
 /* ---- gains ---- */
 
+/* Writes the servo task with the gains of each driven joint; zeros are the defaults of the
+ * others. */
 static void write_gains(FILE *out, const struct import_rig *rig)
 {
     const struct robot *robot = rig->robot;
     const bool only_valves = plan_has_only_valves(rig->plan);
 
+    /* Defaults first: without gains a joint is not moved */
     fprintf(out,
             "\ntasks:\n"
             "  # From the drives and the inertias of the pose; how stands in the manual of import\n"
@@ -144,6 +153,7 @@ static void write_gains(FILE *out, const struct import_rig *rig)
         const struct robot_joint *joint = &robot->joint[j];
         const struct import_gains *gains = &rig->gains[j];
 
+        /* Electric drives get damping and a load term, cylinders an integral */
         if (joint->sea.present) {
             fprintf(out,
                     "      - {joints: [\"%s\"], kp_v_per_rad: %.5g, kd_v_s_per_rad: %.5g, "
@@ -161,7 +171,8 @@ static void write_gains(FILE *out, const struct import_rig *rig)
 
 /* ---- rigs ---- */
 
-/* Full scale of torques, N m, and the current of the strongest motor, A; a valve shows none. */
+/* Returns the full scale of torques, N m, 1.2 times the strongest joint's, and the current limit of
+ * the strongest motor, A; 1 A without motors. */
 static double robot_find_strongest(const struct robot *robot, double *current)
 {
     double torque = 1.0, most = 0.0;
@@ -190,6 +201,8 @@ enum error_code import_write_rig(const struct import_rig *rig, const char *path,
     if (code) {
         return code;
     }
+
+    /* Head, clock and integrator, then what the boards and the task need */
     fprintf(file.out,
             "# Made by `coman-hil import`: a first bench for this robot, %s.\n"
             "# Supply, currents, encoders, full scales and gains are assumed.\n"
@@ -200,7 +213,7 @@ enum error_code import_write_rig(const struct import_rig *rig, const char *path,
             "tick_s: 0.001\n"
             "substep_s: 0.001\n"
             "integrator: implicit\n"
-            "dynamics: generic      # starts at once; fastest: code for this robot, compiled once\n"
+            "dynamics: fastest      # once it is made: coman-hil generate --module; else numeric\n"
             "%s%s\n"
             "supply_v: %g\n\n"
             "initial:\n  pose: \"%s\"\n",
@@ -226,8 +239,8 @@ enum error_code import_write_rig(const struct import_rig *rig, const char *path,
     return whole_file_close(&file, ERROR_NONE, error);
 }
 
-/* Layers under the whole weight give way by some tenths of a millimeter: their stiffness follows
- * the weight. */
+/* Writes the materials of ground and robot: their stiffness follows the weight, so that the layers
+ * give way by some tenths of a millimeter under all of it. */
 static void write_materials(FILE *out, const struct robot *robot)
 {
     static const char *const name[] = {"ground", "shell"};

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The robot file of an import, and the report. */
+/* Writes the robot file of an import, and the report. */
 #include "app/import/write.h"
 
 #include "base/count.h"
@@ -11,7 +11,8 @@
 
 /* ---- numbers ---- */
 
-void import_write_real(FILE *out, double value)
+/* Writes a number with as many digits as it takes to read the same value back. */
+static void import_write_real(FILE *out, double value)
 {
     char text[32];
 
@@ -28,7 +29,8 @@ void import_write_real(FILE *out, double value)
     }
 }
 
-void import_write_reals(FILE *out, const double *value, size_t count)
+/* Writes numbers as a YAML list. */
+static void import_write_reals(FILE *out, const double *value, size_t count)
 {
     fputc('[', out);
     for (size_t i = 0; i < count; i++) {
@@ -40,6 +42,7 @@ void import_write_reals(FILE *out, const double *value, size_t count)
 
 /* ---- parts ---- */
 
+/* Writes mass, center of mass and inertia, each on a line behind the indent. */
 static void write_inertia(FILE *out, const struct robot_inertia *inertia, const char *indent)
 {
     fprintf(out, "%smass_kg: ", indent);
@@ -51,6 +54,7 @@ static void write_inertia(FILE *out, const struct robot_inertia *inertia, const 
     fputc('\n', out);
 }
 
+/* Writes a place as position and fixed-axis roll, pitch, yaw. */
 static void write_robot_place(FILE *out, const double xyz[3], const double R[9])
 {
     double rpy[3];
@@ -62,6 +66,7 @@ static void write_robot_place(FILE *out, const double xyz[3], const double R[9])
     import_write_reals(out, rpy, 3);
 }
 
+/* Writes the bodies with their inertias. */
 static void write_bodies(FILE *out, const struct robot *robot)
 {
     fputs("\nbodies:\n", out);
@@ -71,6 +76,7 @@ static void write_bodies(FILE *out, const struct robot *robot)
     }
 }
 
+/* Writes the parameters of an electric drive. */
 static void write_drive(FILE *out, const struct robot_sea *sea)
 {
     const struct {
@@ -94,7 +100,7 @@ static void write_drive(FILE *out, const struct robot_sea *sea)
     }
 }
 
-/* The drive of the catalogue, and of a hydraulic one the triangle. */
+/* Writes the reference to a drive of the catalogue, and of a hydraulic one the triangle. */
 static void write_catalogue_drive(FILE *out, const char *file,
                                   const struct robot_hydraulic *cylinder)
 {
@@ -113,6 +119,7 @@ static void write_catalogue_drive(FILE *out, const char *file,
     fputs("}\n", out);
 }
 
+/* Writes the hydraulic supply, if the robot has one. */
 static void write_hydraulic_supply(FILE *out, const struct robot_hydraulic_supply *supply)
 {
     if (supply->pressure > 0.0) {
@@ -125,6 +132,7 @@ static void write_hydraulic_supply(FILE *out, const struct robot_hydraulic_suppl
     }
 }
 
+/* Writes a joint: its place, limits, and drive; a continuous one has no stops. */
 static void write_joint(FILE *out, const struct import_robot *from, size_t j)
 {
     const struct robot *robot = from->robot;
@@ -143,9 +151,13 @@ static void write_joint(FILE *out, const struct import_robot *from, size_t j)
     fprintf(out, ", upper_%s: ", turns ? "rad" : "m");
     import_write_real(out, joint->upper);
     fprintf(out, ", %s: %.6g}\n", turns ? "torque_nm" : "force_n", joint->torque_limit);
+
+    /* A joint without limits has no stops to run into */
     if (from->source[j]->type == IMPORT_CONTINUOUS) {
         fputs("    stops: {enabled: false}\n", out);
     }
+
+    /* A drive of the catalogue goes by its file, an assumed one by its numbers */
     if (from->drive_file[j]) {
         write_catalogue_drive(out, from->drive_file[j], &joint->hydraulic);
     } else if (joint->sea.present) {
@@ -153,7 +165,7 @@ static void write_joint(FILE *out, const struct import_robot *from, size_t j)
     }
 }
 
-/* Joints that follow others, in the units of the follower. */
+/* Writes the couplings of joints that follow others, in the units of the follower. */
 static void write_couplings(FILE *out, const struct robot *robot)
 {
     fputs(robot->ncoupling ? "\ncouplings:\n" : "", out);
@@ -174,6 +186,7 @@ static void write_couplings(FILE *out, const struct robot *robot)
     }
 }
 
+/* Writes the frames. */
 static void write_frames(FILE *out, const struct robot *robot)
 {
     fputs(robot->nframe ? "\nframes:\n" : "", out);
@@ -187,6 +200,7 @@ static void write_frames(FILE *out, const struct robot *robot)
     }
 }
 
+/* Writes the collision capsules. */
 static void write_capsules(FILE *out, const struct robot *robot)
 {
     fputs(robot->ncapsule ? "\ncapsules:\n" : "", out);
@@ -200,7 +214,7 @@ static void write_capsules(FILE *out, const struct robot *robot)
     }
 }
 
-/* A text between double quotes: what would end it is left out. */
+/* Writes a text between double quotes; leaves out quotes, backslashes and non-ASCII characters. */
 static void write_quoted(FILE *out, const char *text)
 {
     fputc('"', out);
@@ -213,7 +227,7 @@ static void write_quoted(FILE *out, const char *text)
     fputc('"', out);
 }
 
-/* The shape of a visual with its size. */
+/* Writes the shape of a visual with its dimensions. */
 static void write_visual_shape(FILE *out, const struct robot_visual *visual)
 {
     switch (visual->shape) {
@@ -237,6 +251,7 @@ static void write_visual_shape(FILE *out, const struct robot_visual *visual)
     }
 }
 
+/* Writes the visuals. */
 static void write_visuals(FILE *out, const struct robot *robot)
 {
     fputs(robot->nvisual ? "\nvisuals:\n" : "", out);
@@ -256,6 +271,7 @@ static void write_visuals(FILE *out, const struct robot *robot)
     }
 }
 
+/* Writes the force-torque sensors with what hangs on them, and the inertial sensor's frame. */
 static void write_sensors(FILE *out, const struct robot *robot)
 {
     fputs(robot->nft ? "\nft_sensors:\n" : "", out);
@@ -271,6 +287,7 @@ static void write_sensors(FILE *out, const struct robot *robot)
     }
 }
 
+/* Writes the joints of one type that a pose moves from 0. */
 static void write_pose_joints(FILE *out, const struct robot *robot, const struct robot_pose *pose,
                               enum joint_type type)
 {
@@ -290,6 +307,7 @@ static void write_pose_joints(FILE *out, const struct robot *robot, const struct
     fputs(any ? "\n" : "", out);
 }
 
+/* Writes the poses; one in which nothing moves is an empty map. */
 static void write_poses(FILE *out, const struct robot *robot)
 {
     fputs("\nposes:\n", out);
@@ -309,6 +327,7 @@ static void write_poses(FILE *out, const struct robot *robot)
     }
 }
 
+/* Returns the file's name at the end of a path. */
 static const char *path_find_name(const char *path)
 {
     const char *slash = strrchr(path, '/');
@@ -326,6 +345,8 @@ enum error_code import_write_robot(const struct import_robot *from, const char *
     if (code) {
         return code;
     }
+
+    /* Sections in the order of the robot file's manual; each writes nothing when it is empty */
     fprintf(file.out,
             "# Made by `coman-hil import`; what was merged, dropped and assumed stands in the "
             "report\n# beside it, %s-import.txt. Drives are assumed: no such file has their "

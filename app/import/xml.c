@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Safe reading of XML; see xml.h. */
+/* Reads XML safely; see xml.h. */
 #include "app/import/xml.h"
 
 #include "app/import/model.h"
@@ -16,10 +16,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+/* Characters of one number, at most; characters of a value shown in a message. */
 enum { NUMBER_MAX = 64, SHOWN_MAX = 48 };
 
-/* A document type could define entities that grow without bounds or name other files: the parser
- * stops where one begins, before anything of it is read. */
+/* Stops the parser where a document type begins, before any of it is read: it could define entities
+ * that grow without bounds or name other files. */
 static void xml_refuse_doctype(void *context, const xmlChar *name, const xmlChar *external,
                                const xmlChar *system)
 {
@@ -32,13 +33,14 @@ static void xml_refuse_doctype(void *context, const xmlChar *name, const xmlChar
     xmlStopParser(parser);
 }
 
+/* Drops libxml2's messages, which would go to stderr. */
 static void xml_ignore_message(void *context, const char *format, ...)
 {
     (void)context;
     (void)format;
 }
 
-/* What the parser found wrong, as one line. */
+/* Reports what the parser found wrong, as one line. */
 static enum error_code xml_report(const char *name, const xmlParserCtxt *parser,
                                   struct error *error)
 {
@@ -55,7 +57,7 @@ static enum error_code xml_report(const char *name, const xmlParserCtxt *parser,
                         "found what is no well-formed XML (%s), expected an XML document", text);
 }
 
-/* Whether an '=' before text gives an attribute its value: a quote follows, after blanks. */
+/* Checks whether an '=' before text gives an attribute its value: a quote follows, after blanks. */
 static bool xml_begins_value(const char *text, const char *end)
 {
     while (text < end && strchr(" \t\r\n", *text) && *text) {
@@ -64,9 +66,10 @@ static bool xml_begins_value(const char *text, const char *end)
     return text < end && (*text == '"' || *text == '\'');
 }
 
-/* Bounds what libxml2 does with the square of it: it compares each attribute of an element with all
- * others, and each prefix with all namespaces in scope. Looks at bytes, not at the grammar, so that
- * nothing malformed can hide a tag: no tag goes on beyond the next '<'. */
+/* Bounds attributes and namespaces, on which libxml2 spends quadratic work: it compares each
+ * attribute of an element with all others, and each prefix with all namespaces in scope. Looks at
+ * bytes and not at the grammar, so that nothing malformed can hide a tag: no tag goes on beyond the
+ * next '<'. */
 static enum error_code xml_check_bounds(const char *name, const char *text, size_t size,
                                         struct error *error)
 {
@@ -76,6 +79,7 @@ static enum error_code xml_check_bounds(const char *name, const char *text, size
 
     for (const char *at = text; at < end; at++) {
         switch (*at) {
+        /* A byte 0 would end the text for some functions and hide what follows */
         case '\0':
             return import_error(error, name, line,
                                 "found a byte 0, expected text in UTF-8: `iconv -t UTF-8` makes it "
@@ -83,6 +87,7 @@ static enum error_code xml_check_bounds(const char *name, const char *text, size
         case '\n':
             line++;
             break;
+        /* A new tag: its attributes are counted from 0, namespaces add up */
         case '<':
             attributes = 0;
             break;
@@ -106,8 +111,8 @@ static enum error_code xml_check_bounds(const char *name, const char *text, size
     return ERROR_NONE;
 }
 
-/* The encoding to read a text in, whatever it says of itself: one in which ASCII stands for itself,
- * as xml_check_bounds takes it. */
+/* Chooses the encoding to read a text in, whatever it declares: UTF-8, or else Latin-1. In both
+ * ASCII stands for itself, as xml_check_bounds assumes. */
 static const char *xml_find_encoding(const char *text, size_t size)
 {
     for (size_t at = 0, length; at < size; at += length) {
@@ -137,6 +142,8 @@ enum error_code xml_text_open(struct xml_file *file, const char *name, const cha
     if (code) {
         return code;
     }
+
+    /* Parse with everything off that reaches beyond the text; a document type stops the parser */
     xmlInitParser();
     xmlSetGenericErrorFunc(NULL, xml_ignore_message);
     parser = xmlNewParserCtxt();
@@ -162,7 +169,8 @@ enum error_code xml_text_open(struct xml_file *file, const char *name, const cha
     return code;
 }
 
-/* All bytes of a regular file of bounded size, on the heap. */
+/* Reads all bytes of a regular file of bounded size into the heap; the caller frees *text, after
+ * errors too. */
 static enum error_code xml_load_file(const char *path, char **text, size_t *size,
                                      struct error *error)
 {
@@ -177,6 +185,8 @@ static enum error_code xml_load_file(const char *path, char **text, size_t *size
         code = error_set_file(error, errno, path, "cannot be read");
         goto done;
     }
+
+    /* The size is checked before memory is taken: the file is not trusted */
     if (!S_ISREG(status.st_mode) || status.st_size > XML_FILE_MAX) {
         code = error_set(error, ERROR_INPUT, "%.200s: found %s, expected at most %d bytes", path,
                          S_ISREG(status.st_mode) ? "more" : "no regular file", XML_FILE_MAX);
@@ -238,7 +248,7 @@ const char *xml_name(const struct xml_file *file, const xmlNode *node)
     return node->_private ? node->_private : file->name;
 }
 
-/* Marks a copy of an element, and all elements in it, with the files of the original. */
+/* Marks a copy of an element, and all elements in it, with the file that the original came from. */
 static void xml_mark_copy(const struct xml_file *file, const xmlNode *from, xmlNode *copy)
 {
     const xmlNode *child = xml_child(from, NULL);
@@ -298,6 +308,7 @@ enum error_code xml_check_elements(const struct xml_file *file, struct error *er
     return ERROR_NONE;
 }
 
+/* Returns the first element of that name (NULL: any) from a sibling on, or NULL. */
 static xmlNode *xml_first_from(xmlNode *node, const char *name)
 {
     while (node && (node->type != XML_ELEMENT_NODE || (name && !xml_is(node, name)))) {
@@ -316,7 +327,7 @@ xmlNode *xml_next(const xmlNode *node, const char *name)
     return xml_first_from(node->next, name);
 }
 
-/* The text of a list of nodes that is one text, "" when there is none. */
+/* Returns the text among the nodes of a list, "" when there is none. */
 static const char *xml_text_of(const xmlNode *first)
 {
     while (first && first->type != XML_TEXT_NODE && first->type != XML_CDATA_SECTION_NODE) {
@@ -351,6 +362,7 @@ enum error_code xml_need(const struct xml_file *file, const xmlNode *node, const
 
 /* ---- numbers ---- */
 
+/* Reports numbers that cannot be read; "$" hints at xacro that has not been run. */
 static enum error_code xml_refuse_number(const struct xml_file *file, const xmlNode *node,
                                          const char *what, const char *text, size_t count,
                                          struct error *error)
@@ -391,6 +403,8 @@ enum error_code xml_parse_reals(const struct xml_file *file, const xmlNode *node
         }
         at += length;
     }
+
+    /* More numbers than expected are as wrong as fewer */
     if (at[strspn(at, blanks)] != '\0') {
         return xml_refuse_number(file, node, what, text, count, error);
     }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * XML files that strangers wrote, read through libxml2 with everything off that reaches beyond the
- * file: network, document types, entities. Bounded in bytes, depth, attributes of an element and
+ * Reads XML files from strangers through libxml2 with everything off that reaches beyond the file:
+ * network, document types, entities. Bounded in bytes, depth, attributes of an element and
  * namespaces. Text is UTF-8, or else Latin-1, whatever the file says of its encoding. Numbers are
  * read strictly; every error says file:line. Not RT-safe.
  */
@@ -19,9 +19,10 @@ enum {
     XML_FILE_MAX = 64 << 20,  /* bytes */
     XML_ATTRIBUTES_MAX = 256, /* of one element */
     XML_NAMESPACES_MAX = 256, /* declared in the file */
-    XML_ELEMENTS_MAX = 65536, /* xml_check_elements */
+    XML_ELEMENTS_MAX = 65536, /* of a robot file, see xml_check_elements */
 };
 
+/* An open document. */
 struct xml_file {
     const char *name; /* in the arena */
     xmlDoc *document;
@@ -29,56 +30,61 @@ struct xml_file {
     size_t size; /* bytes of text */
 };
 
-/* Reads a regular file; the document is given back by xml_file_close. name in messages is path. */
+/* Reads a regular file; xml_file_close frees the document. Messages name the file by path. */
 enum error_code xml_file_open(struct xml_file *file, const char *path, struct arena *arena,
                               struct error *error);
 
-/* The same from memory. */
+/* Reads a document from memory. */
 enum error_code xml_text_open(struct xml_file *file, const char *name, const char *text,
                               size_t size, struct error *error);
 void xml_file_close(struct xml_file *file);
 
-/* The line that a node stands in, and the file: that of the document, or the one that
- * xml_insert_file took it from. */
+/* Return the line of a node, and its file: that of the document, or the one that xml_insert_file
+ * took it from. */
 int xml_line(const xmlNode *node);
 const char *xml_name(const struct xml_file *file, const xmlNode *node);
 
-/* Puts a copy of all elements in the root of another document before a node. Its name is kept. */
+/* Inserts copies of all elements in the root of another document before a node. They keep that
+ * document's name. */
 enum error_code xml_insert_file(const struct xml_file *file, xmlNode *before,
                                 const struct xml_file *other, struct error *error);
 
-/* Whether a node is an element of that name without a foreign prefix. */
+/* Checks whether a node is an element of that name without a foreign prefix. */
 bool xml_is(const xmlNode *node, const char *name);
 
-/* The node after one in a walk through all that is in root, parents first; NULL at the end. */
+/* Returns the node after one in a walk through all that is in root, parents first; NULL at the
+ * end. */
 const xmlNode *xml_walk(const xmlNode *at, const xmlNode *root);
 
-/* Refuses a robot file of more elements than any robot needs, for work that looks through many of
- * them for each. */
+/* Refuses a robot file of more elements than any robot needs: some work looks through many of them
+ * for each. */
 enum error_code xml_check_elements(const struct xml_file *file, struct error *error);
 
-/* The first child, or the next sibling, that is an element (of that name; NULL: any). */
+/* Return the first child, or the next sibling, that is an element of that name (NULL: any); NULL =
+ * none. */
 xmlNode *xml_child(const xmlNode *node, const char *name);
 xmlNode *xml_next(const xmlNode *node, const char *name);
 
-/* Text of an attribute, NULL when it is not there; of an element. The document's. */
+/* Return the text of an attribute, NULL when it is missing, and of an element; both belong to the
+ * document. */
 const char *xml_attribute(const xmlNode *node, const char *name);
 const char *xml_content(const xmlNode *node);
 
-/* Text of an attribute that must be there and not empty. */
+/* Finds the text of an attribute that must be there and not empty. */
 enum error_code xml_need(const struct xml_file *file, const xmlNode *node, const char *name,
                          const char **text, struct error *error);
 
-/* Exactly count numbers divided by blanks, in text of the node; what stands in messages. */
+/* Parses exactly count numbers, divided by blanks, in text of the node; what names it in
+ * messages. */
 enum error_code xml_parse_reals(const struct xml_file *file, const xmlNode *node, const char *what,
                                 const char *text, size_t count, double *value, struct error *error);
 
-/* The numbers of an attribute; left alone, and *given false, when it is not there. given may be
- * NULL. */
+/* Reads the numbers of an attribute; leaves them alone, and sets *given to false, when it is
+ * missing. given may be NULL. */
 enum error_code xml_reals(const struct xml_file *file, const xmlNode *node, const char *name,
                           size_t count, double *value, bool *given, struct error *error);
 
-/* A number that must be there. */
+/* Reads a number that must be there. */
 enum error_code xml_need_real(const struct xml_file *file, const xmlNode *node, const char *name,
                               double *value, struct error *error);
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Plots as PNG, by a program that draws SVG. */
+/* Writes plots as PNG, through a program that draws SVG. */
 #include "app/report/png.h"
 
 #include <errno.h>
@@ -9,8 +9,8 @@
 
 extern char **environ;
 
-/* Runs the program with these as its standard input and output; its exit status, or 0 with an error
- * of the system in *reason. */
+/* Runs rsvg-convert with these as its standard input and output; returns its wait status, or 0 with
+ * an error of the system in *reason. */
 static int png_run_converter(int in, int out, int *reason)
 {
     static char name[] = "rsvg-convert", format[] = "--format=png", zoom[] = "--zoom=2";
@@ -30,6 +30,8 @@ static int png_run_converter(int in, int out, int *reason)
     if (*reason) {
         return 0;
     }
+
+    /* A signal may interrupt the wait */
     while (waitpid(process, &status, 0) < 0) {
         if (errno != EINTR) {
             *reason = errno;

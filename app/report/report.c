@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A report as HTML and CSV. */
+/* Writes a report as HTML and CSV. */
 #include "app/report/report.h"
 
 #include "app/report/report_file.h"
@@ -9,9 +9,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Longest text or row, bytes; cells of a row, at most. */
 enum { LINE_BYTES = 4096, CELLS_MAX = 16 };
 
-/* Legible on a telephone and on paper, light or dark as the reader's system is set. */
+/* Style of the page: legible on a telephone and on paper, light or dark as the reader's system is
+ * set. */
 static const char style[] =
     ":root{color-scheme:light dark;--ink:#1b1f24;--soft:#57606a;--paper:#fff;--line:#d0d7de;"
     "--grid:#e3e6ea;--band:#f6f8fa;--link:#0a58ca}\n"
@@ -48,6 +50,7 @@ static const char style[] =
     "fill:none}.line{stroke-width:1.7;fill:none;stroke-linejoin:round}\n"
     "@media print{h2{break-after:avoid}figure,table{break-inside:avoid}}\n";
 
+/* Writes a field of CSV, in quotation marks where it needs them. */
 static void put_csv(FILE *out, const char *text)
 {
     if (!strpbrk(text, ",\"\n")) {
@@ -64,6 +67,7 @@ static void put_csv(FILE *out, const char *text)
     putc('"', out);
 }
 
+/* Keeps the first error of a report. */
 static void report_fail(struct report *report, enum error_code code, const char *what)
 {
     if (!report->error.code) {
@@ -71,12 +75,13 @@ static void report_fail(struct report *report, enum error_code code, const char 
     }
 }
 
+/* Checks whether nothing has failed so far. */
 static bool report_is_good(const struct report *report)
 {
     return !report->error.code;
 }
 
-/* A copy on the heap; NULL when there is no memory, and the report has failed then. */
+/* Copies a text to the heap; NULL when there is no memory, which fails the report. */
 static char *report_copy_text(struct report *report, const char *text)
 {
     char *copy = strdup(text);
@@ -87,7 +92,7 @@ static char *report_copy_text(struct report *report, const char *text)
     return copy;
 }
 
-/* Splits a line at '|' in place. */
+/* Splits a line into cells at '|', in place; returns their number. */
 static size_t report_split_cells(char *line, char *cell[CELLS_MAX])
 {
     size_t count = 0;
@@ -111,7 +116,7 @@ enum error_code report_open(struct report *report, const char *folder, const cha
     return report->body ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory for the report");
 }
 
-/* Opens the one file beside the page that is written at a time. */
+/* Opens a file beside the page, of which one is open at a time; NULL when the report has failed. */
 static FILE *open_file(struct report *report, const char *name)
 {
     if (report_is_good(report)) {
@@ -120,6 +125,7 @@ static FILE *open_file(struct report *report, const char *name)
     return report_is_good(report) ? report->file.whole.out : NULL;
 }
 
+/* Closes that file. */
 static void close_file(struct report *report)
 {
     struct error error;
@@ -129,6 +135,7 @@ static void close_file(struct report *report)
     }
 }
 
+/* Ends the table that is open, if any, and its CSV file. */
 static void close_table(struct report *report)
 {
     if (report->csv) {
@@ -171,6 +178,7 @@ void report_text(struct report *report, const char *format, ...)
     fputs("</p>\n", report->body);
 }
 
+/* Writes a row into the page, with its cells as such elements, and into the CSV file. */
 static void put_cells(struct report *report, const char *element, char *line)
 {
     char *cell[CELLS_MAX];
@@ -230,6 +238,8 @@ void report_finding(struct report *report, bool main, const char *format, ...)
     if (report->nfinding == REPORT_FINDINGS_MAX || report->nsection == 0) {
         report_fail(report, ERROR_MEMORY, "too many findings in the report");
     }
+
+    /* Cells that are left out are empty */
     for (size_t count = report_split_cells(line, cell); count < 4; count++) {
         cell[count] = line + strlen(line);
     }
@@ -246,7 +256,7 @@ void report_finding(struct report *report, bool main, const char *format, ...)
     report->nfinding++;
 }
 
-/* A section's title up to its colon: "Fig. 3". */
+/* Writes a section's title up to its colon, as "Fig. 3". */
 static void put_start(FILE *out, const char *title)
 {
     char start[64];
@@ -255,6 +265,7 @@ static void put_start(FILE *out, const char *title)
     markup_put(out, start);
 }
 
+/* Writes a finding as a row: in the summary with a link to its section, else with its remark. */
 static void put_finding(FILE *out, const struct report_finding *finding, bool summary)
 {
     fputs("<tr>", out);
@@ -290,6 +301,7 @@ void report_compared(struct report *report)
     fputs("</tbody></table></div>\n", report->body);
 }
 
+/* Draws a panel into the page, and as a file of its own. */
 static void write_panel(struct report *report, const struct svg_plot *panel, const char *id,
                         size_t number)
 {
@@ -311,6 +323,7 @@ static void write_panel(struct report *report, const struct svg_plot *panel, con
     }
 }
 
+/* Writes the points of all panels into one CSV file. */
 static void write_points(struct report *report, const char *id, const struct svg_plot *panel,
                          size_t npanel)
 {
@@ -353,6 +366,7 @@ void report_figure(struct report *report, const char *id, const char *caption,
 
 /* ---- the whole ---- */
 
+/* Writes the table of the main findings. */
 static void put_summary(const struct report *report, FILE *out)
 {
     fputs("<h2 id=\"short\">In short</h2>\n<div class=\"scroll\"><table><thead><tr><th>in the "
@@ -367,6 +381,7 @@ static void put_summary(const struct report *report, FILE *out)
     fputs("</tbody></table></div>\n", out);
 }
 
+/* Writes the page: head, links to the sections, summary, then the sections. */
 static void put_page(const struct report *report, FILE *out)
 {
     fputs("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
@@ -387,6 +402,7 @@ static void put_page(const struct report *report, FILE *out)
     fprintf(out, "%s</body>\n</html>\n", report->nsection ? "</section>\n" : "");
 }
 
+/* Writes all findings into compared.csv. */
 static void write_findings(struct report *report)
 {
     FILE *out = open_file(report, "compared.csv");
@@ -408,6 +424,7 @@ static void write_findings(struct report *report)
     close_file(report);
 }
 
+/* Frees the texts of a report. */
 static void report_free(struct report *report)
 {
     for (size_t i = 0; i < report->nfinding; i++) {

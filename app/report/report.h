@@ -20,18 +20,20 @@
 
 enum { REPORT_SECTIONS_MAX = 24, REPORT_FINDINGS_MAX = 96, REPORT_PANELS_MAX = 8 };
 
+/* A published value beside ours. */
 struct report_finding {
-    char section[32]; /* id */
+    char section[32]; /* id of the section */
     char *where, *what, *theirs, *ours, *remark;
-    bool main; /* stands in the summary too */
+    bool main; /* shown in the summary too */
 };
 
+/* A report being written. */
 struct report {
     const char *folder, *title;
     FILE *body;
-    struct memory_file text; /* of body */
-    struct report_file file; /* the open one beside the page */
-    FILE *csv;               /* its stream while a table is open */
+    struct memory_file text; /* written through body */
+    struct report_file file; /* the one beside the page that is open */
+    FILE *csv;               /* stream of that file while a table is open */
     size_t nsection, nfinding, compared;
     struct {
         char id[32];
@@ -41,38 +43,42 @@ struct report {
     struct error error;
 };
 
-/* Makes the folder. folder and title must outlive the report. */
+/* Opens a report, and makes its folder. folder and title must outlive the report. */
 enum error_code report_open(struct report *report, const char *folder, const char *title,
                             struct error *error);
 
-/* id: a name that no other section, table or figure of the report has; letters, digits, dashes. */
+/* Begins a section. id: a name that no other section, table or figure of the report has; letters,
+ * digits, dashes. */
 void report_section(struct report *report, const char *id, const char *title);
 
+/* Adds a paragraph. */
 void report_text(struct report *report, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 
-/* A table and its file ID.csv. columns and each row are cells, separated by '|'; a row may have
- * fewer cells than there are columns. The next call of any other kind closes the table. */
+/* Begin a table with its file ID.csv, and add a row. columns and each row are cells, separated by
+ * '|'; a row may have fewer cells than there are columns. The next call of any other kind closes
+ * the table. */
 void report_table(struct report *report, const char *id, const char *caption, const char *columns);
 void report_row(struct report *report, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 
-/* A comparison in the section: the quantity, their value, ours, and why they differ (or ""). Cells
- * as in report_row: "what|theirs|ours|remark". */
+/* Adds a comparison to the section: the quantity, their value, ours, and why they differ (or ""),
+ * as cells "what|theirs|ours|remark". */
 void report_finding(struct report *report, bool main, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* The findings since the last call as a table. */
+/* Writes the findings since the last call as a table. */
 void report_compared(struct report *report);
 
-/* Plots side by side, each also as a file ID-N.svg, and all points in ID.csv. */
+/* Adds plots side by side, each also as a file ID-N.svg, and all points in ID.csv. */
 void report_figure(struct report *report, const char *id, const char *caption,
                    const struct svg_plot *panel, size_t npanel);
 
-/* Writes index.html and compared.csv and frees what the report holds; the first error of all. */
+/* Writes index.html and compared.csv and frees what the report holds; returns the first error of
+ * all. */
 enum error_code report_close(struct report *report, struct error *error);
 
-/* Frees what the report holds and writes nothing. */
+/* Frees what the report holds, and writes nothing. */
 void report_abandon(struct report *report);
 
 #endif

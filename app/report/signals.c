@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Signals of a recording. */
+/* Reads signals of a recording. */
 #include "app/report/signals.h"
 
 #include "base/csv.h"
@@ -11,15 +11,17 @@
 #include <string.h>
 
 enum {
-    POINTS_MAX = 20000000, /* values kept: an hour of five signals at 1 kHz is 18 million */
+    /* Values that are kept: an hour of five signals at 1 kHz is 18 million. */
+    POINTS_MAX = 20000000,
 };
 
-/* A CSV file and its columns that are read, the first of the file first. */
+/* A CSV file and its columns that are read, the file's first one first. */
 struct table {
     struct csv *csv;
     size_t chosen[SIGNALS_MAX + 1];
 };
 
+/* Opens a CSV file; refuses one without at least two titles. */
 static enum error_code signals_open_table(const char *path, struct csv **csv, struct error *error)
 {
     enum error_code code = csv_open(path, csv, error);
@@ -32,6 +34,7 @@ static enum error_code signals_open_table(const char *path, struct csv **csv, st
                      "%s:1: found no titles, expected those of signals.csv: time_s,...", path);
 }
 
+/* Finds the columns of the signals; suggests the nearest title for one that is not there. */
 static enum error_code select_signals(struct table *table, const char *const *name, size_t count,
                                       struct signals *signals, struct error *error)
 {
@@ -56,6 +59,7 @@ static enum error_code select_signals(struct table *table, const char *const *na
     return ERROR_NONE;
 }
 
+/* Doubles the room for rows; refuses more values than are kept. */
 static enum error_code signals_grow(struct signals *signals, struct error *error)
 {
     size_t capacity = signals->capacity ? 2 * signals->capacity : 4096;
@@ -78,7 +82,7 @@ static enum error_code signals_grow(struct signals *signals, struct error *error
     return ERROR_NONE;
 }
 
-/* Adds the selected cells of the current row; rows outside [from, to] are skipped. */
+/* Adds the chosen cells of the current row; skips rows whose first number is outside [from, to]. */
 static enum error_code signals_take_row(const struct table *table, struct signals *signals,
                                         double from, double to, struct error *error)
 {
@@ -101,6 +105,7 @@ static enum error_code signals_take_row(const struct table *table, struct signal
     return ERROR_NONE;
 }
 
+/* Reads all rows of a table. */
 static enum error_code signals_read_table(struct table *table, const char *const *title,
                                           size_t ntitle, double from, double to,
                                           struct signals *signals, struct error *error)
@@ -153,6 +158,8 @@ enum error_code signals_titles(const char *path, const char ***title, size_t *co
     if (code) {
         return code;
     }
+
+    /* The titles live behind the pointers, in one allocation */
     for (size_t i = 1; i < csv->ncolumn; i++) {
         bytes += strlen(csv->title[i]) + 1;
     }

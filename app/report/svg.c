@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Line plots as SVG. */
+/* Draws line plots as SVG. */
 #include "app/report/svg.h"
 
 #include "base/markup.h"
@@ -11,36 +11,38 @@
 enum {
     WIDTH = 720,
     HEIGHT = 450,
-    TOP = 36, /* without the legend */
+    TOP = 36, /* height above the drawing area, px, without the legend */
     BOTTOM = 56,
     LEFT = 92,
     RIGHT = 24,
-    TICKS = 6,      /* wanted between the ends of an axis */
-    TICKS_MAX = 40, /* of a logarithmic axis over the whole range of double: one in 16 decades */
+    TICKS = 6,      /* ticks wanted between the ends of an axis */
+    TICKS_MAX = 40, /* bound of an axis's ticks; the steps below give at most 13 */
     LEGEND_LINE = 18,
-    LEGEND_KEY = 50, /* an entry's line and the space around it */
-    CHARACTER = 7,   /* about, of the font size 12 */
-    DENSE = 8,       /* points a pixel from which on a line is thinned out */
+    LEGEND_KEY = 50, /* an entry's line and the space around it, px */
+    CHARACTER = 7,   /* about the width of a character, px, at font size 12 */
+    DENSE = 8,       /* points per pixel from which on a line is thinned out */
 };
 
-/* Okabe and Ito's colors, which color-blind readers can tell apart. */
+/* Colors of Okabe and Ito, which color-blind readers can tell apart. */
 static const char *const colors[SVG_SERIES_MAX] = {"#0072b2", "#d55e00", "#009e73", "#cc79a7",
                                                    "#e69f00", "#56b4e9", "#000000", "#999999"};
 
-/* An axis with its range, and where its ends are on the page. */
+/* An axis with its range, and the places of its ends on the page. */
 struct scale {
     const struct svg_axis *axis;
-    double min, max; /* of the numbers, or of their decimal logarithms */
+    double min, max; /* of the values, or of their decimal logarithms */
     double from, to; /* px */
 };
 
+/* The panel being drawn. */
 struct page {
     const struct svg_plot *plot;
-    const char *area; /* a name that no other plot of the document has */
+    const char *area; /* name of the drawing area, which no other plot of the document has */
     struct scale x, y;
     FILE *out;
 };
 
+/* Computes where a value is on the page, px. */
 static double on_scale(const struct scale *scale, double value)
 {
     double number = scale->axis->logarithmic ? log10(value) : value;
@@ -49,18 +51,20 @@ static double on_scale(const struct scale *scale, double value)
            (number - scale->min) / (scale->max - scale->min) * (scale->to - scale->from);
 }
 
+/* Checks whether a value has a place on an axis: finite, and positive on a logarithmic one. */
 static bool value_is_drawable(const struct svg_axis *axis, double value)
 {
     return isfinite(value) && (!axis->logarithmic || value > 0.0);
 }
 
+/* Checks whether both coordinates of a point can be drawn. */
 static bool point_is_drawable(const struct svg_plot *plot, const struct svg_series *series,
                               size_t i)
 {
     return value_is_drawable(&plot->x, series->x[i]) && value_is_drawable(&plot->y, series->y[i]);
 }
 
-/* The step of 1, 2 or 5 times a power of ten that gives about TICKS ticks. */
+/* Returns the step of 1, 2 or 5 times a power of ten that gives about TICKS ticks. */
 static double round_step(double range)
 {
     double raw = range / TICKS, power = pow(10.0, floor(log10(raw))), digit = raw / power;
@@ -68,6 +72,7 @@ static double round_step(double range)
     return power * (digit < 1.5 ? 1.0 : digit < 3.5 ? 2.0 : digit < 7.5 ? 5.0 : 10.0);
 }
 
+/* Returns the distance of ticks: round numbers, or whole decades. */
 static double tick_step(const struct scale *scale)
 {
     double range = scale->max - scale->min;
@@ -78,14 +83,14 @@ static double tick_step(const struct scale *scale)
     return round_step(range);
 }
 
-/* The range of an axis: of the numbers that can be drawn, with a margin, or the fixed one. False
- * when there is none. */
+/* Finds the range of an axis: the fixed one, or that of the values that can be drawn, with a
+ * margin. False when there are none. */
 static bool find_range(const struct svg_plot *plot, bool vertical, struct scale *scale)
 {
     const struct svg_axis *axis = vertical ? &plot->y : &plot->x;
     double low = (double)INFINITY, high = -(double)INFINITY, margin;
 
-    /* Lowest and highest number, or their decimal logarithms */
+    /* Find the lowest and highest value, or their decimal logarithms */
     for (size_t s = 0; s < plot->nseries; s++) {
         const struct svg_series *series = &plot->series[s];
 
@@ -103,7 +108,7 @@ static bool find_range(const struct svg_plot *plot, bool vertical, struct scale 
         return false;
     }
 
-    /* Whole decades, or a margin of 4 %; some width even for one number */
+    /* Take the fixed range, whole decades, or a margin of 4 %; some width even for one value */
     if (axis->fixed) {
         low = axis->logarithmic ? log10(axis->min) : axis->min;
         high = axis->logarithmic ? log10(axis->max) : axis->max;
@@ -121,12 +126,13 @@ static bool find_range(const struct svg_plot *plot, bool vertical, struct scale 
     return true;
 }
 
-/* Digits behind the point that tell two ticks apart. */
+/* Returns the digits behind the point that tell two ticks apart. */
 static int tick_digits(double step)
 {
     return (int)fmax(0.0, fmin(17.0, -floor(log10(step) + 1e-9)));
 }
 
+/* Writes the number at a tick; on a logarithmic axis, number is the exponent of ten. */
 static void put_tick_label(FILE *out, const struct scale *scale, double number, double step)
 {
     double largest = fmax(fabs(scale->min), fabs(scale->max));
@@ -144,6 +150,7 @@ static void put_tick_label(FILE *out, const struct scale *scale, double number, 
     }
 }
 
+/* Draws a tick as a grid line with its number. */
 static void put_tick(const struct page *page, const struct scale *scale, bool vertical,
                      double number, double step)
 {
@@ -165,6 +172,7 @@ static void put_tick(const struct page *page, const struct scale *scale, bool ve
     fputs("</text>\n", page->out);
 }
 
+/* Draws the ticks of an axis, at multiples of its step. */
 static void put_ticks(const struct page *page, const struct scale *scale, bool vertical)
 {
     double step = tick_step(scale), first = ceil(scale->min / step - 1e-9);
@@ -180,6 +188,7 @@ static void put_ticks(const struct page *page, const struct scale *scale, bool v
     }
 }
 
+/* Draws the ticks, the axes with their labels, and the title. */
 static void put_axes(const struct page *page)
 {
     const struct svg_plot *plot = page->plot;
@@ -214,6 +223,7 @@ static void open_line(const struct page *page, size_t s)
             page->plot->series[s].style == SVG_DASHED ? " stroke-dasharray=\"6 4\"" : "");
 }
 
+/* Draws the marker of a point of series s. */
 static void put_dot(const struct page *page, size_t s, double x, double y)
 {
     fprintf(page->out, "<circle cx=\"%.2f\" cy=\"%.2f\" r=\"3\" fill=\"%s\"", x, y, colors[s]);
@@ -223,6 +233,7 @@ static void put_dot(const struct page *page, size_t s, double x, double y)
     fputs("/>", page->out);
 }
 
+/* Draws to a point, or moves there to begin a line. */
 static void put_line_point(const struct page *page, const struct svg_series *series, size_t i,
                            bool drawing)
 {
@@ -230,8 +241,8 @@ static void put_line_point(const struct page *page, const struct svg_series *ser
             on_scale(&page->y, series->y[i]));
 }
 
-/* Where a run of points in one column of pixels ends that begins at i; low and high: its least and
- * greatest. */
+/* Returns the end of a run of points in one column of pixels that begins at i; low and high are its
+ * least and greatest points. */
 static size_t find_column_end(const struct page *page, const struct svg_series *series, size_t i,
                               size_t *low, size_t *high)
 {
@@ -247,7 +258,8 @@ static size_t find_column_end(const struct page *page, const struct svg_series *
     return i;
 }
 
-/* The line of a series with more points than can be told apart. */
+/* Draws a series with more points than can be told apart: of each column of pixels only the first,
+ * the least, the greatest and the last point. */
 static void put_dense_line(const struct page *page, const struct svg_series *series)
 {
     bool drawing = false;
@@ -264,7 +276,7 @@ static void put_dense_line(const struct page *page, const struct svg_series *ser
         put_line_point(page, series, i, drawing);
         drawing = true;
 
-        /* Its extremes in the order in which they come, and its last point; each once */
+        /* The column's extremes in the order in which they come, and its last point; each once */
         const size_t rest[] = {low < high ? low : high, low < high ? high : low, end - 1};
 
         for (size_t k = 0; k < 3; k++) {
@@ -277,6 +289,7 @@ static void put_dense_line(const struct page *page, const struct svg_series *ser
     }
 }
 
+/* Draws the line of a series; points that cannot be drawn break it. */
 static void put_line(const struct page *page, size_t s)
 {
     const struct svg_series *series = &page->plot->series[s];
@@ -298,6 +311,7 @@ static void put_line(const struct page *page, size_t s)
     fputs("\"/>\n", page->out);
 }
 
+/* Draws the markers of a series. */
 static void put_markers(const struct page *page, size_t s)
 {
     const struct svg_series *series = &page->plot->series[s];
@@ -310,8 +324,8 @@ static void put_markers(const struct page *page, size_t s)
     }
 }
 
-/* Where the legend's entry s stands: entries follow each other in rows above the drawing area.
- * Returns the number of rows up to there. */
+/* Finds the place of the legend's entry s: entries follow each other in rows above the drawing
+ * area. Returns the number of rows up to there. */
 static int legend_place(const struct svg_plot *plot, size_t s, double from, double to, double *x)
 {
     int rows = 1;
@@ -331,6 +345,7 @@ static int legend_place(const struct svg_plot *plot, size_t s, double from, doub
     }
 }
 
+/* Draws the legend: line or marker and name of each series. */
 static void put_legend(const struct page *page)
 {
     for (size_t s = 0; s < page->plot->nseries; s++) {
@@ -351,6 +366,7 @@ static void put_legend(const struct page *page)
     }
 }
 
+/* Draws all series, cut off at the drawing area. */
 static void put_series(const struct page *page)
 {
     fprintf(page->out,
@@ -371,6 +387,7 @@ static void put_series(const struct page *page)
     fputs("</g>\n", page->out);
 }
 
+/* Begins a document, or the part of a page, with its paper. */
 static void open_svg(const struct svg_plot *plot, int width, int height, FILE *out)
 {
     if (plot->part) {
@@ -391,17 +408,19 @@ static void open_svg(const struct svg_plot *plot, int width, int height, FILE *o
             plot->part ? " class=\"paper\"" : "", width, height);
 }
 
+/* Returns the width of a plot, px. */
 static int plot_width(const struct svg_plot *plot)
 {
     return plot->width ? plot->width : WIDTH;
 }
 
+/* Returns the height of a plot, px. */
 static int plot_height(const struct svg_plot *plot)
 {
     return plot->height ? plot->height : HEIGHT;
 }
 
-/* Everything of a plot but the paper, within its own width and height. */
+/* Draws everything of a plot but the paper, within its own width and height. */
 static enum error_code put_plot(const struct svg_plot *plot, const char *area, FILE *out,
                                 struct error *error)
 {
@@ -436,6 +455,8 @@ enum error_code svg_write_panels(const struct svg_plot *panel, size_t npanel, FI
                              panel[i].nseries, SVG_SERIES_MAX);
         }
     }
+
+    /* Panels stand one below the other, each with a clip area of its own */
     open_svg(panel, plot_width(panel), height, out);
     for (size_t i = 0; !code && i < npanel; i++) {
         char area[32];

@@ -12,7 +12,7 @@
 #include <stddef.h>
 #include <stdio.h>
 
-enum { SVG_SERIES_MAX = 8 }; /* as many colors */
+enum { SVG_SERIES_MAX = 8 }; /* as many as there are colors */
 
 enum svg_style {
     SVG_LINE,
@@ -21,7 +21,8 @@ enum svg_style {
     SVG_DASHED, /* for what the others are compared with */
 };
 
-/* count points; one that is not finite (or not positive on a logarithmic axis) breaks the line. */
+/* A series of count points; one that is not finite (or not positive on a logarithmic axis) breaks
+ * the line. */
 struct svg_series {
     const char *name; /* in the legend; any text */
     const double *x, *y;
@@ -29,32 +30,35 @@ struct svg_series {
     enum svg_style style;
 };
 
+/* An axis of a plot. */
 struct svg_axis {
     const char *label;
     bool logarithmic;
-    bool fixed;      /* from min to max; otherwise what the series need */
+    bool fixed;      /* from min to max; otherwise as wide as the series need */
     double min, max; /* min < max, both positive when logarithmic */
 };
 
+/* A plot, or one panel of several. */
 struct svg_plot {
     const char *title;
     struct svg_axis x, y;
     const struct svg_series *series; /* the first lies below the others */
     size_t nseries;                  /* 1 to SVG_SERIES_MAX */
     int width, height;               /* px, 0 = 720 and 450 */
-    /* NULL: a document. Else a name that no other plot of the same HTML page has: the plot is a
-     * part of the page, without a style of its own, as wide as there is room for; the page styles
-     * .grid, .axis, .line and .title, and may give .paper, text and the series' .s0 to .s7 other
-     * colors */
+    /* NULL: a document of its own. Otherwise a name that no other plot of the same HTML page has:
+     * the plot is a part of that page, without a style of its own, as wide as there is room for;
+     * the page styles .grid, .axis, .line and .title, and may give .paper, text and the series' .s0
+     * to .s7 other colors */
     const char *part;
 };
 
-/* Plots one below the other, as wide as the first, in one document. Errors as of svg_write. */
+/* Writes plots one below the other, as wide as the first, in one document. Errors as of
+ * svg_write. */
 enum error_code svg_write_panels(const struct svg_plot *panel, size_t npanel, FILE *out,
                                  struct error *error);
 
 /* Writes a whole SVG document. A line of far more points than the plot is wide keeps the first, the
- * least, the greatest and the last of each column of pixels: it looks the same. Fails with
+ * least, the greatest and the last of each column of pixels, which looks the same. Fails with
  * ERROR_INPUT on a plot that holds no point or more series than colors, with ERROR_SYSTEM when out
  * cannot be written. */
 enum error_code svg_write(const struct svg_plot *plot, FILE *out, struct error *error);

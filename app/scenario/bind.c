@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The names that a scenario uses, found in its rig. */
+/* Finds the names that a scenario uses in its rig. */
 #include "app/scenario/private.h"
 
 #include "base/text.h"
@@ -9,8 +9,8 @@
 
 enum { NAMES_MAX = 256 };
 
-/* Finds name among names: *index is its place. what and expected are for the message: "bus", "one
- * of the rig's". */
+/* Finds name among names; *index is its place. what and expected are words of the message: "bus",
+ * "one of the rig's". */
 static enum error_code bind_name(const char *const *names, size_t count, const char *name,
                                  const char *what, const char *expected,
                                  const struct yaml_mark *mark, int *index, struct error *error)
@@ -29,6 +29,7 @@ static enum error_code bind_name(const char *const *names, size_t count, const c
                       nearest ? "\"?" : "");
 }
 
+/* Finds the index of a bus. */
 static enum error_code bind_bus(const struct rig *rig, const char *name,
                                 const struct yaml_mark *mark, int *index, struct error *error)
 {
@@ -41,6 +42,7 @@ static enum error_code bind_bus(const struct rig *rig, const char *name,
     return bind_name(names, count, name, "bus", "one of the rig's", mark, index, error);
 }
 
+/* Finds the index of a driven joint among the rig's axes. */
 static enum error_code bind_axis(const struct rig *rig, const char *name,
                                  const struct yaml_mark *mark, int *index, struct error *error)
 {
@@ -53,6 +55,7 @@ static enum error_code bind_axis(const struct rig *rig, const char *name,
     return bind_name(names, count, name, "joint", "a driven one", mark, index, error);
 }
 
+/* Finds the index of a body: the robot's bodies, then the free ones. */
 static enum error_code bind_body(const struct rig *rig, const char *name,
                                  const struct yaml_mark *mark, int *index, struct error *error)
 {
@@ -68,6 +71,7 @@ static enum error_code bind_body(const struct rig *rig, const char *name,
     return bind_name(names, count, name, "body", "one of the rig's", mark, index, error);
 }
 
+/* Finds the bus, joint or body that a stimulus acts on. */
 static enum error_code bind_stimulus(struct scenario_stimulus *stimulus, const struct rig *rig,
                                      struct error *error)
 {
@@ -86,6 +90,7 @@ static enum error_code bind_stimulus(struct scenario_stimulus *stimulus, const s
         return bind_axis(rig, stimulus->voltage.joint, &stimulus->voltage.mark,
                          &stimulus->voltage.axis, error);
     case SCENARIO_MOTOR:
+        /* -1 stands for all motors */
         stimulus->motor.axis = -1;
         return strcmp(stimulus->motor.joint, "all") == 0
                    ? ERROR_NONE
@@ -99,7 +104,7 @@ static enum error_code bind_stimulus(struct scenario_stimulus *stimulus, const s
     }
 }
 
-/* Checks the lines of all faults: the scenario's own, those of stimuli and of mutations. */
+/* Checks the fault lines of the scenario itself, of its stimuli and of its mutations. */
 static enum error_code bind_faults(const struct scenario *scenario, const struct rig *rig,
                                    struct error *error)
 {
@@ -139,6 +144,8 @@ enum error_code scenario_bind(struct scenario *scenario, const struct rig *rig, 
             return ERROR_INPUT;
         }
     }
+
+    /* Expectations look at a bus, or at a signal, which may need a host to receive it */
     for (size_t i = 0; i < scenario->nexpectation; i++) {
         struct scenario_expectation *expectation = &scenario->expectation[i];
         struct scenario_signal signal;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Checks of a scenario that need no rig, and what follows from its file alone. */
+/* Checks a scenario as far as it needs no rig, and derives what follows from its file alone. */
 #include "app/scenario/private.h"
 
 #include "base/text.h"
@@ -9,10 +9,11 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { BYTES_MAX = 64 };
+enum { BYTES_MAX = 64 }; /* of a CAN FD frame */
 
 /* ---- bytes ---- */
 
+/* Returns the value of a hexadecimal digit; -1 for other characters. */
 static int pattern_digit(char c)
 {
     return c >= '0' && c <= '9'   ? c - '0'
@@ -21,8 +22,8 @@ static int pattern_digit(char c)
                                   : -1;
 }
 
-/* Parses two hexadecimal digits per byte, with spaces or dots between bytes; where any is given, x
- * stands for any digit, and any gets a mask of the others. */
+/* Parses two hexadecimal digits a byte, with spaces or dots between bytes. With any (else NULL), x
+ * stands for any digit, and any becomes the mask of the digits that count. */
 static enum error_code parse_bytes(const char *text, const struct yaml_mark *mark,
                                    uint8_t byte[BYTES_MAX], uint8_t *any, uint8_t *len,
                                    struct error *error)
@@ -33,7 +34,7 @@ static enum error_code parse_bytes(const char *text, const struct yaml_mark *mar
         bool wild = any && (*c == 'x' || *c == 'X');
         int value = wild ? 0 : pattern_digit(*c);
 
-        /* Separators between bytes, then digits, each half a byte and half a mask */
+        /* Skip separators between bytes; each digit is half a byte and half a mask */
         if ((*c == ' ' || *c == '.') && digits % 2 == 0) {
             continue;
         }
@@ -59,12 +60,14 @@ static enum error_code parse_bytes(const char *text, const struct yaml_mark *mar
     return ERROR_NONE;
 }
 
+/* Parses the data of a pattern. */
 static enum error_code check_pattern(struct scenario_pattern *pattern, struct error *error)
 {
     return parse_bytes(pattern->data, &pattern->mark, pattern->byte, pattern->mask, &pattern->len,
                        error);
 }
 
+/* Makes the CAN frame of a stimulus, and checks that its bus type can carry it. */
 static enum error_code check_frame(struct scenario_frame *frame, struct error *error)
 {
     uint8_t flags =
@@ -103,6 +106,7 @@ bool scenario_pattern_matches(const struct scenario_pattern *pattern, const stru
 
 /* ---- labels ---- */
 
+/* Returns the index of a label, or -1. */
 static int find_label(const struct scenario *scenario, const char *name)
 {
     for (size_t i = 0; i < scenario->nlabel; i++) {
@@ -113,6 +117,7 @@ static int find_label(const struct scenario *scenario, const char *name)
     return -1;
 }
 
+/* Finds the label that a time counts from; without one it counts from the start. */
 static enum error_code resolve_after(const struct scenario *scenario, const char *after,
                                      const struct yaml_mark *mark, int *index, struct error *error)
 {
@@ -132,11 +137,13 @@ static enum error_code resolve_after(const struct scenario *scenario, const char
 
 /* ---- stimuli ---- */
 
+/* Checks whether an action may last. */
 static bool takes_time(enum scenario_action action)
 {
     return action != SCENARIO_MOTOR && action != SCENARIO_MARK;
 }
 
+/* Derives the action of a stimulus, and refuses keys and actions that do not go together. */
 static enum error_code check_stimulus(const struct scenario *scenario,
                                       struct scenario_stimulus *stimulus, struct error *error)
 {
@@ -151,7 +158,7 @@ static enum error_code check_stimulus(const struct scenario *scenario,
             kinds);
     }
 
-    /* Keys that its action does not have */
+    /* Refuse keys that the action does not have */
     stimulus->action = stimulus->frame_given     ? SCENARIO_FRAME
                        : stimulus->voltage_given ? SCENARIO_VOLTAGE
                        : stimulus->motor_given   ? SCENARIO_MOTOR
@@ -174,7 +181,7 @@ static enum error_code check_stimulus(const struct scenario *scenario,
                           stimulus->for_s > 0.0 ? "for_s" : "every_s");
     }
 
-    /* Actions that the rest of the scenario does not allow */
+    /* Refuse actions that the rest of the scenario does not allow */
     if ((stimulus->action == SCENARIO_VOLTAGE || stimulus->action == SCENARIO_MOTOR ||
          stimulus->action == SCENARIO_SILENCE) &&
         scenario->host != SCENARIO_HOST_ENABLED) {
@@ -190,7 +197,7 @@ static enum error_code check_stimulus(const struct scenario *scenario,
     return stimulus->frame_given ? check_frame(&stimulus->frame, error) : ERROR_NONE;
 }
 
-/* The stimuli of clean_up follow the others, after the label of that name. */
+/* Appends the stimuli of clean_up to the others, after the label of that name. */
 static enum error_code join_clean_up(struct scenario *scenario, struct arena *arena,
                                      struct error *error)
 {
@@ -218,7 +225,7 @@ static enum error_code join_clean_up(struct scenario *scenario, struct arena *ar
     return ERROR_NONE;
 }
 
-/* Gives a stimulus's label its place, which it shares with other stimuli of the same label. */
+/* Gives a stimulus's label an index, which stimuli of the same label share; -1 without a label. */
 static enum error_code add_label(struct scenario *scenario, struct scenario_stimulus *stimulus,
                                  struct error *error)
 {
@@ -242,6 +249,7 @@ static enum error_code add_label(struct scenario *scenario, struct scenario_stim
     return ERROR_NONE;
 }
 
+/* Checks all stimuli and resolves their labels. */
 static enum error_code check_stimuli(struct scenario *scenario, struct error *error)
 {
     enum error_code code;
@@ -257,7 +265,7 @@ static enum error_code check_stimuli(struct scenario *scenario, struct error *er
         }
     }
 
-    /* A stimulus may refer to the label of a later one */
+    /* Resolve references last: a stimulus may refer to the label of a later one */
     for (size_t i = 0; i < scenario->nstimulus; i++) {
         struct scenario_stimulus *stimulus = &scenario->stimulus[i];
 
@@ -272,6 +280,7 @@ static enum error_code check_stimuli(struct scenario *scenario, struct error *er
 
 /* ---- expectations ---- */
 
+/* Refuses an expectation of no known form, and lists the forms. */
 static enum error_code wrong_form(const struct scenario_expectation *expectation,
                                   struct error *error)
 {
@@ -283,6 +292,7 @@ static enum error_code wrong_form(const struct scenario_expectation *expectation
         expectation->name);
 }
 
+/* Derives what an expectation looks at, its band and its window from the keys that are given. */
 static enum error_code check_form(struct scenario_expectation *e, struct error *error)
 {
     int how = e->between_given + e->reaches_given + e->count_given + e->period_given + e->never;
@@ -294,7 +304,7 @@ static enum error_code check_form(struct scenario_expectation *e, struct error *
         return wrong_form(e, error);
     }
 
-    /* What is looked at, and the band that it must keep; a frame or event is seen at least once */
+    /* Derive the look and the band; a frame or event without more must be seen at least once */
     e->look = e->between_given   ? SCENARIO_BETWEEN
               : e->reaches_given ? SCENARIO_REACHES
               : e->period_given  ? SCENARIO_PERIOD
@@ -312,7 +322,7 @@ static enum error_code check_form(struct scenario_expectation *e, struct error *
                           e->band[0], e->band[1]);
     }
 
-    /* The window's end, from either key */
+    /* The window's end, by either key */
     if (e->to_given && e->within_given) {
         return yaml_error(error, &e->mark, "found both to_s and within_s, expected one");
     }
@@ -326,6 +336,7 @@ static enum error_code check_form(struct scenario_expectation *e, struct error *
     return e->frame_given ? check_pattern(&e->frame, error) : ERROR_NONE;
 }
 
+/* Checks an expectation: its form, that its name is its own, and its label. */
 static enum error_code check_expectation(const struct scenario *scenario, size_t index,
                                          struct error *error)
 {
@@ -346,6 +357,7 @@ static enum error_code check_expectation(const struct scenario *scenario, size_t
                          &expectation->after_index, error);
 }
 
+/* Checks the number of expectations, and each one. */
 static enum error_code check_expectations(struct scenario *scenario, struct error *error)
 {
     if (scenario->nexpectation == 0 || scenario->nexpectation > SCENARIO_EXPECTATIONS_MAX) {
@@ -364,6 +376,7 @@ static enum error_code check_expectations(struct scenario *scenario, struct erro
 
 /* ---- mutations ---- */
 
+/* Checks that an expectation of that name exists. */
 static enum error_code check_fails(const struct scenario *scenario, const struct yaml_name *fails,
                                    struct error *error)
 {
@@ -382,6 +395,7 @@ static enum error_code check_fails(const struct scenario *scenario, const struct
                       nearest ? "\"?" : "");
 }
 
+/* Checks each mutation: a fault or left-out stimuli, and the expectations that must fail. */
 static enum error_code check_mutations(const struct scenario *scenario, struct error *error)
 {
     if (scenario->nmutation > SCENARIO_MUTATIONS_MAX) {
@@ -396,6 +410,8 @@ static enum error_code check_mutations(const struct scenario *scenario, struct e
                               "found mutation \"%.60s\" with %s of fault and without, expected one",
                               mutation->name, mutation->fault_given ? "both" : "neither");
         }
+
+        /* The runner's own labels cannot be left out */
         if (mutation->without_given && find_label(scenario, mutation->without) < SCENARIO_LABELS) {
             return yaml_error(error, &mutation->mark,
                               "found without: \"%.60s\", expected the label of a stimulus",
@@ -410,7 +426,7 @@ static enum error_code check_mutations(const struct scenario *scenario, struct e
     return ERROR_NONE;
 }
 
-/* A path relative to the scenario, or the name of an installed rig. */
+/* Finds the rig: a path relative to the scenario, or the name of an installed rig. */
 static enum error_code find_rig(struct scenario *scenario, struct arena *arena, struct error *error)
 {
     const struct yaml_mark *mark = &scenario->rig_mark;
@@ -432,6 +448,8 @@ enum error_code scenario_check(struct scenario *scenario, struct arena *arena, s
                           "found name \"%.60s\", expected letters, digits, _ - and . only",
                           scenario->name);
     }
+
+    /* One of task, host and program drives the boards; a program does so by STEP */
     if (scenario->task && scenario->host != SCENARIO_HOST_NONE) {
         return yaml_error(error, &scenario->task_mark,
                           "found both a task and a host, expected one of them to drive the boards");

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The expectations of a scenario, judged tick by tick, and plots of those that were not met. */
+/* Judges the expectations of a scenario tick by tick, and plots those that were not met. */
 #include "app/scenario/private.h"
 
 #include "app/report/report_file.h"
@@ -11,22 +11,26 @@
 #include <stdio.h>
 #include <string.h>
 
+/* Life of an expectation: it waits for its window, looks while the window is open, and is
+ * decided. */
 enum progress { WAITING /* for its window */, OPEN, DECIDED };
 
+/* An expectation being judged. */
 struct judged {
     const struct scenario_expectation *what;
     struct scenario_signal signal;
     enum progress progress;
     bool met;
-    int64_t decided_ns;
+    int64_t decided_ns; /* virtual time, -1 = not yet */
     char text[SCENARIO_TEXT];
-    double reference;         /* of a relative signal */
-    double lowest, highest;   /* seen in the window */
-    uint64_t fresh, count;    /* matches in this tick; in the window */
-    int64_t open_ns, last_ns; /* of the window; of the last match */
-    double *trace;            /* a sample a tick, for the plot */
+    double reference;         /* value of a relative signal when the window opened */
+    double lowest, highest;   /* of the signal in the window */
+    uint64_t fresh, count;    /* matches in this tick, and in the window */
+    int64_t open_ns, last_ns; /* when the window opened; the last match */
+    double *trace;            /* a sample per tick, for the plot */
 };
 
+/* All expectations of a run; samples of time and traces while there is room (max). */
 struct scenario_expectations {
     const struct scenario *scenario;
     size_t count, nsample, max;
@@ -42,7 +46,7 @@ enum error_code scenario_expectations_create(const struct scenario *scenario, co
     struct scenario_expectations *made = arena_alloc(arena, 1, sizeof *made);
     bool good = made && (made->time_s = arena_alloc(arena, ticks, sizeof *made->time_s));
 
-    /* Each starts with an empty range and room for a trace of the whole run */
+    /* Each starts with an empty range, and has room for a trace of the whole run */
     for (size_t i = 0; good && i < scenario->nexpectation; i++) {
         struct judged *judged = &made->judged[i];
 
@@ -93,6 +97,7 @@ void scenario_expectations_event(struct scenario_expectations *expectations, con
 
 /* ---- judging ---- */
 
+/* Decides an expectation at a time. */
 static void expectation_decide(struct judged *judged, bool met, int64_t time_ns)
 {
     judged->progress = DECIDED;
@@ -100,6 +105,7 @@ static void expectation_decide(struct judged *judged, bool met, int64_t time_ns)
     judged->decided_ns = time_ns;
 }
 
+/* Returns what an expectation is about, for messages. */
 static const char *expectation_subject(const struct judged *judged)
 {
     return judged->what->signal_given  ? judged->what->signal
@@ -107,6 +113,7 @@ static const char *expectation_subject(const struct judged *judged)
                                        : "frames";
 }
 
+/* Fails an expectation whose signal has left its band. */
 static void expectation_fail_band(struct judged *judged, double value, int64_t time_ns)
 {
     expectation_decide(judged, false, time_ns);
@@ -115,6 +122,7 @@ static void expectation_fail_band(struct judged *judged, double value, int64_t t
              (double)time_ns * 1e-9, judged->what->band[0], judged->what->band[1]);
 }
 
+/* Fails an expectation whose matches are too many or too few. */
 static void expectation_fail_count(struct judged *judged, int64_t time_ns)
 {
     const double *band = judged->what->band;
@@ -129,6 +137,7 @@ static void expectation_fail_count(struct judged *judged, int64_t time_ns)
              expectation_subject(judged), judged->count, (double)time_ns * 1e-9, band[0], most);
 }
 
+/* Fails an expectation whose frames come too late or too early. */
 static void expectation_fail_period(struct judged *judged, int64_t gap_ns, int64_t time_ns)
 {
     expectation_decide(judged, false, time_ns);
@@ -138,6 +147,7 @@ static void expectation_fail_period(struct judged *judged, int64_t gap_ns, int64
              judged->what->band[1]);
 }
 
+/* Judges a sample of a signal: it leaves the band (between), or comes into it (reaches). */
 static void expectation_judge_signal(struct judged *judged, double value, int64_t time_ns)
 {
     const double *band = judged->what->band;
@@ -152,6 +162,8 @@ static void expectation_judge_signal(struct judged *judged, double value, int64_
     }
 }
 
+/* Judges the time between frames: too long since the last one, too short, or several in one
+ * tick. */
 static void expectation_judge_period(struct judged *judged, int64_t time_ns)
 {
     const double *band = judged->what->band;
@@ -165,6 +177,7 @@ static void expectation_judge_period(struct judged *judged, int64_t time_ns)
     }
 }
 
+/* Judges the number of matches: too many at once; enough, when there is no upper bound. */
 static void expectation_judge_count(struct judged *judged, int64_t time_ns)
 {
     const double *band = judged->what->band;
@@ -176,6 +189,7 @@ static void expectation_judge_count(struct judged *judged, int64_t time_ns)
     }
 }
 
+/* Judges the frames or events of this tick. */
 static void expectation_judge_matches(struct judged *judged, int64_t time_ns)
 {
     if (judged->what->look == SCENARIO_PERIOD) {
@@ -190,12 +204,13 @@ static void expectation_judge_matches(struct judged *judged, int64_t time_ns)
     }
 }
 
-/* The window is over, or the run. */
+/* Decides an expectation at the end of its window or of the run, when it did not fail before. */
 static void expectation_close_window(struct judged *judged, int64_t time_ns)
 {
     const double *band = judged->what->band;
     enum scenario_look look = judged->what->look;
 
+    /* A signal that has stayed in its band meets it; one that has not reached it fails */
     if (look == SCENARIO_BETWEEN) {
         expectation_decide(judged, true, time_ns);
     } else if (look == SCENARIO_REACHES) {
@@ -217,19 +232,22 @@ static void expectation_close_window(struct judged *judged, int64_t time_ns)
     }
 }
 
+/* Judges one expectation in a tick; value is its signal's. */
 static void expectation_step(struct judged *judged, double value,
                              const struct scenario_clock *clock, int64_t time_ns)
 {
     const struct scenario_expectation *what = judged->what;
     int64_t label = clock->label_ns[what->after_index];
 
-    /* The end of the window comes first: what is seen after it does not count */
+    /* The window's end comes first: what is seen after it does not count */
     if (judged->progress == OPEN && what->to_given && time_ns > label + scenario_ns(what->to_s)) {
         expectation_close_window(judged, label + scenario_ns(what->to_s));
     }
     if (judged->progress == OPEN && !what->signal_given) {
         expectation_judge_matches(judged, time_ns);
     }
+
+    /* A window opens behind the tick's frames: those of the tick in which it opens do not count */
     if (judged->progress == WAITING && label >= 0 && time_ns >= label + scenario_ns(what->from_s)) {
         judged->progress = OPEN;
         judged->open_ns = judged->last_ns = time_ns;
@@ -268,7 +286,8 @@ bool scenario_expectations_step(struct scenario_expectations *expectations,
     return missed;
 }
 
-/* How near a signal has come to the bounds that it had to keep. */
+/* Computes the margin of a signal: its least distance from the bounds, as a share of their
+ * distance. */
 static void expectation_measure_margin(const struct judged *judged,
                                        struct scenario_verdict *verdict)
 {
@@ -292,6 +311,8 @@ void scenario_expectations_finish(struct scenario_expectations *expectations,
         int64_t label = clock->label_ns[what->after_index];
         int64_t until_ns = what->to_given ? label + scenario_ns(what->to_s) : planned_ns;
 
+        /* Without a decision at an early end there is no verdict; windows still open close or ended
+         * too early */
         outcome->verdict[i].judged = !early || judged->progress == DECIDED;
         if (!outcome->verdict[i].judged) {
             snprintf(judged->text, sizeof judged->text,
@@ -317,6 +338,7 @@ void scenario_expectations_finish(struct scenario_expectations *expectations,
 
 /* ---- plots ---- */
 
+/* Plots the trace of an expectation with its band and the sample at which it was decided. */
 static enum error_code expectation_plot(const struct scenario_expectations *expectations,
                                         size_t index, const char *directory, struct error *error)
 {
@@ -339,7 +361,7 @@ static enum error_code expectation_plot(const struct scenario_expectations *expe
     struct report_file file;
     enum error_code code;
 
-    /* The band, where the expectation has one of values */
+    /* Draw the band, where the expectation has one of values */
     if (judged->progress != WAITING && judged->what->look != SCENARIO_PERIOD) {
         series[plot.nseries++] = (struct svg_series){"at least", span, lower, 2, SVG_DASHED};
         if (band[1] < DBL_MAX) {
@@ -347,7 +369,7 @@ static enum error_code expectation_plot(const struct scenario_expectations *expe
         }
     }
 
-    /* The sample at which it was decided */
+    /* Mark the sample at which it was decided */
     for (size_t i = 0; i < expectations->nsample && judged->decided_ns >= 0; i++) {
         if (expectations->time_s[i] <= span[1]) {
             found[1] = judged->trace[i];

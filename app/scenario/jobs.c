@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs scenarios in a process each, several at a time, with a limit of processor time. */
+/* Runs scenarios, each in a process of its own, several at a time, with a limit of processor
+ * time. */
 #include "app/scenario/jobs.h"
 
 #include "base/whole_file.h"
@@ -18,22 +19,23 @@
 
 enum {
     PARALLEL_MAX = 256,
-    LOOK_MS = 500, /* between two looks at the processor time of processes */
-    STALL_S = 60,  /* a process that computes nothing for so long has locked itself up */
+    LOOK_MS = 500, /* between two checks of the processes' times */
+    STALL_S = 60,  /* a process that computes nothing for so long has deadlocked */
 };
 
-/* A job in a process. */
+/* A place for a job that runs in a process. */
 struct process {
     struct scenario_job *job; /* NULL = this place is free */
     pid_t pid;
-    int pipe; /* its outcome comes through this */
-    size_t got;
+    int pipe;   /* read end, through which the outcome comes */
+    size_t got; /* bytes of the outcome so far */
     struct scenario_outcome outcome;
     int64_t begin_ns;
-    clockid_t cpu;                /* its processor time */
-    int64_t computed_ns, seen_ns; /* that at the last look; when it last had grown */
+    clockid_t cpu;                /* clock of the process's processor time */
+    int64_t computed_ns, seen_ns; /* processor time at the last check; when it had last grown */
 };
 
+/* The places of all jobs that run at a time. */
 struct pool {
     const struct scenario_jobs_options *options;
     struct clock *time;
@@ -43,7 +45,8 @@ struct pool {
 
 /* ---- in the process ---- */
 
-/* A run that fails is repeated with the recorder on: in virtual time it is the same run. */
+/* Runs a job in this process. A run that fails is repeated with the recorder on, which in virtual
+ * time is the same run; a repeat with another hash makes the outcome void. */
 static void job_run_here(const struct scenario_job *job, const struct scenario_jobs_options *jobs,
                          struct scenario_outcome *outcome)
 {
@@ -62,6 +65,8 @@ static void job_run_here(const struct scenario_job *job, const struct scenario_j
     if (scenario_passed(outcome) || !outcome->ran || !job->record[0]) {
         return;
     }
+
+    /* The recorder is on in the repeat only: most runs pass, and need no files */
     if (folder_make_all(job->record, &error)) {
         outcome->ran = false;
         snprintf(outcome->text, sizeof outcome->text, "%.200s", error.text);
@@ -73,6 +78,8 @@ static void job_run_here(const struct scenario_job *job, const struct scenario_j
     }
     options.record = job->record;
     scenario_run(job->scenario, &options, again);
+
+    /* The same input must give the same state, bit for bit */
     if (!again->ran || again->state_hash != outcome->state_hash) {
         outcome->ran = false;
         snprintf(outcome->text, sizeof outcome->text, "the recorded repeat %.200s",
@@ -81,6 +88,7 @@ static void job_run_here(const struct scenario_job *job, const struct scenario_j
     free(again);
 }
 
+/* Runs a job in a child process, sends the outcome through the pipe, and ends the process. */
 static void job_run_in_child(const struct scenario_job *job,
                              const struct scenario_jobs_options *options, int out, pid_t parent)
 {
@@ -88,6 +96,7 @@ static void job_run_in_child(const struct scenario_job *job,
     const char *from = (const char *)&outcome;
     size_t left = sizeof outcome;
 
+    /* A parent that dies takes the child with it, also one that died before this call */
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     if (getppid() != parent) {
         _exit(EXIT_FAILURE);
@@ -107,13 +116,14 @@ static void job_run_in_child(const struct scenario_job *job,
 
 /* ---- the pool ---- */
 
+/* Starts a job in a process. */
 static enum error_code job_start(struct pool *pool, struct scenario_job *job, struct error *error)
 {
     struct process *process = pool->process;
     pid_t parent = getpid();
     int ends[2];
 
-    /* There is a free place: the caller counts */
+    /* There is a free place, as the caller counts them */
     while (process->job) {
         process++;
     }
@@ -121,7 +131,7 @@ static enum error_code job_start(struct pool *pool, struct scenario_job *job, st
         return error_set_errno(error, errno, "cannot make a pipe for a scenario");
     }
 
-    /* Unwritten output would be written by both */
+    /* Flush first: unwritten output would be written by both processes */
     fflush(NULL);
     process->pid = fork();
     if (process->pid < 0) {
@@ -148,7 +158,7 @@ static enum error_code job_start(struct pool *pool, struct scenario_job *job, st
     return ERROR_NONE;
 }
 
-/* The process has ended, or is killed when why (what is wrong) is not NULL. */
+/* Ends a job whose process has ended; when why is not NULL, kills the process for that reason. */
 static void job_end(struct pool *pool, struct process *process, const char *why)
 {
     struct scenario_job *job = process->job;
@@ -174,6 +184,8 @@ static void job_end(struct pool *pool, struct process *process, const char *why)
     pool->running--;
 }
 
+/* Reads what a process has sent of its outcome; ends the job when that is complete or the pipe
+ * closes. */
 static void job_take_outcome(struct pool *pool, struct process *process)
 {
     unsigned char *to = (unsigned char *)&process->outcome;
@@ -187,8 +199,8 @@ static void job_take_outcome(struct pool *pool, struct process *process)
     }
 }
 
-/* Ends a process that has computed for longer than its scenario may, or not at all for so long that
- * no load explains it. */
+/* Ends a process that has computed for longer than its scenario may, or has computed nothing for so
+ * long that no load explains it. */
 static void job_check_time(struct pool *pool, struct process *process)
 {
     const double limit_s = process->job->scenario->cpu_limit_s;
@@ -213,7 +225,7 @@ static void job_check_time(struct pool *pool, struct process *process)
     }
 }
 
-/* Waits until a process sends something, for a while, and looks at the time of the others. */
+/* Waits for a while until a process sends something, and checks the times of the others. */
 static void jobs_attend(struct pool *pool)
 {
     struct pollfd fd[PARALLEL_MAX];
@@ -236,6 +248,7 @@ static void jobs_attend(struct pool *pool)
     }
 }
 
+/* Checks whether a job is in one of the places. */
 static bool is_running(const struct pool *pool, const struct scenario_job *job)
 {
     for (size_t i = 0; i < pool->options->parallel; i++) {
@@ -262,7 +275,7 @@ enum error_code scenario_jobs_run(struct scenario_job *job, size_t count,
     pool->options = &options;
     pool->time = clock_monotonic();
 
-    /* Keep all places busy; report in order, although jobs end in any */
+    /* Keep all places busy; report in order, although jobs end in any order */
     while (!code && told < count) {
         while (!code && started < count && pool->running < options.parallel) {
             code = job_start(pool, &job[started], error);
@@ -276,7 +289,7 @@ enum error_code scenario_jobs_run(struct scenario_job *job, size_t count,
         }
     }
 
-    /* After an error some may still run */
+    /* After an error some may still run: end them */
     for (size_t i = 0; i < options.parallel; i++) {
         if (pool->process[i].job) {
             job_end(pool, &pool->process[i], "not finished");

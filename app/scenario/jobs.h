@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Runs of scenarios in processes of their own, several at a time, and their results: one result per
- * run, as lines on the terminal and as JUnit XML. Not RT-safe.
+ * Runs scenarios in processes of their own, several at a time, and judges them: one result per run,
+ * as lines on the terminal and as JUnit XML. Not RT-safe.
  */
 #ifndef APP_SCENARIO_JOBS_H
 #define APP_SCENARIO_JOBS_H
@@ -12,16 +12,16 @@
 
 enum { RESULT_NAME = 512, RESULT_MESSAGE = 2048 };
 
-/* One run to be made. */
+/* One run to be made, and its outcome. */
 struct scenario_job {
     struct scenario *scenario;
     int mutation;    /* index, -1 = none */
-    bool seed_given; /* else the scenario's or the rig's own */
+    bool seed_given; /* otherwise the scenario's or the rig's seed */
     uint64_t seed;
-    const char *scratch;   /* folder of the program's own; NULL = none */
+    const char *scratch;   /* folder of the scenario's program; NULL = none */
     char record[PATH_MAX]; /* directory for the recorded repeat of a run that fails; "" = none */
     struct scenario_outcome outcome;
-    double seconds; /* of the process */
+    double seconds; /* wall-clock time of the process */
 };
 
 struct scenario_jobs_options {
@@ -33,35 +33,36 @@ struct scenario_jobs_options {
     void *context;
 };
 
-/* Runs all. When a process crashes, takes more processor time than its scenario's cpu_limit_s, or
- * gets none for a minute, the outcome has not run. No verdict depends on how loaded the machine is.
- * ERROR_SYSTEM when no process can be made. */
+/* Runs all jobs. The outcome has ran = false when its process crashes, takes more processor time
+ * than its scenario's cpu_limit_s, or gets none for a minute. No verdict depends on how loaded the
+ * machine is. ERROR_SYSTEM when no process can be made. */
 enum error_code scenario_jobs_run(struct scenario_job *job, size_t count,
                                   const struct scenario_jobs_options *options, struct error *error);
 
 enum scenario_status { SCENARIO_PASSED, SCENARIO_FAILED, SCENARIO_BROKEN /* did not run */ };
 
+/* The verdict on a run. */
 struct scenario_result {
     const struct scenario *scenario;
-    char name[RESULT_NAME]; /* with parameters and mutation */
+    char name[RESULT_NAME]; /* of the scenario, with parameters and mutation */
     enum scenario_status status;
     char message[RESULT_MESSAGE]; /* a line for each thing that is wrong */
     const char *record;           /* directory with the recording and the plots, "" = none */
-    bool ran;                     /* seed and hash are those of a run */
+    bool ran;                     /* seed and hash belong to a run */
     uint64_t seed, state_hash;
     double seconds;
 };
 
-/* The verdict on a job: a plain run passes when all expectations are met, a mutated one when those
- * fail that its mutation names. */
+/* Judges a job: a plain run passes when all expectations are met, a mutated one when those fail
+ * that its mutation names. */
 void scenario_judge(const struct scenario_job *job, struct scenario_result *result);
 
-/* The verdict on the mutations of one case, count jobs of the same scenario: each expectation must
- * fail under one of them. */
+/* Judges the mutations of one case, count jobs of the same scenario: each expectation must fail
+ * under one of them. */
 void scenario_judge_mutations(const struct scenario_job *job, size_t count,
                               struct scenario_result *result);
 
-/* Writes one testsuite per scenario, one testcase per result. */
+/* Writes one testsuite per scenario, and one testcase per result. */
 enum error_code scenario_junit_write(const char *path, const struct scenario_result *result,
                                      size_t count, struct error *error);
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Results as JUnit XML, one element per line. */
+/* Writes results as JUnit XML, one element per line. */
 #include "app/scenario/jobs.h"
 
 #include "base/markup.h"
@@ -13,8 +13,9 @@
 
 enum { SUITES_MAX = 4096, SUITE_NAME = 256 };
 
+/* The testcases of one scenario, with their totals. */
 struct suite {
-    char name[SUITE_NAME]; /* as in the file: escaped */
+    char name[SUITE_NAME]; /* the scenario's, which needs no escapes */
     size_t tests, failures, errors;
     double seconds;
     struct memory_file body; /* the testcases */
@@ -28,12 +29,13 @@ struct suites {
 
 /* ---- writing ---- */
 
-/* Text as an attribute's value or as content, on one line whatever it holds. */
+/* Writes text as an attribute's value or as content, on one line whatever it holds. */
 static void junit_put_text(const char *text, FILE *out)
 {
     markup_put_flags(out, text, MARKUP_ASCII | MARKUP_LINE_BREAKS);
 }
 
+/* Returns the suite of a name, added when there is none; NULL without room or memory. */
 static struct suite *junit_find_suite(struct suites *suites, const char *name)
 {
     struct suite *suite;
@@ -53,6 +55,7 @@ static struct suite *junit_find_suite(struct suites *suites, const char *name)
     return suite->to ? suite : NULL;
 }
 
+/* Writes a property of a testcase. */
 static void junit_put_property(const char *name, const char *value, FILE *out)
 {
     fprintf(out, "        <property name=\"%s\" value=\"", name);
@@ -60,12 +63,13 @@ static void junit_put_property(const char *name, const char *value, FILE *out)
     fputs("\"/>\n", out);
 }
 
+/* Writes a testcase with its properties and its failure. */
 static void junit_write_case(const struct scenario_result *result, FILE *out)
 {
     static const char *const element[] = {"", "failure", "error"};
     char number[32];
 
-    /* Which case, and with what it can be repeated */
+    /* What case it is, and with what it can be repeated */
     fputs("    <testcase classname=\"scenarios.", out);
     junit_put_text(result->scenario->name, out);
     fputs("\" name=\"", out);
@@ -98,6 +102,7 @@ static void junit_write_case(const struct scenario_result *result, FILE *out)
     fputs("    </testcase>\n", out);
 }
 
+/* Frees all suites; suites may be NULL. */
 static void junit_free_suites(struct suites *suites)
 {
     for (size_t i = 0; suites && i < suites->count; i++) {
@@ -109,6 +114,7 @@ static void junit_free_suites(struct suites *suites)
     free(suites);
 }
 
+/* Writes the suites with their totals; all receives the sums. */
 static enum error_code junit_write_suites(struct suites *suites, const char *path,
                                           struct suite *all, struct error *error)
 {

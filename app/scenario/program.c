@@ -16,9 +16,10 @@
 #include <time.h>
 #include <unistd.h>
 
+/* Time between SIGTERM and SIGKILL. */
 enum { PATIENCE_MS = 1000 };
 
-/* In the new process. A job that is killed takes the program with it. */
+/* Becomes the program, in the new process. A job that is killed takes the program with it. */
 static void program_execute(const char *command, uint16_t port, const char *scratch, int output,
                             pid_t parent)
 {
@@ -28,6 +29,8 @@ static void program_execute(const char *command, uint16_t port, const char *scra
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     setpgid(0, 0);
     snprintf(place, sizeof place, "127.0.0.1:%u", port);
+
+    /* Join the run through the gateway of the environment; print into the log */
     if (getppid() != parent || input < 0 || dup2(input, STDIN_FILENO) < 0 ||
         dup2(output, STDOUT_FILENO) < 0 || dup2(output, STDERR_FILENO) < 0 ||
         setenv(SCENARIO_PROGRAM_GATEWAY, place, 1) ||

@@ -13,9 +13,9 @@
 
 #define AT(member) offsetof(struct STRUCT, member)
 
-enum { EXPANDED_MAX = 1 << 20 };
+enum { EXPANDED_MAX = 1 << 20 }; /* bytes of a scenario file, and of it with its values put in */
 
-/* The mapping "parameters:" at the top level of a file, and values given instead of its own. */
+/* The mapping "parameters:" at the top level of a file, and values given instead of the file's. */
 struct parameters {
     struct yaml_mark mark;
     size_t count;
@@ -37,8 +37,8 @@ static const struct yaml_schema parameters_schema = {.what = "the parameters",
 
 /* ---- blocks of a file ---- */
 
-/* The lines from key, which ends in a colon, to the next that begins at the margin; false when
- * there are none. */
+/* Finds the lines from key, which ends in a colon, to the next line that begins at the margin;
+ * false when there are none. */
 static bool find_block(const char *text, size_t size, const char *key, size_t *from, size_t *to)
 {
     const size_t length = strlen(key);
@@ -62,6 +62,7 @@ static bool find_block(const char *text, size_t size, const char *key, size_t *f
     return inside;
 }
 
+/* Counts the line ends in a text. */
 static size_t count_lines(const char *text, size_t size)
 {
     size_t count = 0;
@@ -74,7 +75,7 @@ static size_t count_lines(const char *text, size_t size)
 
 /* ---- parameters ---- */
 
-/* The value that is given for a parameter, NULL = none. */
+/* Returns the value that is given for a parameter instead of the file's; NULL = none. */
 static const char *given_value(const struct parameters *parameters, size_t index)
 {
     for (size_t i = 0; i < parameters->ngiven; i++) {
@@ -85,7 +86,7 @@ static const char *given_value(const struct parameters *parameters, size_t index
     return NULL;
 }
 
-/* How many values it takes in turn. */
+/* Returns how many values a parameter takes in turn. */
 static size_t parameter_values(const struct parameters *parameters, size_t index)
 {
     const struct scenario_parameter *parameter = &parameters->parameter[index];
@@ -93,6 +94,7 @@ static size_t parameter_values(const struct parameters *parameters, size_t index
     return given_value(parameters, index) ? 1 : parameter->nvalue + parameter->nword;
 }
 
+/* Checks that words are plain names, which change nothing of the document's form. */
 static enum error_code check_words(const struct scenario_parameter *parameter, struct error *error)
 {
     for (size_t i = 0; i < parameter->nword; i++) {
@@ -107,6 +109,7 @@ static enum error_code check_words(const struct scenario_parameter *parameter, s
     return ERROR_NONE;
 }
 
+/* Checks the parameters, and multiplies the numbers of their values to the number of cases. */
 static enum error_code check_parameters(const struct parameters *given, size_t *cases,
                                         struct error *error)
 {
@@ -121,6 +124,8 @@ static enum error_code check_parameters(const struct parameters *given, size_t *
                 "and at least one value, or one word",
                 parameter->name, parameter->nvalue, parameter->nword);
         }
+
+        /* The number of combinations is checked before it is multiplied */
         if (i >= SCENARIO_PARAMETERS_MAX ||
             parameter_values(given, i) > SCENARIO_CASES_MAX / *cases) {
             return yaml_error(
@@ -137,7 +142,7 @@ static enum error_code check_parameters(const struct parameters *given, size_t *
     return ERROR_NONE;
 }
 
-/* Values are given for parameters that there are. */
+/* Checks that values are given only for parameters that the file has. */
 static enum error_code check_given(const char *name, const struct parameters *parameters,
                                    struct error *error)
 {
@@ -163,8 +168,8 @@ static enum error_code check_given(const char *name, const struct parameters *pa
     return ERROR_NONE;
 }
 
-/* Reads the block alone, after as many empty lines as precede it, so that messages name its
- * lines. */
+/* Reads the block of parameters alone, after as many empty lines as precede it, so that messages
+ * name its lines. *cases is the number of combinations. */
 static enum error_code read_parameters(const char *name, const char *text, size_t size,
                                        struct arena *arena, struct parameters *out, size_t *cases,
                                        struct error *error)
@@ -192,7 +197,8 @@ static enum error_code read_parameters(const char *name, const char *text, size_
     return code ? code : check_given(name, out, error);
 }
 
-/* The value of a parameter in one of the combinations, as text. */
+/* Writes the value of a parameter in combination number, as text; the last parameter varies
+ * fastest. */
 static void value_in(const struct parameters *given, size_t index, size_t number,
                      char text[SCENARIO_VALUE_MAX])
 {
@@ -203,6 +209,8 @@ static void value_in(const struct parameters *given, size_t index, size_t number
         snprintf(text, SCENARIO_VALUE_MAX, "%s", instead);
         return;
     }
+
+    /* The combination is a number whose digits are the parameters' values */
     for (size_t i = given->count - 1; i > index; i--) {
         number /= parameter_values(given, i);
     }
@@ -214,6 +222,7 @@ static void value_in(const struct parameters *given, size_t index, size_t number
     }
 }
 
+/* Refuses ${NAME} of no parameter, at its line and column. */
 static enum error_code unknown_parameter(const char *file, const char *text, size_t at,
                                          const char *name, const struct parameters *given,
                                          struct error *error)
@@ -234,7 +243,7 @@ static enum error_code unknown_parameter(const char *file, const char *text, siz
                       nearest ? "\"?" : "");
 }
 
-/* The text with every ${NAME} replaced; *out has room for EXPANDED_MAX bytes. */
+/* Copies the text with every ${NAME} replaced; out has room for EXPANDED_MAX bytes. */
 static enum error_code expand_parameters(const char *file, const char *text, size_t size,
                                          const struct parameters *given, size_t number, char *out,
                                          size_t *used, struct error *error)
@@ -249,7 +258,7 @@ static enum error_code expand_parameters(const char *file, const char *text, siz
                              file, EXPANDED_MAX);
         }
 
-        /* Everything but ${NAME} is copied */
+        /* Copy everything but ${NAME} */
         if (text[at] != '$' || at + 1 == size || text[at + 1] != '{') {
             out[(*used)++] = text[at++];
             continue;
@@ -261,7 +270,7 @@ static enum error_code expand_parameters(const char *file, const char *text, siz
         }
         name[length] = '\0';
 
-        /* Its value in this combination */
+        /* Find its value in this combination */
         while (index < given->count && strcmp(given->parameter[index].name, name) != 0) {
             index++;
         }
@@ -275,7 +284,7 @@ static enum error_code expand_parameters(const char *file, const char *text, siz
     return ERROR_NONE;
 }
 
-/* Keeps the values of this combination, and describes them. */
+/* Keeps the values of this combination, and describes them as "a=1, b=2". */
 static enum error_code keep_values(const struct parameters *given, size_t number,
                                    struct arena *arena, struct scenario *scenario,
                                    struct error *error)
@@ -306,14 +315,14 @@ static enum error_code keep_values(const struct parameters *given, size_t number
 
 /* ---- changes of the rig ---- */
 
-/* A place in the text, for messages. */
+/* Returns the place of a byte in the text, for messages. */
 static struct yaml_mark mark_line(const char *file, const char *text, size_t at)
 {
     return (struct yaml_mark){file, (int)count_lines(text, at) + 1, 1};
 }
 
-/* Takes the block "changes:" out of the document, whose lines stay where they are, and keeps it for
- * the rig: its first line becomes the key of a file that extends another. */
+/* Takes the block "changes:" out of the document, whose other lines stay where they are, and keeps
+ * it for the rig: the line of its key becomes the key of a file that extends another. */
 static enum error_code take_changes(const char *name, char *text, size_t size, struct arena *arena,
                                     const char **changes, size_t *changes_size, size_t *key_at,
                                     struct error *error)
@@ -328,7 +337,7 @@ static enum error_code take_changes(const char *name, char *text, size_t size, s
         return ERROR_NONE;
     }
 
-    /* A mapping in lines of its own; comments may stand before it */
+    /* The changes are a mapping in lines of their own; comments may stand before it */
     mark = mark_line(name, text, from);
     for (first = from + sizeof key - 1; first < to && text[first] == ' '; first++) {
     }
@@ -346,7 +355,8 @@ static enum error_code take_changes(const char *name, char *text, size_t size, s
         return yaml_error(error, &mark, "found no changes, expected keys of a rig");
     }
 
-    /* As many empty lines as stand before them, then the indentation of the key to come */
+    /* As many empty lines as precede them, so that messages name their lines, then the indentation
+     * of the key to come */
     *key_at = count_lines(text, from) + indent;
     *changes_size = *key_at + 1 + (to - first) + count_lines(text + from, first - from);
     copy = arena_alloc(arena, *changes_size, 1);
@@ -398,7 +408,7 @@ enum error_code scenario_load_rig(const struct scenario *scenario, struct arena 
 
 /* ---- the file ---- */
 
-/* Reads the document in one of the combinations; expanded has room for EXPANDED_MAX bytes. */
+/* Reads the document in combination number; expanded has room for EXPANDED_MAX bytes. */
 static enum error_code read_case(const char *name, const char *text, size_t size,
                                  const struct parameters *given, size_t number, char *expanded,
                                  struct arena *arena, struct scenario *one, struct error *error)
@@ -412,6 +422,8 @@ static enum error_code read_case(const char *name, const char *text, size_t size
     if (code) {
         return code;
     }
+
+    /* The hash is that of the whole text, so it is taken before the changes are cut out */
     hash = hash_bytes(HASH_START, expanded, used);
     code = take_changes(name, expanded, used, arena, &changes, &changes_size, &key_at, error);
     code = code ? code
@@ -428,6 +440,7 @@ static enum error_code read_case(const char *name, const char *text, size_t size
     return code || !changes ? code : extend_rig(one, key_at, arena, error);
 }
 
+/* Reads a text as one scenario for each combination of its parameters. */
 static enum error_code read_text(const char *name, const char *text, size_t size,
                                  struct parameters *given, struct arena *arena,
                                  struct scenario **cases, size_t *count, struct error *error)
@@ -444,7 +457,7 @@ static enum error_code read_text(const char *name, const char *text, size_t size
         return error_set(error, ERROR_MEMORY, "no memory left for scenario %s", name);
     }
 
-    /* The document is read once for each combination: a parameter may stand anywhere in it */
+    /* Read the document once for each combination: a parameter may stand anywhere in it */
     for (size_t i = 0; i < *count && !code; i++) {
         code = read_case(name, text, size, given, i, expanded, arena, &(*cases)[i], error);
     }
@@ -477,6 +490,8 @@ enum error_code scenario_read_with(const char *path, const struct scenario_value
         free(text);
         return code;
     }
+
+    /* A file that fills the buffer may be longer, and is refused */
     size = fread(text, 1, EXPANDED_MAX, in);
     if (ferror(in)) {
         code = error_set_file(error, errno, path, "cannot be read");

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* One run of a scenario: the rig, a host, and an observer that acts and observes once a tick. */
+/* Runs a scenario once: the rig, a host, and an observer that acts and observes once a tick. */
 #include "app/scenario/private.h"
 
 #include "app/scenario/program.h"
@@ -14,12 +14,14 @@
 #include <string.h>
 #include <time.h>
 
+/* Frames received at a time. */
 enum { BATCH = 64 };
-enum { DONE_PATIENCE_NS = 1000000000 };
+enum { DONE_PATIENCE_NS = 1000000000 }; /* wall-clock wait for a DONE to be on its way, at most */
 
-/* Of address space; pages cost nothing until they are touched. */
+/* Address space of a run, bytes; pages cost nothing until they are touched. */
 #define MEMORY ((size_t)1 << 30)
 
+/* A run under way. */
 struct run {
     struct scenario *scenario;
     struct scenario_view view;
@@ -29,20 +31,20 @@ struct run {
     struct bus_ports ports, host_ports;
     struct clock *wall;
     int64_t last_ns, duration_ns;
-    bool has_host;          /* the host takes part */
-    bool starts;            /* and starts the boards up */
-    bool to_the_end, early; /* ends at a failure or does not; has done so */
-    int64_t stepped_ns;     /* by the wall clock: when the last tick of a lockstep was made */
+    bool has_host;          /* a host of ours takes part */
+    bool starts;            /* ... and switches the motors on */
+    bool to_the_end, early; /* go on after a failure; the run was ended at one */
+    int64_t stepped_ns;     /* wall-clock time at which the last tick of a lockstep was made */
     struct scenario_program program;
-    uint64_t dones, released; /* frames DONE so far; those that the program may have had */
-    uint64_t mismatches;      /* STEP frames that were refused */
+    uint64_t dones, released; /* DONE frames so far; those that the program has been let have */
+    uint64_t mismatches;      /* STEP frames that were refused, so far */
     char broken[128];         /* how the program ended before the run, "" = it did not */
     struct bus_frame batch[BATCH];
 };
 
 /* ---- once a tick ---- */
 
-/* Counts the DONE that a program waits for. */
+/* Counts the DONE frames for which a program waits. */
 static void observe_done(struct run *run, size_t bus, const struct bus_frame *frame)
 {
     const struct loop_lockstep *lockstep = &run->view.rig->lockstep;
@@ -50,6 +52,7 @@ static void observe_done(struct run *run, size_t bus, const struct bus_frame *fr
     run->dones += bus == (size_t)lockstep->bus && frame->id == lockstep->done_id;
 }
 
+/* Hands all frames of the tick to the expectations. */
 static void observe_frames(struct run *run)
 {
     for (size_t b = 0; b < run->ports.count; b++) {
@@ -65,6 +68,7 @@ static void observe_frames(struct run *run)
     }
 }
 
+/* Hands all log lines of the tick to the expectations. */
 static void observe_events(struct run *run)
 {
     char text[512];
@@ -75,6 +79,7 @@ static void observe_events(struct run *run)
     }
 }
 
+/* Checks whether the motors of all axes are on. */
 static bool motors_are_all_on(const struct run *run)
 {
     const struct plant_command *command = plant_command(simulator_plant(run->view.simulator));
@@ -86,6 +91,7 @@ static bool motors_are_all_on(const struct run *run)
     return on >= run->view.rig->naxis;
 }
 
+/* Sets the labels ready and clean_up when they happen. */
 static void set_labels(struct run *run, int64_t time_ns)
 {
     int64_t *label = run->clock.label_ns;
@@ -99,9 +105,9 @@ static void set_labels(struct run *run, int64_t time_ns)
     }
 }
 
-/* Lets the program have the DONE of its STEP, which has been observed, and waits until it is on its
- * way. So what the program sends belongs to the next tick, in every run, and so do frames of
- * stimuli, which come behind that DONE. */
+/* Lets the program have the DONE of its STEP, which has been observed, and waits until that is on
+ * its way. So whatever the program sends belongs to the next tick, in every run, and so do frames
+ * of stimuli, which come behind that DONE. */
 static void scenario_run_release_program(struct run *run, struct gateway *gateway)
 {
     const struct timespec pause = {.tv_nsec = 10000};
@@ -114,7 +120,7 @@ static void scenario_run_release_program(struct run *run, struct gateway *gatewa
     }
 }
 
-/* Ends a run in lockstep for which no STEP comes: the program is no more, or nothing has come for
+/* Ends a run in lockstep for which no STEP comes: the program has ended, or nothing has come for
  * longer than any load explains. */
 static void scenario_run_watch_steps(struct run *run)
 {
@@ -129,7 +135,8 @@ static void scenario_run_watch_steps(struct run *run)
     }
 }
 
-/* A program's turn comes with DONE; a STEP that is refused is answered without a tick. */
+/* Gives a program its turn: after a DONE, or after a STEP that is refused and so answered without a
+ * tick. */
 static void scenario_run_program(struct run *run)
 {
     struct gateway *gateway = simulator_gateway(run->view.simulator);
@@ -146,7 +153,8 @@ static void scenario_run_program(struct run *run)
     }
 }
 
-/* Judges the tick that ended at time_ns, after its frames and events. */
+/* Judges the tick that ended at time_ns, after its frames and events, and acts; ends the run at a
+ * failure. */
 static void scenario_run_judge_tick(struct run *run, int64_t time_ns)
 {
     set_labels(run, time_ns);
@@ -158,6 +166,7 @@ static void scenario_run_judge_tick(struct run *run, int64_t time_ns)
     }
 }
 
+/* Lets the host start the boards up and send, unless a stimulus silences it. */
 static void scenario_run_host(struct run *run)
 {
     if (run->starts && run->view.host_phase < HOST_READY) {
@@ -168,6 +177,7 @@ static void scenario_run_host(struct run *run)
     }
 }
 
+/* Observes and acts; called once a tick, and again while a lockstep waits. */
 static void scenario_run_step(void *context, int64_t time_ns)
 {
     struct run *run = context;
@@ -184,7 +194,7 @@ static void scenario_run_step(void *context, int64_t time_ns)
         scenario_run_watch_steps(run);
     }
 
-    /* Only in lockstep does a host wait: for DONE */
+    /* Only in lockstep does the host wait, for DONE */
     if (run->has_host && !host_receive(run->view.host, time_ns)) {
         host_repeat_step(run->view.host, clock_now(run->wall));
         return;
@@ -199,6 +209,7 @@ static void scenario_run_step(void *context, int64_t time_ns)
 
 /* ---- set-up ---- */
 
+/* Creates the host, if this run has one. */
 static enum error_code create_host(struct run *run, struct arena *arena, struct error *error)
 {
     const struct rig *rig = run->view.rig;
@@ -209,7 +220,7 @@ static enum error_code create_host(struct run *run, struct arena *arena, struct 
     return run->has_host ? host_create(&config, arena, &run->view.host, error) : ERROR_NONE;
 }
 
-/* Loads the rig, with the scenario's changes. */
+/* Loads the rig with the scenario's changes, and binds the scenario's names to it. */
 static enum error_code load_rig(struct run *run, struct arena *arena, struct error *error)
 {
     const struct scenario *scenario = run->scenario;
@@ -233,6 +244,7 @@ static enum error_code load_rig(struct run *run, struct arena *arena, struct err
     return scenario_bind(run->scenario, changed, error);
 }
 
+/* Returns the number of ticks of the run, clean-up included. */
 static uint64_t scenario_run_ticks(const struct run *run)
 {
     double length_s = run->scenario->duration_s + run->scenario->clean_up_s;
@@ -240,8 +252,8 @@ static uint64_t scenario_run_ticks(const struct run *run)
     return (uint64_t)ceil(length_s * 1e9 / (double)run->view.rig->tick_ns - 1e-6);
 }
 
-/* Whether a host of ours is on the buses: one that switches the motors on, or what a lockstep waits
- * for when nobody else sends STEP frames. */
+/* Decides whether a host of ours is on the buses: one that switches the motors on, or one that
+ * sends STEP when nobody else does in a lockstep. */
 static void scenario_run_find_host(struct run *run)
 {
     const struct scenario *scenario = run->scenario;
@@ -251,6 +263,7 @@ static void scenario_run_find_host(struct run *run)
                                     scenario->host != SCENARIO_HOST_PROGRAM);
 }
 
+/* Creates the simulator on local buses, and joins them. */
 static enum error_code create_simulator(struct run *run, const struct scenario_options *options,
                                         const struct simulator_observer *observer,
                                         const char **fault, size_t nfault, struct arena *arena,
@@ -282,12 +295,13 @@ static enum error_code create_simulator(struct run *run, const struct scenario_o
     char notice[256];
     enum error_code code = simulator_create(&config, arena, &run->view.simulator, notice, error);
 
-    /* Ports of our own, to observe and to send frames; and those of the host */
+    /* Join with ports to observe and to send frames, and with those of the host */
     code = code ? code : simulator_join(run->view.simulator, &run->ports, error);
     return code || !run->has_host ? code
                                   : simulator_join(run->view.simulator, &run->host_ports, error);
 }
 
+/* Creates everything that a run needs. */
 static enum error_code scenario_run_create(struct run *run, const struct scenario_options *options,
                                            const struct simulator_observer *observer,
                                            struct arena *arena, struct error *error)
@@ -301,6 +315,8 @@ static enum error_code scenario_run_create(struct run *run, const struct scenari
     if (!fault) {
         return error_set(error, ERROR_MEMORY, "no memory left for a scenario");
     }
+
+    /* The rig is loaded first: names, ticks and buses are its own */
     scenario_run_find_host(run);
     if ((code = load_rig(run, arena, error)) ||
         (code = scenario_stimuli_create(scenario, options->mutation, arena, &run->stimuli, fault,
@@ -316,7 +332,7 @@ static enum error_code scenario_run_create(struct run *run, const struct scenari
 
 /* ---- the run ---- */
 
-/* Writes which scenario a summary is of, and with which values of its parameters: its rig is the
+/* Writes of which scenario a summary is, and with which values of its parameters: the rig is the
  * one that they make. */
 static void scenario_run_put_origin(const void *context, FILE *out)
 {
@@ -335,7 +351,7 @@ static void scenario_run_put_origin(const void *context, FILE *out)
     fputs("}", out);
 }
 
-/* Completes a recording: its files, its summary and the plots of what was not met. */
+/* Completes a recording: its files, its summary and the plots of expectations that were not met. */
 static enum error_code scenario_run_finish_recording(struct run *run, const char *record,
                                                      enum loop_end end,
                                                      struct scenario_outcome *outcome,
@@ -358,6 +374,7 @@ static enum error_code scenario_run_finish_recording(struct run *run, const char
     return code ? code : scenario_expectations_plot(run->expectations, outcome, record, error);
 }
 
+/* Judges the last tick, closes all expectations, and fills in the outcome. */
 static void scenario_run_finish(struct run *run, const struct scenario_options *options,
                                 enum loop_end end, struct scenario_outcome *outcome)
 {
@@ -366,7 +383,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     int64_t planned_ns = (int64_t)scenario_run_ticks(run) * run->view.rig->tick_ns;
     struct error error;
 
-    /* What the last tick has sent has not been judged yet */
+    /* The frames and events of the last tick have not been judged yet */
     observe_frames(run);
     observe_events(run);
     if (run->has_host) {
@@ -385,8 +402,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     outcome->seed = faults_seed(simulator_faults(simulator));
     outcome->state_hash = plant_hash(simulator_plant(simulator));
 
-    /* A program or a model that fails, or a recording that cannot be written, makes the verdicts
-     * void */
+    /* A program or a model that fails, or a recording that cannot be written, voids the verdicts */
     if (run->broken[0]) {
         outcome->ran = false;
         snprintf(outcome->text, sizeof outcome->text, "%s", run->broken);
@@ -400,6 +416,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     }
 }
 
+/* Makes, runs and destroys a simulator; the outcome is complete unless an error is returned. */
 static enum error_code scenario_run_in_arena(struct run *run,
                                              const struct scenario_options *options,
                                              struct arena *arena, struct scenario_outcome *outcome,
@@ -412,6 +429,8 @@ static enum error_code scenario_run_in_arena(struct run *run,
     if (!code) {
         code = simulator_start(run->view.simulator, &unused, error);
     }
+
+    /* The gateway must listen before the program starts */
     if (!code && run->scenario->host == SCENARIO_HOST_PROGRAM) {
         code = scenario_program_start(&run->program, options->program,
                                       gateway_port(simulator_gateway(run->view.simulator)),
@@ -445,7 +464,7 @@ void scenario_run(struct scenario *scenario, const struct scenario_options *opti
         return;
     }
 
-    /* No label has happened but the start */
+    /* No label but the start has happened yet */
     run->scenario = scenario;
     run->wall = wall;
     run->stepped_ns = begin;
@@ -456,7 +475,7 @@ void scenario_run(struct scenario *scenario, const struct scenario_options *opti
     }
     run->clock.label_ns[SCENARIO_LABEL_START] = 0;
 
-    /* Everything is in an arena of the run's own */
+    /* All memory is in an arena of the run's own */
     code = arena_init(&arena, MEMORY, &error);
     if (!code) {
         code = scenario_run_in_arena(run, options, &arena, outcome, &error);

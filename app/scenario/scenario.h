@@ -37,19 +37,19 @@ enum {
     SCENARIO_MUTATIONS_MAX = 32,
     SCENARIO_CASES_MAX = 4096, /* combinations of the parameters of one file */
     SCENARIO_PARAMETERS_MAX = 16,
-    SCENARIO_VALUE_MAX = 64, /* bytes of a parameter's value, with the end */
+    SCENARIO_VALUE_MAX = 64, /* bytes of a parameter's value as text, with the end */
     SCENARIO_TEXT = 256,
 };
 
 enum scenario_host {
     SCENARIO_HOST_NONE,
-    SCENARIO_HOST_ENABLED, /* discovers and configures the boards and switches all motors on */
-    SCENARIO_HOST_PROGRAM, /* a program under test, which joins by the gateway */
+    SCENARIO_HOST_ENABLED, /* discovers and configures the boards, and switches all motors on */
+    SCENARIO_HOST_PROGRAM, /* a program under test, which joins through the gateway */
 };
 
 /* ---- as read ---- */
 
-/* A pattern for frames; two hexadecimal digits a byte, x for a digit that may be any. */
+/* A pattern of frames: two hexadecimal digits a byte, x for a digit that may be any. */
 struct scenario_pattern {
     struct yaml_mark mark;
     const char *bus;
@@ -59,14 +59,15 @@ struct scenario_pattern {
     const char *data;
     /* derived */
     int bus_index;
-    uint8_t len; /* bytes of the pattern; further bytes of a frame may be any */
+    uint8_t len; /* bytes of the pattern; a frame may have more */
     uint8_t byte[64], mask[64];
 };
 
+/* A frame to be sent. */
 struct scenario_frame {
     struct yaml_mark mark;
     const char *bus;
-    int64_t id, copies; /* how many at once */
+    int64_t id, copies; /* copies: frames sent at once */
     const char *data;
     bool extended, fd, remote;
     /* derived */
@@ -74,6 +75,7 @@ struct scenario_frame {
     struct bus_frame frame;
 };
 
+/* A voltage for a joint, held until the stimulus ends. */
 struct scenario_voltage {
     struct yaml_mark mark;
     const char *joint;
@@ -81,13 +83,15 @@ struct scenario_voltage {
     int axis; /* derived */
 };
 
+/* A motor to be switched on or off. */
 struct scenario_motor {
     struct yaml_mark mark;
-    const char *joint; /* "all" */
+    const char *joint; /* or "all" */
     bool on;
     int axis; /* derived; -1 = all */
 };
 
+/* A force on a body for a time. */
 struct scenario_push {
     struct yaml_mark mark;
     const char *body;
@@ -101,10 +105,11 @@ enum scenario_action {
     SCENARIO_MOTOR,
     SCENARIO_PUSH,
     SCENARIO_FAULT,
-    SCENARIO_SILENCE, /* the host sends nothing */
-    SCENARIO_MARK,    /* nothing but its label */
+    SCENARIO_SILENCE, /* the host sends nothing for a time */
+    SCENARIO_MARK,    /* sets its label, does nothing else */
 };
 
+/* Something that is done to the bench at a time. */
 struct scenario_stimulus {
     struct yaml_mark mark;
     const char *label, *after;
@@ -120,13 +125,16 @@ struct scenario_stimulus {
     int label_index, after_index;
 };
 
+/* How an expectation is judged. */
 enum scenario_look {
-    SCENARIO_BETWEEN, /* every sample of the window within the band */
-    SCENARIO_REACHES, /* some sample within it */
-    SCENARIO_SEEN,    /* frames or events: so many in the window */
-    SCENARIO_PERIOD,  /* frames: the time between two, and from the window's edges, within a band */
+    SCENARIO_BETWEEN, /* every sample in the window is within the band */
+    SCENARIO_REACHES, /* some sample in the window is within the band */
+    SCENARIO_SEEN,    /* frames or events: their number in the window is within the band */
+    /* Frames: the time between two, and from the window's edges, is within the band. */
+    SCENARIO_PERIOD,
 };
 
+/* Something that the bench must show in a window of time. */
 struct scenario_expectation {
     struct yaml_mark mark;
     const char *name, *after;
@@ -135,7 +143,7 @@ struct scenario_expectation {
     bool signal_given, event_given, frame_given;
     bool between_given, reaches_given, count_given, period_given, to_given, within_given;
     double between[2], reaches[2], count[2], period_s[2];
-    bool relative; /* to the signal's value when the window opens */
+    bool relative; /* counts from the signal's value when the window opens */
     bool never;
     struct scenario_pattern frame;
     enum scenario_look look; /* derived */
@@ -143,18 +151,19 @@ struct scenario_expectation {
     int after_index;
 };
 
+/* A change that must make expectations fail. */
 struct scenario_mutation {
     struct yaml_mark mark;
     const char *name;
     bool fault_given;
     const char *fault;
     bool without_given;
-    const char *without; /* label of the stimuli that are left out */
+    const char *without; /* label of stimuli that are left out */
     size_t nfail;
-    const struct yaml_name *fails; /* names of expectations; none = any */
+    const struct yaml_name *fails; /* names of expectations that must fail; none = any */
 };
 
-/* Numbers or words, one of them. */
+/* A parameter: numbers or words, never both. */
 struct scenario_parameter {
     struct yaml_mark mark;
     const char *name;
@@ -163,28 +172,29 @@ struct scenario_parameter {
     struct yaml_name *word;
 };
 
-/* What ${NAME} stands for in a case, as text. */
+/* The text that stands for ${NAME} in a case. */
 struct scenario_value {
     const char *name, *text;
 };
 
+/* A scenario as read, in one combination of its parameters. */
 struct scenario {
     struct yaml_mark mark;
     const char *file, *name, *description;
-    const char *rig; /* as written */
+    const char *rig; /* path or name as written */
     struct yaml_mark rig_mark;
     int clock, hold, wire, host;
     bool clock_given, hold_given, wire_given, seed_given, task_given;
     bool settle, to_the_end;
     int64_t seed;
     double duration_s, clean_up_s;
-    double cpu_limit_s;  /* of the process */
-    double wall_limit_s; /* in lockstep: until the next STEP */
+    double cpu_limit_s;  /* processor time of the run's process */
+    double wall_limit_s; /* wall-clock wait for the next STEP in lockstep */
     const char *task;
     struct yaml_mark task_mark;
     size_t nfault, nstimulus, ncleanup, nexpectation, nmutation, nparameter;
     struct yaml_name *fault;
-    struct scenario_stimulus *stimulus; /* derived: those of clean_up follow */
+    struct scenario_stimulus *stimulus; /* derived: those of clean_up are appended */
     struct scenario_stimulus *clean_up;
     struct scenario_expectation *expectation;
     struct scenario_mutation *mutation;
@@ -194,12 +204,13 @@ struct scenario {
     const char *rig_path;
     size_t nlabel;
     const char *label[SCENARIO_STIMULI_MAX + 3]; /* the first three: start, ready, clean_up */
-    char values[SCENARIO_TEXT]; /* of the parameters of this case: "a=1, b=2" or "" */
+    char values[SCENARIO_TEXT]; /* values of the parameters in this case: "a=1, b=2" or "" */
     size_t nvalue;
-    const struct scenario_value *value; /* the same, in the file's order */
-    const char *changes; /* the rig with them, as a file that extends it; NULL = the rig itself */
+    const struct scenario_value *value; /* the same values, in the file's order */
+    /* Text of a rig file that extends the rig with them; NULL = the rig itself. */
+    const char *changes;
     size_t changes_size;
-    uint64_t text_hash; /* of the file with the values put in */
+    uint64_t text_hash; /* hash of the file with the values put in */
 };
 
 enum { SCENARIO_LABEL_START, SCENARIO_LABEL_READY, SCENARIO_LABEL_CLEAN_UP, SCENARIO_LABELS };
@@ -210,60 +221,65 @@ enum { SCENARIO_LABEL_START, SCENARIO_LABEL_READY, SCENARIO_LABEL_CLEAN_UP, SCEN
 enum error_code scenario_read(const char *path, struct arena *arena, struct scenario **cases,
                               size_t *count, struct error *error);
 
-/* The same with values given instead of those of the file, one for each parameter that is named.
+/* Reads a file with values given instead of its own, one for each parameter that is named.
  * ERROR_INPUT when the file has no such parameter. */
 enum error_code scenario_read_with(const char *path, const struct scenario_value *given,
                                    size_t ngiven, struct arena *arena, struct scenario **cases,
                                    size_t *count, struct error *error);
 
-/* As scenario_read, from memory. */
+/* Reads a scenario from memory, as scenario_read does. */
 enum error_code scenario_read_text(const char *name, const char *text, size_t size,
                                    struct arena *arena, struct scenario **cases, size_t *count,
                                    struct error *error);
 
-/* Reads the rig of a scenario, with its changes. Everything lives in arena. Not RT-safe. */
+/* Loads the rig of a scenario, with its changes. Everything lives in arena. Not RT-safe. */
 enum error_code scenario_load_rig(const struct scenario *scenario, struct arena *arena,
                                   const struct rig **rig, struct error *error);
 
-/* Finds the buses, joints and bodies of stimuli and expectations in the rig. Not RT-safe. */
+/* Finds the buses, joints, bodies and signals of stimuli and expectations in the rig. Not
+ * RT-safe. */
 enum error_code scenario_bind(struct scenario *scenario, const struct rig *rig,
                               struct error *error);
 
-/* The kinds of signals and their meanings, a line each; NULL ends. */
+/* Returns the kinds of signals and their meanings, a line each; NULL ends. */
 const char *const *scenario_signal_help(void);
 
-/* A frame's pattern against a frame. */
+/* Checks whether a frame matches a pattern. */
 bool scenario_pattern_matches(const struct scenario_pattern *pattern,
                               const struct bus_frame *frame);
 
 /* ---- a run ---- */
 
+/* The verdict on one expectation. */
 struct scenario_verdict {
     bool met;
-    bool judged;              /* false: the run ended at a failure before it was decided */
-    int64_t time_ns;          /* when it was decided; -1 = never */
-    bool has_margin;          /* of a signal that stayed between two bounds */
-    double margin;            /* its least distance from either, as a share of that between them */
+    bool judged;     /* false: the run ended at a failure before it was decided */
+    int64_t time_ns; /* virtual time of the decision; -1 = never */
+    bool has_margin; /* for a signal that must stay between two bounds */
+    double margin;   /* its least distance from either bound, as a share of their distance */
     char text[SCENARIO_TEXT]; /* what was found and what was expected, when it was not met */
 };
 
+/* What came out of a run. */
 struct scenario_outcome {
     bool ran; /* false: text says why there are no verdicts */
     char text[SCENARIO_TEXT];
     size_t nverdict;
     struct scenario_verdict verdict[SCENARIO_EXPECTATIONS_MAX];
     uint64_t state_hash, seed;
-    uint64_t rig_hash; /* of what the rig was read from */
+    uint64_t rig_hash; /* hash of what the rig was read from */
     int64_t virtual_ns, wall_ns;
 };
 
+/* How a run differs from what the scenario says. */
 struct scenario_options {
     int mutation; /* index, -1 = none */
     bool seed_given;
     uint64_t seed;
-    bool to_the_end;     /* although an expectation was not met */
+    bool to_the_end;     /* go on although an expectation was not met */
     const char *program; /* command of host: program; NULL = none */
-    const char *scratch; /* folder for its log, and in its environment; NULL = that of record */
+    /* Folder for the program's log, and in its environment; NULL = that of record. */
+    const char *scratch;
     const char
         *record; /* directory for the recording and the plots of what was not met; NULL = none */
 };
@@ -272,11 +288,11 @@ struct scenario_options {
 void scenario_run(struct scenario *scenario, const struct scenario_options *options,
                   struct scenario_outcome *outcome);
 
-/* Whether every expectation was met. */
+/* Checks whether every expectation was met. */
 bool scenario_passed(const struct scenario_outcome *outcome);
 
-/* Whether a mutated run failed where the mutation says; missed is the expectation that was met in
- * spite of it, or "" when any would have done. */
+/* Checks whether a mutated run failed where the mutation says; *missed is the expectation that was
+ * met in spite of it, or "" when any failure would have done. */
 bool scenario_flipped(const struct scenario *scenario, size_t mutation,
                       const struct scenario_outcome *outcome, const char **missed);
 

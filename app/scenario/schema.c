@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The form of a scenario file. */
+/* Declares the keys of a scenario file. */
 #include "app/scenario/private.h"
 
 #include "base/count.h"
@@ -8,17 +8,10 @@
 
 #define AT(member) offsetof(struct STRUCT, member)
 
-static const struct yaml_enum clock_words[] = {
-    {"free", LOOP_CLOCK_FREE}, {"lockstep", LOOP_CLOCK_LOCKSTEP}, {NULL, 0}};
-static const struct yaml_enum hold_words[] = {{"none", RIG_HOLD_NONE},
-                                              {"until_enabled", RIG_HOLD_ENABLED},
-                                              {"always", RIG_HOLD_ALWAYS},
-                                              {NULL, 0}};
-static const struct yaml_enum wire_words[] = {{"ideal", 0}, {"wire", 1}, {NULL, 0}};
-static const struct yaml_enum host_words[] = {{"none", SCENARIO_HOST_NONE},
-                                              {"enabled", SCENARIO_HOST_ENABLED},
-                                              {"program", SCENARIO_HOST_PROGRAM},
-                                              {NULL, 0}};
+static const struct word host_words[] = {{"none", SCENARIO_HOST_NONE},
+                                         {"enabled", SCENARIO_HOST_ENABLED},
+                                         {"program", SCENARIO_HOST_PROGRAM},
+                                         {NULL, 0}};
 
 #define STRUCT scenario_frame
 static const struct yaml_field frame_fields[] = {
@@ -180,10 +173,10 @@ static const struct yaml_field scenario_fields[] = {
     {"description", YAML_STRING, true, .offset = AT(description), .min = 1, .max = 1000},
     {"rig", YAML_STRING, true, .offset = AT(rig), .min = 1, .max = 255,
      .mark_offset = AT(rig_mark)},
-    {"clock", YAML_ENUM, false, .offset = AT(clock), .names = clock_words},
-    {"hold", YAML_ENUM, false, .offset = AT(hold), .names = hold_words,
+    {"clock", YAML_ENUM, false, .offset = AT(clock), .names = loop_clock_words + 1},
+    {"hold", YAML_ENUM, false, .offset = AT(hold), .names = rig_hold_words,
      .given_offset = AT(hold_given)},
-    {"wire", YAML_ENUM, false, .offset = AT(wire), .names = wire_words,
+    {"wire", YAML_ENUM, false, .offset = AT(wire), .names = rig_wire_words,
      .given_offset = AT(wire_given)},
     {"settle", YAML_BOOL, false, .offset = AT(settle)},
     {"seed", YAML_INT, false, .offset = AT(seed), .min = 0, .max = 9e15,

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Signals of a scenario by their names. */
+/* Finds and reads the signals of a scenario. */
 #include "app/scenario/private.h"
 
 #include "base/count.h"
@@ -11,6 +11,7 @@
 #include <stdio.h>
 #include <string.h>
 
+/* Longest part of a name; names of one kind in a rig. */
 enum { PARTS_MAX = 4, PART_SIZE = 64, NAMES_MAX = 128 };
 
 /* ---- quantities ---- */
@@ -38,6 +39,7 @@ static const char *const boards_words[] = {"frames",   "foreign", "unknown",   "
                                            "timeouts", "trips",   "overflows", "fault"};
 static const char *const lockstep_words[] = {"steps", "mismatches", "malformed", "silences"};
 
+/* Returns a quantity of a joint, true or measured, in the order of joint_words. */
 static double joint_value(const struct motor_sense *motor, size_t word)
 {
     const double value[ARRAY_COUNT(joint_words)] = {motor->q,
@@ -55,6 +57,7 @@ static double joint_value(const struct motor_sense *motor, size_t word)
     return value[word];
 }
 
+/* Returns a component of a wrench, N or N m, in the order of wrench_words. */
 static double wrench_value(const struct ft_sense *ft, size_t word)
 {
     return word < 3 ? ft->force_n[word] : ft->torque_nm[word - 3];
@@ -83,6 +86,7 @@ static double signal_read_measured_ft(const struct scenario_view *view, size_t f
     return wrench_value(&simulator_measured(view->simulator)->ft[ft], word);
 }
 
+/* Returns what the host has received of a joint. */
 static double signal_read_host_joint(const struct scenario_view *view, size_t axis, size_t word)
 {
     const struct host_joint *joint = host_joint(view->host, axis);
@@ -93,6 +97,7 @@ static double signal_read_host_joint(const struct scenario_view *view, size_t ax
     return value[word];
 }
 
+/* Returns what the host has received of a force-torque sensor. */
 static double signal_read_host_ft(const struct scenario_view *view, size_t ft, size_t word)
 {
     const struct host_force *force = host_force(view->host, ft);
@@ -109,6 +114,7 @@ static double signal_read_host(const struct scenario_view *view, size_t a, size_
     return (double)view->host_phase;
 }
 
+/* Returns a coordinate of the base's pose in the world, m or 1, or its tilt from upright, rad. */
 static double signal_read_base(const struct scenario_view *view, size_t a, size_t word)
 {
     size_t count;
@@ -120,10 +126,11 @@ static double signal_read_base(const struct scenario_view *view, size_t a, size_
         return state[word];
     }
     up = 1.0 - 2.0 * (state[4] * state[4] +
-                      state[5] * state[5]); /* cosine of the tilt, from the quaternion */
+                      state[5] * state[5]); /* cosine of the tilt, from the quaternion's x and y */
     return portable_acos(fmin(fmax(up, -1.0), 1.0));
 }
 
+/* Returns a coordinate of the robot's center of mass in the world, m. */
 static double signal_read_com(const struct scenario_view *view, size_t a, size_t word)
 {
     double position[3], momentum[3];
@@ -133,6 +140,7 @@ static double signal_read_com(const struct scenario_view *view, size_t a, size_t
     return position[word];
 }
 
+/* Returns a component of the contact wrench on a body, N or N m. */
 static double signal_read_contact(const struct scenario_view *view, size_t body, size_t word)
 {
     const struct contact_wrench *wrench =
@@ -171,7 +179,7 @@ static double signal_read_task(const struct scenario_view *view, size_t a, size_
     return runner ? (double)runner->now.status : 0.0;
 }
 
-/* The largest transmit error counter of the boards' CAN controllers. */
+/* Returns the largest transmit error counter of the boards' CAN controllers on a bus. */
 static double largest_tec(const struct scenario_view *view, const struct wire *wire, size_t bus)
 {
     unsigned largest = 0;
@@ -185,6 +193,7 @@ static double largest_tec(const struct scenario_view *view, const struct wire *w
     return (double)largest;
 }
 
+/* Returns a quantity that only a bus in virtual time has; not a number on other buses. */
 static double signal_read_wire(const struct scenario_view *view, size_t bus, size_t word)
 {
     const struct wire *wire = simulator_wire(view->simulator, bus);
@@ -194,6 +203,8 @@ static double signal_read_wire(const struct scenario_view *view, size_t bus, siz
     if (!wire) {
         return (double)NAN;
     }
+
+    /* Words 5 to 11 of bus_words: tec, bus_off, errors, load, load_peak, queued, latency_max */
     if (word == 5) {
         return largest_tec(view, wire, bus);
     }
@@ -211,6 +222,7 @@ static double signal_read_wire(const struct scenario_view *view, size_t bus, siz
                        : (double)stats.queued_peak;
 }
 
+/* Returns a counter or the state of a bus's port, or a quantity of its wire. */
 static double signal_read_bus(const struct scenario_view *view, size_t bus, size_t word)
 {
     const struct can_port *port = simulator_port(view->simulator, bus);
@@ -221,6 +233,7 @@ static double signal_read_bus(const struct scenario_view *view, size_t bus, size
     return word < ARRAY_COUNT(value) ? value[word] : signal_read_wire(view, bus, word);
 }
 
+/* Returns a counter of the boards, or their fault bits. */
 static double signal_read_boards(const struct scenario_view *view, size_t a, size_t word)
 {
     struct boards_counters counters;
@@ -299,14 +312,15 @@ static size_t bus_names(const struct rig *rig, const char **name)
     return rig->nbus;
 }
 
-/* PREFIX.NAME.WORD; a prefix of "" is omitted, and so is NAME where a form has no names. */
+/* Form of a name, PREFIX.NAME.WORD; a prefix of "" is omitted, and so is NAME where a form has no
+ * names. Forms with longer prefixes stand first. */
 static const struct form {
     const char *prefix;
     size_t (*names)(const struct rig *rig, const char **name);
     const char *const *word;
     size_t nword;
     double (*read)(const struct scenario_view *view, size_t a, size_t b);
-    bool host, floating;
+    bool host, floating; /* needs a host; needs a floating base */
 } forms[] = {
     {"measured.ft", ft_names, wrench_words, ARRAY_COUNT(wrench_words), signal_read_measured_ft,
      false, false},
@@ -333,6 +347,7 @@ static const struct form {
     {"task", NULL, (const char *const[]){"status"}, 1, signal_read_task, false, false},
 };
 
+/* Finds a word in a list; false when it is not there. */
 static bool signal_find_word(const char *const *word, size_t count, const char *text, size_t *index)
 {
     for (*index = 0; *index < count; ++*index) {
@@ -343,7 +358,7 @@ static bool signal_find_word(const char *const *word, size_t count, const char *
     return false;
 }
 
-/* Splits PREFIX.middle.WORD; false when the name has another form. */
+/* Splits a name into PREFIX.middle.WORD of a form; false when it does not fit. */
 static bool signal_fits_form(const struct form *form, const char *name, char middle[PART_SIZE],
                              const char **word)
 {
@@ -369,6 +384,7 @@ static bool signal_fits_form(const struct form *form, const char *name, char mid
     return true;
 }
 
+/* Refuses a signal with an unknown part, and suggests the nearest of the words. */
 static enum error_code signal_unknown(const char *name, const char *part, const char *const *words,
                                       size_t count, const struct yaml_mark *mark,
                                       struct error *error)
@@ -407,6 +423,8 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
             return yaml_error(error, mark, "found signal \"%.80s\", but the robot's base is fixed",
                               name);
         }
+
+        /* The name must be one of the rig's, and the quantity one of the form's */
         if (!form->names || signal_find_word(names, n, middle, &a)) {
             if (signal_find_word(form->word, form->nword, word, &b)) {
                 *signal = (struct scenario_signal){form->read, a, b, form->host};
@@ -421,8 +439,8 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
         }
     }
 
-    /* The last form that fitted says what was expected, else the first that fitted but for the
-     * name; else a joint was meant */
+    /* The last form that fitted says what was expected, or else the first that fitted but for the
+     * name; otherwise a joint was meant */
     if (words) {
         return signal_unknown(name, part, words, count, mark, error);
     }

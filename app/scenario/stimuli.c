@@ -1,17 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The stimuli of a scenario, tick by tick. */
+/* Carries out the stimuli of a scenario, tick by tick. */
 #include "app/scenario/private.h"
 
 #include <stdio.h>
 #include <string.h>
 
-static const double REFRESH_S = 0.01; /* of a voltage */
+static const double REFRESH_S = 0.01; /* a voltage is set again after so long */
 
+/* Progress of one stimulus. */
 struct state {
-    bool left_out; /* by the mutation */
+    bool left_out; /* the mutation leaves it out */
     bool begun, over;
-    int64_t begin_ns, next_ns;
-    int fault; /* index in the table of faults, -1 = not looked up */
+    int64_t begin_ns, next_ns; /* when it began; when it acts again */
+    int fault;                 /* index among the simulator's faults, -1 = not looked up yet */
 };
 
 struct scenario_stimuli {
@@ -20,6 +21,7 @@ struct scenario_stimuli {
     bool silence;
 };
 
+/* Writes the name of a stimulus's fault in the simulator. */
 static void fault_name(size_t stimulus, char name[32])
 {
     snprintf(name, 32, "stimulus-%zu", stimulus + 1);
@@ -27,6 +29,7 @@ static void fault_name(size_t stimulus, char name[32])
 
 /* ---- set-up ---- */
 
+/* Checks whether a mutation leaves a stimulus out; mutation -1 = none does. */
 static bool left_out(const struct scenario *scenario, int mutation, size_t stimulus)
 {
     const char *label = scenario->stimulus[stimulus].label;
@@ -42,7 +45,8 @@ enum error_code scenario_stimuli_create(const struct scenario *scenario, int mut
     struct scenario_stimuli *stimuli = arena_alloc(arena, 1, sizeof *stimuli);
     bool good = stimuli != NULL;
 
-    /* The scenario's own faults, those of stimuli, switched by hand, and the mutation's */
+    /* Faults: the scenario's own, those of stimuli, which are switched by hand, and the
+     * mutation's */
     *nfault = 0;
     for (size_t i = 0; i < scenario->nfault; i++) {
         fault[(*nfault)++] = scenario->fault[i].name;
@@ -77,6 +81,7 @@ enum error_code scenario_stimuli_create(const struct scenario *scenario, int mut
 
 /* ---- the actions ---- */
 
+/* Switches a stimulus's fault on or off. */
 static void stimulus_switch_fault(struct scenario_stimuli *stimuli, size_t index,
                                   const struct scenario_view *view, bool active, int64_t time_ns)
 {
@@ -91,6 +96,7 @@ static void stimulus_switch_fault(struct scenario_stimuli *stimuli, size_t index
     faults_set(faults, time_ns, (size_t)state->fault, active);
 }
 
+/* Tells the host to switch one motor or all. */
 static void switch_motors(const struct scenario_motor *motor, const struct scenario_view *view)
 {
     for (size_t i = 0; i < view->rig->naxis; i++) {
@@ -100,6 +106,7 @@ static void switch_motors(const struct scenario_motor *motor, const struct scena
     }
 }
 
+/* Sets or ends a push on a body. */
 static void stimulus_push(const struct scenario_push *what, const struct scenario_view *view,
                           bool on)
 {
@@ -109,7 +116,7 @@ static void stimulus_push(const struct scenario_push *what, const struct scenari
                    on ? what->moment_nm : none);
 }
 
-/* Acts, for the first time or once more. */
+/* Carries out a stimulus, for the first time or once more. */
 static void stimulus_act(struct scenario_stimuli *stimuli, size_t index,
                          const struct scenario_view *view, const struct bus_ports *ports,
                          int64_t time_ns)
@@ -142,6 +149,7 @@ static void stimulus_act(struct scenario_stimuli *stimuli, size_t index,
     }
 }
 
+/* Ends what a stimulus has begun. */
 static void stimulus_end(struct scenario_stimuli *stimuli, size_t index,
                          const struct scenario_view *view, int64_t time_ns)
 {
@@ -155,7 +163,7 @@ static void stimulus_end(struct scenario_stimuli *stimuli, size_t index,
     stimuli->state[index].over = true;
 }
 
-/* Time until it acts again; 0 = it acts once. */
+/* Returns the time until a stimulus acts again, ns; 0 = it acts once. */
 static int64_t period_ns(const struct scenario_stimulus *stimulus)
 {
     return stimulus->every_s > 0.0                ? scenario_ns(stimulus->every_s)
@@ -163,7 +171,7 @@ static int64_t period_ns(const struct scenario_stimulus *stimulus)
                                                   : 0;
 }
 
-/* Begins or continues the stimulus; true when it began, for its label may start another. */
+/* Begins or continues a stimulus; true when it began, for its label may start another one. */
 static bool stimulus_step(struct scenario_stimuli *stimuli, size_t index,
                           const struct scenario_view *view, const struct bus_ports *ports,
                           struct scenario_clock *clock, int64_t time_ns)
@@ -176,6 +184,8 @@ static bool stimulus_step(struct scenario_stimuli *stimuli, size_t index,
     if (state->left_out || state->over || (!state->begun && !begins)) {
         return false;
     }
+
+    /* A label is set by the first stimulus that has it */
     if (begins) {
         state->begun = true;
         state->begin_ns = state->next_ns = time_ns;
@@ -183,6 +193,8 @@ static bool stimulus_step(struct scenario_stimuli *stimuli, size_t index,
             clock->label_ns[stimulus->label_index] = time_ns;
         }
     }
+
+    /* End it after its time; act at its beginning, and again when the period is over */
     if (stimulus->for_s > 0.0 && time_ns >= state->begin_ns + scenario_ns(stimulus->for_s)) {
         stimulus_end(stimuli, index, view, time_ns);
     } else if (begins || (period_ns(stimulus) && time_ns >= state->next_ns)) {
@@ -199,6 +211,8 @@ void scenario_stimuli_step(struct scenario_stimuli *stimuli, const struct scenar
 {
     bool again = true;
 
+    /* Labels set in this tick may start stimuli before them in the list: go round until none
+     * begins */
     stimuli->silence = false;
     for (size_t round = 0; again && round <= stimuli->scenario->nstimulus; round++) {
         again = false;

@@ -1,16 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Verdicts on the outcomes of runs. */
+/* Judges the outcomes of runs. */
 #include "app/scenario/jobs.h"
 
 #include <stdio.h>
 #include <string.h>
 
+/* Names a result after its scenario, with the values of its parameters. */
 static void name_case(const struct scenario *scenario, struct scenario_result *result)
 {
     snprintf(result->name, sizeof result->name, "%s%s%s%s", scenario->name,
              scenario->values[0] ? " [" : "", scenario->values, scenario->values[0] ? "]" : "");
 }
 
+/* Adds a text and a name to a result's name. */
 static void add_name(struct scenario_result *result, const char *text, const char *name)
 {
     size_t used = strlen(result->name);
@@ -18,6 +20,7 @@ static void add_name(struct scenario_result *result, const char *text, const cha
     snprintf(result->name + used, sizeof result->name - used, "%s%s", text, name);
 }
 
+/* Sets the status of a result and adds a line to its message. */
 static void result_add_message(struct scenario_result *result, enum scenario_status status,
                                const char *what, const char *text)
 {
@@ -85,6 +88,8 @@ void scenario_judge_mutations(const struct scenario_job *job, size_t count,
     *result = (struct scenario_result){.scenario = scenario, .record = ""};
     name_case(scenario, result);
     add_name(result, ", every expectation can fail", "");
+
+    /* Some mutation must make each expectation fail */
     for (size_t i = 0; i < scenario->nexpectation; i++) {
         bool fails = false;
 

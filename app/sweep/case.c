@@ -18,9 +18,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-enum { BATCH = 64 }; /* cases that are read and begun together */
+enum { BATCH = 64 }; /* cases that are read and started together */
 
-/* Of address space: for what a batch reads, and for a rig. */
+/* Address space for what a batch reads, and for a rig, bytes; pages cost nothing until they are
+ * touched. */
 #define BATCH_MEMORY ((size_t)1 << 30)
 #define RIG_MEMORY ((size_t)1 << 30)
 
@@ -28,8 +29,8 @@ static const char *const status_word[] = {"passed", "failed", "broken"};
 
 /* ---- which program ---- */
 
-/* The build id that the linker gave this program, as hexadecimal digits; the first object is the
- * program itself. */
+/* Writes the build id that the linker gave this program, as hexadecimal digits; the first object
+ * that dl_iterate_phdr visits is the program itself. */
 static int binary_take_id(struct dl_phdr_info *info, size_t size, void *context)
 {
     char *id = context;
@@ -55,6 +56,7 @@ static int binary_take_id(struct dl_phdr_info *info, size_t size, void *context)
     return 1;
 }
 
+/* Finds the build id of this program; "none" when the linker gave it none. */
 static void plan_find_binary(char id[64])
 {
     snprintf(id, 64, "none");
@@ -68,6 +70,7 @@ void plan_results_folder(const struct plan *plan, char path[PATH_MAX])
     snprintf(path, PATH_MAX, "%.4000s.results", plan->path);
 }
 
+/* Writes the path of a case's result. */
 static void plan_result_path(const struct plan *plan, size_t number, char path[PATH_MAX])
 {
     snprintf(path, PATH_MAX, "%.4000s.results/%zu.json", plan->path, number);
@@ -81,6 +84,7 @@ enum error_code plan_read_result(const char *path, struct arena *arena, struct p
     bool newer = json_integer_value(version) > PLAN_FORMAT_VERSION;
     const char *plan, *hash, *binary, *status, *state, *message;
     json_int_t number;
+    /* All keys must be there; then the format and what bounds and words allow */
     bool good =
         file && !json_unpack(file, "{s:I, s:s, s:s, s:s, s:s, s:s, s:F, s:o, s:F, s:s}", "case",
                              &number, "plan", &plan, "hash", &hash, "binary", &binary, "status",
@@ -113,6 +117,7 @@ enum error_code plan_read_result(const char *path, struct arena *arena, struct p
                            "%.200s: found no result, expected one as test --case writes it", path);
 }
 
+/* Writes the result of a case, complete or not at all. */
 static enum error_code plan_write_result(const struct plan *plan, const struct plan_result *result,
                                          struct error *error)
 {
@@ -129,6 +134,7 @@ static enum error_code plan_write_result(const struct plan *plan, const struct p
                   status_word[result->status], "state_hash", state, "virtual_s", result->virtual_s,
                   "margin", margin, "failed_s", result->failed_s, "message", result->message);
 
+    /* The file appears complete or not at all: an engine repeats a case without one */
     plan_result_path(plan, result->number, path);
     code = text ? whole_file_open(&file, path, error)
                 : error_set(error, ERROR_MEMORY, "no memory left for a result");
@@ -161,7 +167,8 @@ static enum error_code plan_read_scenario(const struct plan_case *one, struct ar
     return code;
 }
 
-/* What a job came to, in a result. */
+/* Turns the outcome of a job into the result of a case; an error when the run did not come to an
+ * end, or is not the one that the plan describes. */
 static enum error_code plan_judge(const struct plan *plan, const struct plan_case *one,
                                   const struct scenario_job *job, struct plan_result *result,
                                   struct arena *arena, struct error *error)
@@ -197,7 +204,7 @@ static enum error_code plan_judge(const struct plan *plan, const struct plan_cas
     memcpy(result->hash, one->hash, sizeof result->hash);
     plan_find_binary(result->binary);
 
-    /* The nearest that a signal came to its bounds, and the first expectation that was not met */
+    /* The least margin of a signal, and the time of the first expectation that was not met */
     for (size_t i = 0; i < outcome->nverdict; i++) {
         const struct scenario_verdict *met = &outcome->verdict[i];
         double time_s = (double)(met->time_ns < 0 ? outcome->virtual_ns : met->time_ns) * 1e-9;
@@ -213,6 +220,7 @@ static enum error_code plan_judge(const struct plan *plan, const struct plan_cas
     return ERROR_NONE;
 }
 
+/* Removes an entry of a folder; called by nftw from the bottom up. */
 static int plan_remove_entry(const char *path, const struct stat *status, int type,
                              struct FTW *place)
 {
@@ -222,7 +230,7 @@ static int plan_remove_entry(const char *path, const struct stat *status, int ty
     return remove(path);
 }
 
-/* A result that is there already counts when it is of this plan and program. */
+/* Checks that a result which is there already is of this plan, case and program. */
 static enum error_code plan_check_result(const struct plan *plan, const struct plan_case *one,
                                          const struct plan_result *result, const char *path,
                                          struct error *error)
@@ -246,16 +254,16 @@ static enum error_code plan_check_result(const struct plan *plan, const struct p
 
 /* ---- several cases ---- */
 
-/* One of them: its result is there, is to be made by a job, or is why there is none. */
+/* A case of a batch: it has a result, gets one by a job, or has a reason why there is none. */
 struct plan_slot {
     const struct plan_case *one;
-    struct scenario_job *job; /* NULL = there is nothing to run */
+    struct scenario_job *job; /* NULL = nothing to run */
     bool there;               /* a result was written before */
     struct plan_result result;
-    struct error why; /* code 0 = none */
+    struct error why; /* code 0 = nothing is wrong */
 };
 
-/* Some cases that are run together. */
+/* Cases that are run together. */
 struct plan_batch {
     const struct plan *plan;
     const struct plan_run_options *options;
@@ -263,10 +271,10 @@ struct plan_batch {
     size_t nslot, told, njob;
     struct plan_slot *slot;
     struct scenario_job *job;
-    struct plan_slot **slot_of; /* of each job */
+    struct plan_slot **slot_of; /* by job: the case that it runs */
 };
 
-/* Tells of all cases before the one at `until`, each once. */
+/* Reports all cases before the one at `until`, each once and in order. */
 static void plan_tell(struct plan_batch *batch, size_t until)
 {
     for (; batch->told < until; batch->told++) {
@@ -277,6 +285,7 @@ static void plan_tell(struct plan_batch *batch, size_t until)
     }
 }
 
+/* Makes a folder for the program under test, if the plan has one, in the folder of results. */
 static enum error_code plan_make_scratch(const struct plan *plan, struct plan_slot *slot,
                                          struct arena *arena, struct error *error)
 {
@@ -298,6 +307,7 @@ static enum error_code plan_make_scratch(const struct plan *plan, struct plan_sl
     return ERROR_NONE;
 }
 
+/* Removes that folder with all that the program has left in it. */
 static void plan_remove_scratch(struct scenario_job *job)
 {
     if (job->scratch) {
@@ -306,7 +316,8 @@ static void plan_remove_scratch(struct scenario_job *job)
     }
 }
 
-/* Looks for the result of a case, else prepares its run. */
+/* Looks for the result of a case, and otherwise prepares its run; with a folder to record into,
+ * prepares it in any case. */
 static enum error_code plan_prepare_case(struct plan_batch *batch, struct plan_slot *slot,
                                          struct error *error)
 {
@@ -316,7 +327,7 @@ static enum error_code plan_prepare_case(struct plan_batch *batch, struct plan_s
     char path[PATH_MAX];
     enum error_code code;
 
-    /* Done is done */
+    /* A case that has a result is done */
     plan_result_path(plan, slot->one->number, path);
     slot->there = !access(path, F_OK);
     if (slot->there && ((code = plan_read_result(path, batch->arena, &slot->result, error)) ||
@@ -342,7 +353,8 @@ static enum error_code plan_prepare_case(struct plan_batch *batch, struct plan_s
     return ERROR_NONE;
 }
 
-/* The result of a job that has ended: written, or compared with the one that is there. */
+/* Takes the result of a job that has ended: writes it, or compares it with the one that is
+ * there. */
 static enum error_code plan_take_result(const struct plan_batch *batch, struct plan_slot *slot,
                                         struct error *error)
 {
@@ -366,6 +378,7 @@ static enum error_code plan_take_result(const struct plan_batch *batch, struct p
     return slot->there ? ERROR_NONE : plan_write_result(batch->plan, &result, error);
 }
 
+/* Takes the result of a job, and reports all cases that are complete up to its own. */
 static void plan_end_job(void *context, const struct scenario_job *job)
 {
     struct plan_batch *batch = context;
@@ -376,8 +389,8 @@ static void plan_end_job(void *context, const struct scenario_job *job)
     plan_tell(batch, (size_t)(slot - batch->slot) + 1);
 }
 
-/* Makes the solids of the first case's rig, which the processes of all then find; what is wrong
- * with that rig is for the case to say. */
+/* Loads the rig of the first case once, so that the processes of all find its meshes' solids in the
+ * store; errors of that rig are for the case to report. */
 static void plan_make_solids(const struct plan_batch *batch)
 {
     const struct rig *rig;
@@ -390,6 +403,7 @@ static void plan_make_solids(const struct plan_batch *batch)
     }
 }
 
+/* Runs the cases of a batch, and reports each. */
 static enum error_code plan_run_batch(struct plan_batch *batch, const struct plan_case *list,
                                       struct error *error)
 {
@@ -411,6 +425,8 @@ static enum error_code plan_run_batch(struct plan_batch *batch, const struct pla
     }
     plan_make_solids(batch);
     code = scenario_jobs_run(batch->job, batch->njob, &options, error);
+
+    /* After an error some scratch folders are left */
     for (size_t j = 0; j < batch->njob; j++) {
         plan_remove_scratch(&batch->job[j]);
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Collects the results of a plan's cases, and writes them as JUnit XML and CSV. */
+/* Collects the results of a plan's cases, and writes them as JUnit XML, CSV and a page. */
 #include "app/sweep/plan.h"
 
 #include "base/whole_file.h"
@@ -12,13 +12,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Of address space. */
+/* Address space of a whole plan with its results, bytes. */
 #define MEMORY ((size_t)4 << 30)
 
 /* ---- collecting ---- */
 
-/* A result must be of this plan, of one of its cases as planned, and of the program of the others.
- */
+/* Checks that a result is of this plan, of one of its cases as planned and not yet seen, and of the
+ * program of the first one. */
 static enum error_code merge_check(const struct plan *plan, const struct plan_result *all,
                                    const struct plan_result *one, const char *path,
                                    const struct plan_result **first, struct error *error)
@@ -45,7 +45,7 @@ static enum error_code merge_check(const struct plan *plan, const struct plan_re
     return ERROR_NONE;
 }
 
-/* All cases are there. */
+/* Checks that all cases have a result. */
 static enum error_code merge_check_gaps(const struct plan *plan, const struct plan_result *all,
                                         struct error *error)
 {
@@ -63,6 +63,7 @@ static enum error_code merge_check_gaps(const struct plan *plan, const struct pl
                    : ERROR_NONE;
 }
 
+/* Selects the files of results for scandir. */
 static int merge_is_result(const struct dirent *entry)
 {
     const char *dot = strrchr(entry->d_name, '.');
@@ -70,8 +71,10 @@ static int merge_is_result(const struct dirent *entry)
     return dot && !strcmp(dot, ".json");
 }
 
-enum error_code plan_collect(const struct plan *plan, struct arena *arena,
-                             struct plan_result **results, struct error *error)
+/* Reads the results of all cases, in the order of the cases. ERROR_INPUT when one is missing or
+ * there twice, or is of another plan or program. */
+static enum error_code plan_collect(const struct plan *plan, struct arena *arena,
+                                    struct plan_result **results, struct error *error)
 {
     struct plan_result *all = arena_alloc(arena, plan->ncase, sizeof *all), one;
     const struct plan_result *first = NULL;
@@ -84,7 +87,7 @@ enum error_code plan_collect(const struct plan *plan, struct arena *arena,
         return error_set(error, ERROR_MEMORY, "no memory left for %zu results", plan->ncase);
     }
 
-    /* In one order, so that messages are the same */
+    /* Read the files in one order, so that messages are the same everywhere */
     plan_results_folder(plan, folder);
     count = scandir(folder, &entry, merge_is_result, alphasort);
     if (count < 0) {
@@ -107,7 +110,7 @@ enum error_code plan_collect(const struct plan *plan, struct arena *arena,
 
 /* ---- writing ---- */
 
-/* A field of CSV (RFC 4180). */
+/* Writes a field of CSV in quotation marks (RFC 4180); line breaks become "; ". */
 static void merge_put_field(const char *text, FILE *out)
 {
     fputc('"', out);
@@ -146,6 +149,7 @@ const char *plan_value(const struct plan_case *one, const char *name)
     return "";
 }
 
+/* Writes a line for each case: its values, verdict, margin and hash. */
 static enum error_code merge_write_csv(const struct plan *plan, const struct plan_result *result,
                                        const char *path, struct error *error)
 {
@@ -158,6 +162,8 @@ static enum error_code merge_write_csv(const struct plan *plan, const struct pla
     if (code) {
         return code;
     }
+
+    /* The columns are those of all scenarios; a case leaves those of others empty */
     fputs("case,scenario", file.out);
     for (size_t k = 0; k < nname; k++) {
         fprintf(file.out, ",%s", name[k]);
@@ -185,7 +191,7 @@ static enum error_code merge_write_csv(const struct plan *plan, const struct pla
     return whole_file_close(&file, code, error);
 }
 
-/* What JUnit's writer wants to know of a case. Times are virtual: they are the same on every
+/* Writes the results as JUnit XML. Times are virtual, so that they are the same on every
  * machine. */
 static enum error_code merge_write_junit(const struct plan *plan, const struct plan_result *result,
                                          struct arena *arena, const char *path, struct error *error)
@@ -224,7 +230,7 @@ static enum error_code merge_write_junit(const struct plan *plan, const struct p
 enum error_code plan_merge(const char *path, size_t *ncase, size_t *failed, struct error *error)
 {
     struct plan plan;
-    struct plan_result *result;
+    struct plan_result *result = NULL;
     char to[PATH_MAX];
     struct arena arena;
     enum error_code code = arena_init(&arena, MEMORY, error);
@@ -241,6 +247,8 @@ enum error_code plan_merge(const char *path, size_t *ncase, size_t *failed, stru
         *failed += result[i].status != SCENARIO_PASSED;
     }
     *ncase = plan.ncase;
+
+    /* Three views of the same results */
     snprintf(to, sizeof to, "%.4000s.xml", path);
     code = merge_write_junit(&plan, result, &arena, to, error);
     snprintf(to, sizeof to, "%.4000s.csv", path);
@@ -254,6 +262,7 @@ done:
 
 void plan_wilson_interval(size_t passed, size_t count, double *low, double *high)
 {
+    /* z: the quantile of the normal distribution that leaves 2.5 % on either side */
     const double z = 1.959963984540054, n = (double)count;
     const double p = count ? (double)passed / n : 0.0;
     const double middle = count ? (p + z * z / (2 * n)) / (1 + z * z / n) : 0.5;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The page about a plan's results: one file, which needs no other. */
+/* Writes the page about a plan's results: one HTML file, which needs no other. */
 #include "app/sweep/plan.h"
 
 #include "base/markup.h"
@@ -11,9 +11,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Ranges of a parameter; worst cases that are listed; words of a parameter; side of the map, px. */
 enum { BINS = 5, BIN_TEXT = 2 * SCENARIO_VALUE_MAX, WORST = 10, WORDS_MAX = 32, MAP_SIDE = 480 };
 
-/* A range of a parameter, or one of its words. */
+/* A range of a parameter, or one of its words, with its cases. */
 struct page_bin {
     char label[BIN_TEXT];
     size_t passed, count;
@@ -22,13 +23,14 @@ struct page_bin {
 /* What the cases say about a parameter. */
 struct page_parameter {
     const char *name;
-    bool number; /* all its values are numbers, and they differ */
+    bool number; /* all its values are numbers, and they differ; then low to high */
     double low, high;
     size_t nbin;
     struct page_bin bin[WORDS_MAX];
-    double spread; /* between the shares of its bins */
+    double spread; /* difference between the highest and the lowest share of a bin */
 };
 
+/* The page being written. */
 struct page {
     FILE *out;
     const struct plan *plan;
@@ -39,6 +41,7 @@ struct page {
 
 /* ---- sensitivity ---- */
 
+/* Finds out whether all values of a parameter are numbers, and their range. */
 static void page_find_range(const struct page *page, struct page_parameter *parameter)
 {
     parameter->number = true;
@@ -57,7 +60,8 @@ static void page_find_range(const struct page *page, struct page_parameter *para
     parameter->number = parameter->high > parameter->low;
 }
 
-/* The bin of a value: one of equal ranges, or of its own word; NULL when there is no room. */
+/* Returns the bin of a value: one of equal ranges, or that of its own word, added when it is new;
+ * NULL when there is no room. */
 static struct page_bin *page_find_bin(struct page_parameter *parameter, const char *text)
 {
     double width = (parameter->high - parameter->low) / BINS, value = 0.0;
@@ -78,6 +82,7 @@ static struct page_bin *page_find_bin(struct page_parameter *parameter, const ch
     return k < WORDS_MAX ? &parameter->bin[k] : NULL;
 }
 
+/* Counts the cases of each bin and those that passed, and the spread of their shares. */
 static void page_count_bins(const struct page *page, struct page_parameter *parameter)
 {
     double least = 1.0, greatest = 0.0;
@@ -89,6 +94,8 @@ static void page_count_bins(const struct page *page, struct page_parameter *para
                  parameter->low + width * (double)k, parameter->low + width * (double)(k + 1));
         parameter->nbin = BINS;
     }
+
+    /* Each case counts in the bin of its value */
     for (size_t i = 0; i < page->plan->ncase; i++) {
         struct page_bin *bin =
             page_find_bin(parameter, plan_value(&page->plan->list[i], parameter->name));
@@ -98,6 +105,8 @@ static void page_count_bins(const struct page *page, struct page_parameter *para
             bin->passed += page->result[i].status == SCENARIO_PASSED;
         }
     }
+
+    /* The spread of the shares says how much the parameter matters */
     for (size_t k = 0; k < parameter->nbin; k++) {
         double share = (double)parameter->bin[k].passed / (double)parameter->bin[k].count;
 
@@ -109,6 +118,7 @@ static void page_count_bins(const struct page *page, struct page_parameter *para
     parameter->spread = fmax(0.0, greatest - least);
 }
 
+/* Writes a row: the share that passed, its 95 % interval, and both as a bar. */
 static void page_put_share(const struct page *page, const char *label, size_t passed, size_t count)
 {
     double low, high;
@@ -129,7 +139,7 @@ static void page_put_share(const struct page *page, const char *label, size_t pa
 
 /* ---- the map ---- */
 
-/* The parameters whose ranges differ most, of those that are numbers. */
+/* Chooses the two numeric parameters whose bins differ most; false when there are not two. */
 static bool page_choose_axes(const struct page *page, size_t axis[2])
 {
     size_t found = 0;
@@ -151,6 +161,7 @@ static bool page_choose_axes(const struct page *page, size_t axis[2])
     return found >= 2;
 }
 
+/* Computes where a case is along an axis of the map, px. */
 static double page_place(const struct page_parameter *parameter, const struct plan_case *one)
 {
     double value = parameter->low;
@@ -159,6 +170,7 @@ static double page_place(const struct page_parameter *parameter, const struct pl
     return MAP_SIDE * (value - parameter->low) / (parameter->high - parameter->low);
 }
 
+/* Draws the map: each case by the two parameters that matter most, in the color of its verdict. */
 static void page_put_map(const struct page *page)
 {
     static const char *const color[] = {"#2a7", "#c22", "#000"};
@@ -190,7 +202,8 @@ static void page_put_map(const struct page *page)
 
 /* ---- worst cases ---- */
 
-/* Broken before failed before passed; the earlier a failure and the nearer a bound, the worse. */
+/* Orders results by how bad they are: broken, failed, passed; an earlier failure and a smaller
+ * margin are worse. */
 static int page_compare_results(const void *left, const void *right)
 {
     const struct plan_result *a = *(const struct plan_result *const *)left;
@@ -208,6 +221,7 @@ static int page_compare_results(const void *left, const void *right)
     return by < 0.0 ? -1 : by > 0.0 ? 1 : a->number < b->number ? -1 : 1;
 }
 
+/* Writes the table of the worst cases, with the commands that repeat them. */
 static enum error_code page_put_worst(const struct page *page, struct error *error)
 {
     static const char *const word[] = {"passed", "failed", "broken"};
@@ -229,6 +243,8 @@ static enum error_code page_put_worst(const struct page *page, struct error *err
           "<th>verdict</th><th>failed at</th><th>margin</th><th>values</th><th>what</th>"
           "<th>command</th></tr>\n",
           page->out);
+
+    /* One row for each: times and margins only where a case has them */
     for (size_t i = 0; i < count && i < WORST; i++) {
         const struct plan_case *one = &page->plan->list[sorted[i]->number - 1];
 
@@ -258,6 +274,7 @@ static enum error_code page_put_worst(const struct page *page, struct error *err
 
 /* ---- the page ---- */
 
+/* Writes a table of shares for each parameter that has more than one bin. */
 static void page_put_parameters(const struct page *page)
 {
     fputs("<h2>By parameter</h2>\n", page->out);
@@ -294,7 +311,7 @@ enum error_code plan_page_write(const struct plan *plan, const struct plan_resul
         return code;
     }
 
-    /* What the cases say */
+    /* Count what the cases say of each parameter */
     *page = (struct page){.out = file.out, .plan = plan, .result = result};
     page->count = plan_names(plan, name);
     for (size_t i = 0; i < page->count; i++) {
@@ -306,7 +323,7 @@ enum error_code plan_page_write(const struct plan *plan, const struct plan_resul
         passed += result[i].status == SCENARIO_PASSED;
     }
 
-    /* From the whole to the single case */
+    /* Write from the whole to the single case */
     fprintf(file.out,
             "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>%s</title>"
             "<style>body{font:15px sans-serif;margin:2em;max-width:80em}table{border-collapse:"

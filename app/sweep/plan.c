@@ -15,18 +15,18 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Of address space. */
+/* Address space for a scenario with its rig, bytes. */
 #define MEMORY ((size_t)1 << 30)
 
-enum { LINE_MAX_BYTES = 1 << 16 };
+enum { LINE_MAX_BYTES = 1 << 16 }; /* longest line of a plan */
 
-/* A plan that is made. */
+/* A plan being made. */
 struct planner {
     const struct sweep *sweep;
     FILE *lines;
-    const char *folder;               /* of the plan, resolved; ends in a slash */
-    const struct yaml_name *scenario; /* the one whose cases are made */
-    size_t ncase;
+    const char *folder;               /* resolved path of the plan's folder; ends in a slash */
+    const struct yaml_name *scenario; /* the scenario whose cases are being made */
+    size_t ncase;                     /* cases so far */
     struct error *error;
 };
 
@@ -48,7 +48,7 @@ void plan_hash_case(const struct scenario *scenario, uint64_t rig_hash, uint64_t
 
 /* ---- writing ---- */
 
-/* The path of a file seen from the plan's folder. */
+/* Writes the path of a file relative to the plan's folder. */
 static enum error_code plan_relate_path(const char *folder, const char *file, char path[PATH_MAX],
                                         struct error *error)
 {
@@ -58,6 +58,8 @@ static enum error_code plan_relate_path(const char *folder, const char *file, ch
     if (!realpath(file, whole)) {
         return error_set_file(error, errno, file, "cannot be read");
     }
+
+    /* Beyond the folders that both have, up from one and down to the other */
     for (size_t i = 0; folder[i] && folder[i] == whole[i]; i++) {
         same = folder[i] == '/' ? i + 1 : same;
     }
@@ -69,7 +71,7 @@ static enum error_code plan_relate_path(const char *folder, const char *file, ch
     return ERROR_NONE;
 }
 
-/* Names the rig that a scenario has, and hashes it; the rig must have what the scenario names. */
+/* Loads the rig of a scenario, binds the scenario to it, and returns the rig's hash. */
 static enum error_code plan_check_rig(struct scenario *scenario, uint64_t *hash,
                                       struct error *error)
 {
@@ -89,7 +91,8 @@ static enum error_code plan_check_rig(struct scenario *scenario, uint64_t *hash,
     return code;
 }
 
-/* Seeds of cases that do not say theirs: of the sweep's and the number. */
+/* Returns the seed of a case that does not say its own: a hash of the sweep's seed and the case's
+ * number, in 52 bits, which every reader of JSON keeps. */
 static uint64_t plan_seed(const struct sweep *sweep, size_t number)
 {
     const uint64_t part[2] = {(uint64_t)sweep->seed, number};
@@ -97,6 +100,7 @@ static uint64_t plan_seed(const struct sweep *sweep, size_t number)
     return hash_bytes(HASH_START, part, sizeof part) >> 12;
 }
 
+/* Writes the line of a case: scenario, values, seed and hash. */
 static enum error_code plan_put_line(struct planner *planner, const struct scenario *scenario,
                                      uint64_t rig_hash)
 {
@@ -118,6 +122,8 @@ static enum error_code plan_put_line(struct planner *planner, const struct scena
                           "expected fewer",
                           SWEEP_CASES_MAX);
     }
+
+    /* The hash stands for all that the case depends on; values are kept as text */
     plan_hash_case(scenario, rig_hash, seed, planner->sweep->program, hash);
     for (size_t i = 0; i < scenario->nvalue; i++) {
         json_object_set_new(values, scenario->value[i].name, json_string(scenario->value[i].text));
@@ -133,8 +139,8 @@ static enum error_code plan_put_line(struct planner *planner, const struct scena
     return code;
 }
 
-/* Puts before the error of a case where the sweep has what leads to it: the scenario, or the value
- * that is looked at (at `mark`) with those beside it. */
+/* Puts before the error of a case where it comes from in the sweep: the scenario, or the value that
+ * is looked at (at `mark`) with the others. */
 static enum error_code plan_blame(const struct planner *planner, const struct yaml_mark *mark,
                                   const struct scenario_value *value)
 {
@@ -153,8 +159,9 @@ static enum error_code plan_blame(const struct planner *planner, const struct ya
                         text);
 }
 
-/* The cases of values: one, or those of the scenario's other parameters. `mark` is what they are
- * checked for; without it the rig is known. Without a hash of the rig nothing is written. */
+/* Writes the cases for a set of values: one, or those of the scenario's other parameters. The rig
+ * is checked where `mark` says what it is checked for, and when there are several cases; otherwise
+ * it is known. With rig_hash NULL only checks, and writes nothing. */
 static enum error_code plan_cases(struct planner *planner, const char *path,
                                   const struct scenario_value *value, const struct yaml_mark *mark,
                                   uint64_t *rig_hash)
@@ -186,7 +193,8 @@ static enum error_code plan_cases(struct planner *planner, const char *path,
                                : code;
 }
 
-/* With both ends of what is drawn the rig must be one: then it is with all that may be drawn. */
+/* Checks the rig with both ends of each range that values are drawn from: what holds there is taken
+ * to hold between. */
 static enum error_code plan_check_ends(struct planner *planner, const char *path,
                                        struct scenario_value *value)
 {
@@ -209,7 +217,7 @@ static enum error_code plan_check_ends(struct planner *planner, const char *path
     return code;
 }
 
-/* The cases of a combination: those of its samples. */
+/* Writes the cases of a combination, one for each of its samples. */
 static enum error_code plan_put_combination(struct planner *planner, const char *path,
                                             size_t combination, uint64_t *rig_hash)
 {
@@ -221,6 +229,8 @@ static enum error_code plan_put_combination(struct planner *planner, const char 
     if (code) {
         return code;
     }
+
+    /* The rig is checked with the first sample, and its hash kept for the others */
     for (size_t i = 0; !code && i < (size_t)sweep->samples; i++) {
         const struct yaml_mark *mark = sweep->nparameter ? &sweep->parameter[0].mark : &sweep->mark;
 
@@ -234,6 +244,7 @@ static enum error_code plan_put_combination(struct planner *planner, const char 
     return code;
 }
 
+/* Finds a scenario's file, and writes its cases in all combinations. */
 static enum error_code plan_put_scenario(struct planner *planner, const struct yaml_name *scenario,
                                          struct arena *arena)
 {
@@ -263,6 +274,7 @@ static enum error_code plan_put_scenario(struct planner *planner, const struct y
     return code;
 }
 
+/* Writes the cases of all scenarios. */
 static enum error_code plan_put_all(struct planner *planner, struct arena *arena)
 {
     enum error_code code = ERROR_NONE;
@@ -273,7 +285,7 @@ static enum error_code plan_put_all(struct planner *planner, struct arena *arena
     return code;
 }
 
-/* The plan's file: what it is, then the lines. */
+/* Writes the plan's file: the head, with a hash of everything as its id, then the lines. */
 static enum error_code plan_save(const struct planner *planner, const char *path, const char *lines,
                                  struct error *error)
 {
@@ -287,6 +299,8 @@ static enum error_code plan_save(const struct planner *planner, const char *path
     if (code) {
         return code;
     }
+
+    /* The id stands for the lines, the name and the program */
     sum = hash_bytes(sum, sweep->name, strlen(sweep->name));
     sum = sweep->program ? hash_bytes(sum, sweep->program, strlen(sweep->program)) : sum;
     snprintf(id, sizeof id, "%016" PRIx64, sum);
@@ -302,7 +316,7 @@ static enum error_code plan_save(const struct planner *planner, const char *path
     return whole_file_close(&file, code, error);
 }
 
-/* The folder that a file is in, resolved, with a slash at its end. */
+/* Finds the folder of a file, resolved, with a slash at its end. */
 static enum error_code plan_find_folder(const char *path, char folder[PATH_MAX],
                                         struct error *error)
 {
@@ -340,6 +354,8 @@ enum error_code plan_write(const char *path_of_sweep, const char *path, size_t *
         goto done;
     }
     planner.folder = folder;
+
+    /* Lines are made in memory: the head before them has their number and hash */
     planner.lines = memory_file_open(&lines);
     if (!planner.lines) {
         code = plan_no_memory(error);
@@ -361,6 +377,7 @@ done:
 
 /* ---- reading ---- */
 
+/* Reports what a plan lacks at a line. */
 static enum error_code plan_unexpected(const char *path, size_t line, const char *what,
                                        struct error *error)
 {
@@ -378,7 +395,7 @@ enum error_code plan_newer(const char *path, struct error *error)
                      path, PLAN_FORMAT_VERSION);
 }
 
-/* One case from its line; false when it is none, or there is no memory. */
+/* Reads a case from its line; false when it is not that case, or there is no memory. */
 static bool plan_take_case(const char *text, size_t number, const char *folder, struct arena *arena,
                            struct plan_case *out)
 {
@@ -392,6 +409,8 @@ static bool plan_take_case(const char *text, size_t number, const char *folder, 
 
     good = good && given == (json_int_t)number && json_is_object(values) && seed >= 0 &&
            strlen(hash) == PLAN_HASH - 1 && json_object_size(values) <= SCENARIO_PARAMETERS_MAX;
+
+    /* Paths in a plan count from its folder */
     if (good) {
         snprintf(path, sizeof path, "%s%s", folder, file);
         *out = (struct plan_case){.number = number, .seed = (uint64_t)seed};
@@ -413,7 +432,7 @@ static bool plan_take_case(const char *text, size_t number, const char *folder, 
     return good;
 }
 
-/* The first line; *newer: it is of a plan that a newer program has written. */
+/* Reads the head of a plan; *newer says that a newer program has written it. */
 static bool plan_take_head(const char *text, struct arena *arena, struct plan *plan, bool *newer)
 {
     json_t *line = json_loads(text, JSON_REJECT_DUPLICATES, NULL);
@@ -439,7 +458,7 @@ static bool plan_take_head(const char *text, struct arena *arena, struct plan *p
     return good;
 }
 
-/* The lines of the cases; only those asked for are looked into. */
+/* Reads the lines of the cases; parses only those asked for. */
 static enum error_code plan_read_lines(FILE *in, char *line, size_t first, size_t last,
                                        struct arena *arena, struct plan *plan, struct error *error)
 {
@@ -483,6 +502,8 @@ enum error_code plan_read(const char *path, size_t first, size_t last, struct ar
         code = newer ? plan_newer(path, error) : plan_unexpected(path, 1, "head", error);
         goto done;
     }
+
+    /* 0 and 0 ask for all cases */
     if (last > plan->ncase || first > last) {
         code = error_set(error, ERROR_INPUT, "%.200s: found case %zu, expected 1 to %zu", path,
                          last, plan->ncase);

@@ -15,12 +15,13 @@
 
 #define AT(member) offsetof(struct STRUCT, member)
 
-/* Where a normal distribution ends when the file does not say. */
+/* Standard deviations from the mean at which a normal distribution is cut off unless the file says
+ * otherwise. */
 #define SWEEP_NORMAL_END 6.0
 
 /* ---- the form of a file ---- */
 
-static const struct yaml_enum sampling_words[] = {
+static const struct word sampling_words[] = {
     {"random", SWEEP_RANDOM}, {"latin_hypercube", SWEEP_LATIN_HYPERCUBE}, {NULL, 0}};
 
 #define STRUCT sweep_parameter
@@ -66,11 +67,13 @@ const struct yaml_schema sweep_file_schema = {.what = "the sweep",
 
 /* ---- checks ---- */
 
+/* Checks whether the values of a parameter are drawn. */
 static bool parameter_is_drawn(const struct sweep_parameter *parameter)
 {
     return parameter->uniform_given || parameter->normal_given;
 }
 
+/* Checks the ends of a distribution, and sets the limits of a normal one. */
 static enum error_code check_distribution(struct sweep_parameter *parameter, struct error *error)
 {
     double *limits = parameter->limits;
@@ -105,6 +108,7 @@ static enum error_code check_distribution(struct sweep_parameter *parameter, str
     return ERROR_NONE;
 }
 
+/* Checks that a parameter has a plain name and one form. */
 static enum error_code check_parameter(struct sweep_parameter *parameter, struct error *error)
 {
     int forms = (parameter->ngrid > 0) + (parameter->nword > 0) + parameter->uniform_given +
@@ -127,6 +131,7 @@ static enum error_code check_parameter(struct sweep_parameter *parameter, struct
     return check_distribution(parameter, error);
 }
 
+/* Checks a sweep and counts the combinations of grids and words. */
 static enum error_code check_sweep(struct sweep *sweep, struct error *error)
 {
     sweep->combinations = 1;
@@ -148,6 +153,8 @@ static enum error_code check_sweep(struct sweep *sweep, struct error *error)
             return ERROR_INPUT;
         }
         values = values ? values : 1;
+
+        /* The bound is checked before the product is taken */
         if (values > SWEEP_CASES_MAX / (sweep->combinations * (size_t)sweep->samples)) {
             return yaml_error(error, &parameter->mark, "found more than %d cases, expected fewer",
                               SWEEP_CASES_MAX);
@@ -159,8 +166,8 @@ static enum error_code check_sweep(struct sweep *sweep, struct error *error)
 
 /* ---- drawing ---- */
 
-/* Distribution function of the standard normal variable for |x| <= 8, by the series of positive
- * terms (Abramowitz and Stegun, 26.2.11); to 1e-15. */
+/* Computes the distribution function of the standard normal variable for |x| <= 8, to 1e-15, by a
+ * series of positive terms (Abramowitz and Stegun, 26.2.11). */
 static double normal_probability(double x)
 {
     double term = fabs(x), sum = term;
@@ -189,7 +196,8 @@ double sweep_normal_quantile(double p)
     return 0.5 * (low + high);
 }
 
-/* The value below which the distribution has the share u. */
+/* Computes the quantile of a parameter's distribution: the value below which it has the share u. Of
+ * a normal one only the part between the limits counts. */
 static double parameter_quantile(const struct sweep_parameter *parameter, double u)
 {
     const double *normal = parameter->normal, *limits = parameter->limits;
@@ -204,7 +212,8 @@ static double parameter_quantile(const struct sweep_parameter *parameter, double
     return fmin(fmax(value, limits[0]), limits[1]);
 }
 
-/* Each parameter has a stream of its own: one more in the file leaves the others as they were. */
+/* Draws the samples of a parameter. Each has a random stream of its own: one more parameter in the
+ * file leaves the others' samples as they were. */
 static enum error_code draw_parameter(const struct sweep *sweep, struct sweep_parameter *parameter,
                                       struct arena *arena, struct error *error)
 {
@@ -217,8 +226,8 @@ static enum error_code draw_parameter(const struct sweep *sweep, struct sweep_pa
         return error_set(error, ERROR_MEMORY, "no memory left for %zu samples", count);
     }
 
-    /* Latin hypercube: one sample in each of as many equally likely strata, in random order
-     * (McKay, Beckman, Conover 1979; the order by Fisher and Yates) */
+    /* Latin hypercube: one sample in each of as many equally likely strata, in random order (McKay,
+     * Beckman, Conover 1979; shuffled after Fisher and Yates) */
     for (size_t i = 0; i < count; i++) {
         size_t k = (size_t)(random_uniform(&stream) * (double)(i + 1));
 
@@ -254,7 +263,8 @@ enum error_code sweep_read(const char *path, struct arena *arena, struct sweep *
 enum error_code sweep_values(const struct sweep *sweep, size_t combination, size_t sample,
                              struct arena *arena, struct scenario_value *value, struct error *error)
 {
-    /* The last parameter varies fastest */
+    /* The combination is a number with the parameters' values as digits; the last one varies
+     * fastest */
     for (size_t i = sweep->nparameter; i-- > 0;) {
         const struct sweep_parameter *parameter = &sweep->parameter[i];
         size_t values = parameter->ngrid + parameter->nword;

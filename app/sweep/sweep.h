@@ -28,19 +28,21 @@ enum { SWEEP_CASES_MAX = 100000 };
 
 enum sweep_sampling { SWEEP_RANDOM, SWEEP_LATIN_HYPERCUBE };
 
+/* A parameter of a sweep. */
 struct sweep_parameter {
     struct yaml_mark mark;
     const char *name;
     bool uniform_given, normal_given, limits_given;
     double uniform[2]; /* from, to */
     double normal[2];  /* mean, standard deviation */
-    double limits[2];  /* of a normal distribution, which is cut off there */
+    double limits[2];  /* where a normal distribution is cut off */
     size_t ngrid, nword;
     double *grid;
     struct yaml_name *word;
-    char (*drawn)[SCENARIO_VALUE_MAX]; /* derived: samples of them, NULL of a grid or words */
+    char (*drawn)[SCENARIO_VALUE_MAX]; /* derived: samples of them; NULL for a grid or words */
 };
 
+/* A sweep as read, with its samples. */
 struct sweep {
     struct yaml_mark mark;
     uint64_t hash;
@@ -50,7 +52,7 @@ struct sweep {
     struct sweep_parameter *parameter;
     int64_t seed, samples;
     int sampling;
-    size_t combinations; /* derived: of grids and words */
+    size_t combinations; /* derived: of the values of grids and words */
 };
 
 extern const struct yaml_schema sweep_file_schema;
@@ -60,13 +62,14 @@ extern const struct yaml_schema sweep_file_schema;
 enum error_code sweep_read(const char *path, struct arena *arena, struct sweep *sweep,
                            struct error *error);
 
-/* The values of a combination and a sample, from 0; value has room for sweep->nparameter. Texts
- * live in arena. */
+/* Writes the values of a combination and a sample, both from 0; value has room for
+ * sweep->nparameter. Texts live in arena. */
 enum error_code sweep_values(const struct sweep *sweep, size_t combination, size_t sample,
                              struct arena *arena, struct scenario_value *value,
                              struct error *error);
 
-/* The number below which a standard normal variable lies with the probability p, 0 < p < 1. */
+/* Computes the quantile of the standard normal distribution: the number below which it lies with
+ * the probability p, 0 < p < 1. */
 double sweep_normal_quantile(double p);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Buses that speak CANopen: which nodes a frame is for. */
+/* Buses that speak CANopen: finds the nodes that a frame is for. */
 #include "boards/cia402/private.h"
 
 #include "canbus/frame.h"
@@ -8,7 +8,7 @@ enum { NODES = CIA402_NODE_MAX + 1, NODE_ID_MASK = 0x7f };
 
 _Static_assert((int)NODES == (int)BOARD_ADDRESSES, "a node is an address of its bus");
 
-/* The node with a Node-ID that hears; NULL: none. */
+/* Returns the node with a Node-ID that hears; NULL: none. */
 static struct cia402_node *cia402_bus_node(const struct board_bus *bus, unsigned id)
 {
     struct board *board = id > 0 && id < NODES ? bus->by_address[id] : NULL;
@@ -16,6 +16,7 @@ static struct cia402_node *cia402_bus_node(const struct board_bus *bus, unsigned
     return board && !board_is_deaf(board) ? cia402_node_of(board) : NULL;
 }
 
+/* Returns whether a number is a command of NMT. */
 static bool cia402_bus_is_command(unsigned command)
 {
     return command == CIA402_NMT_START || command == CIA402_NMT_STOP ||
@@ -23,6 +24,7 @@ static bool cia402_bus_is_command(unsigned command)
            command == CIA402_NMT_RESET_COMMUNICATION;
 }
 
+/* Obeys a command of NMT, for one node or for all. */
 static void cia402_bus_receive_nmt(struct boards *boards, struct board_bus *bus,
                                    const struct bus_frame *frame)
 {
@@ -45,6 +47,7 @@ static void cia402_bus_receive_nmt(struct boards *boards, struct board_bus *bus,
     boards_count_frame(boards, listener, verdict, frame);
 }
 
+/* Passes a request to the SDO server of a node and counts the frame by its answer. */
 static void cia402_bus_receive_sdo(struct boards *boards, struct cia402_node *node,
                                    const struct bus_frame *frame)
 {
@@ -62,7 +65,7 @@ static void cia402_bus_receive_sdo(struct boards *boards, struct cia402_node *no
     boards_count_frame(boards, &node->board, verdict, frame);
 }
 
-/* Nodes without a Node-ID hear it, too. */
+/* Passes a request of LSS to all nodes, those without a Node-ID too. */
 static void cia402_bus_receive_lss(struct boards *boards, struct board_bus *bus,
                                    const struct bus_frame *frame)
 {
@@ -85,7 +88,7 @@ static void cia402_bus_receive_lss(struct boards *boards, struct board_bus *bus,
     boards_count_frame(boards, listener, verdict, frame);
 }
 
-/* A heartbeat or a boot-up of another node. */
+/* Passes a heartbeat or a boot-up of another node to the nodes that expect it. */
 static bool cia402_bus_hear(struct boards *boards, struct board_bus *bus,
                             const struct bus_frame *frame)
 {
@@ -105,7 +108,7 @@ static bool cia402_bus_hear(struct boards *boards, struct board_bus *bus,
     return listener;
 }
 
-/* SYNC and process data, which any node may want. */
+/* Passes SYNC and process data to all nodes, any of which may want them. */
 static bool cia402_bus_receive_process(struct boards *boards, struct board_bus *bus,
                                        const struct bus_frame *frame)
 {
@@ -134,12 +137,35 @@ static bool cia402_bus_receive_process(struct boards *boards, struct board_bus *
     return listener;
 }
 
+/* Passes a remote frame for a TPDO to all nodes. */
+static bool cia402_bus_request(struct boards *boards, struct board_bus *bus,
+                               const struct bus_frame *frame)
+{
+    struct board *listener = NULL;
+
+    for (unsigned id = 1; id < NODES; id++) {
+        struct cia402_node *node = cia402_bus_node(bus, id);
+
+        if (node && cia402_pdo_request(node, frame->id)) {
+            listener = &node->board;
+        }
+    }
+    if (listener) {
+        boards_count_frame(boards, listener, BOARD_OBEYED, frame);
+    }
+    return listener;
+}
+
+/* Answers a remote frame: node guarding, or a request of a TPDO. */
 static bool cia402_bus_receive_remote(struct boards *boards, struct board_bus *bus,
                                       const struct bus_frame *frame)
 {
     struct cia402_node *node = cia402_bus_node(bus, frame->id & NODE_ID_MASK);
 
-    if (!node || (frame->id & ~(unsigned)NODE_ID_MASK) != CIA402_HEARTBEAT) {
+    if ((frame->id & ~(unsigned)NODE_ID_MASK) != CIA402_HEARTBEAT) {
+        return cia402_bus_request(boards, bus, frame);
+    }
+    if (!node) {
         return false;
     }
     cia402_nmt_guard(node);
@@ -147,6 +173,7 @@ static bool cia402_bus_receive_remote(struct boards *boards, struct board_bus *b
     return true;
 }
 
+/* Passes a frame on by its identifier. Returns false when no node knows it. */
 static bool cia402_bus_dispatch(struct boards *boards, struct board_bus *bus,
                                 const struct bus_frame *frame)
 {
@@ -180,6 +207,7 @@ static bool cia402_bus_dispatch(struct boards *boards, struct board_bus *bus,
     }
 }
 
+/* Receives a frame of the bus (struct protocol). */
 static void cia402_bus_receive(struct boards *boards, struct board_bus *bus,
                                const struct bus_frame *frame)
 {
@@ -188,6 +216,7 @@ static void cia402_bus_receive(struct boards *boards, struct board_bus *bus,
     }
 }
 
+/* Adds a board to the bus, which needs nothing for it (struct protocol). */
 static void cia402_bus_add_board(struct board_bus *bus, struct board *board)
 {
     (void)bus;

@@ -10,15 +10,16 @@
 enum {
     FIRST_INDEX = 0x1000,
     LAST_INDEX = 0x9fff,
-    SUBS_MAX = 32, /* more than any object has */
+    SUBS_MAX = 40, /* more than any object has */
     OBJECT_VARIABLE = 7,
     OBJECT_ARRAY = 8,
     OBJECT_RECORD = 9,
 };
 
-/* Indices of a section of the list of objects. */
+/* Sections of the list of objects. */
 enum section { MANDATORY, OPTIONAL, MANUFACTURER };
 
+/* Returns the section of an index: three objects are mandatory, 0x2000 to 0x5fff ours. */
 static enum section eds_section_of(unsigned index)
 {
     return index == 0x1000 || index == 0x1001 || index == 0x1018 ? MANDATORY
@@ -26,6 +27,7 @@ static enum section eds_section_of(unsigned index)
                                                                  : OPTIONAL;
 }
 
+/* Finds an object; returns whether the node has it. */
 static bool eds_has(const struct cia402_node *node, unsigned index, unsigned sub,
                     struct cia402_entry *entry)
 {
@@ -34,6 +36,7 @@ static bool eds_has(const struct cia402_node *node, unsigned index, unsigned sub
 
 /* ---- values ---- */
 
+/* Writes a number under a key: of signed types in decimal, else in hexadecimal. */
 static void eds_put_number(const char *key, enum cia402_type type, int64_t value, FILE *out)
 {
     if (type == CIA402_I8 || type == CIA402_I16 || type == CIA402_I32) {
@@ -43,7 +46,7 @@ static void eds_put_number(const char *key, enum cia402_type type, int64_t value
     }
 }
 
-/* COB-IDs that follow the Node-ID. */
+/* Returns whether a value is a COB-ID that follows the Node-ID. */
 static bool eds_is_of_node(const struct cia402_entry *entry, int64_t value)
 {
     const struct cia402_object *object = entry->object;
@@ -54,6 +57,7 @@ static bool eds_is_of_node(const struct cia402_entry *entry, int64_t value)
             value & CIA402_COB_MASK);
 }
 
+/* Writes the default value of an object, as it is now. */
 static void eds_put_default(const struct cia402_node *node, const struct cia402_entry *entry,
                             FILE *out)
 {
@@ -75,6 +79,7 @@ static void eds_put_default(const struct cia402_node *node, const struct cia402_
     eds_put_number("DefaultValue", entry->type, value, out);
 }
 
+/* Returns the word for the access to an object. */
 static const char *eds_access(const struct cia402_object *object)
 {
     if (!object) {
@@ -94,7 +99,7 @@ static const char *eds_access(const struct cia402_object *object)
 
 /* ---- objects ---- */
 
-/* The keys of a variable, or of a sub-index. */
+/* Writes the keys of a variable, or of a sub-index. */
 static void eds_put_variable(const struct cia402_node *node, const struct cia402_entry *entry,
                              FILE *out)
 {
@@ -112,7 +117,7 @@ static void eds_put_variable(const struct cia402_node *node, const struct cia402
             object && object->access & (CIA402_MAP_TPDO | CIA402_MAP_RPDO) ? 1 : 0);
 }
 
-/* What an object is called: where it has sub-indices, as the first of them. */
+/* Returns the name of an object: where it has sub-indices, that of the first. */
 static const char *eds_object_name(const struct cia402_node *node, unsigned index)
 {
     struct cia402_entry entry;
@@ -125,6 +130,7 @@ static const char *eds_object_name(const struct cia402_node *node, unsigned inde
     return "";
 }
 
+/* Writes the section of a sub-index. */
 static void eds_put_sub(const struct cia402_node *node, unsigned index, unsigned sub,
                         const struct cia402_entry *entry, FILE *out)
 {
@@ -139,6 +145,7 @@ static void eds_put_sub(const struct cia402_node *node, unsigned index, unsigned
     eds_put_variable(node, entry, out);
 }
 
+/* Writes the sections of an index, if the node has it. */
 static void eds_put_object(const struct cia402_node *node, unsigned index, FILE *out)
 {
     struct cia402_entry entry;
@@ -172,6 +179,7 @@ static void eds_put_object(const struct cia402_node *node, unsigned index, FILE 
 
 /* ---- the file ---- */
 
+/* Writes a section of the list of objects: their number and their indices. */
 static void eds_put_list(const struct cia402_node *node, const char *name, enum section section,
                          FILE *out)
 {
@@ -191,6 +199,7 @@ static void eds_put_list(const struct cia402_node *node, const char *name, enum 
     putc('\n', out);
 }
 
+/* Writes the sections before the objects: file, device, dummies and comments. */
 static void eds_put_head(const struct cia402_node *node, const char *name, FILE *out)
 {
     static const int rates[] = {10, 20, 50, 125, 250, 500, 800, 1000};

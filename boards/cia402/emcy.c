@@ -8,7 +8,7 @@
 
 #define INHIBIT_UNIT_NS INT64_C(100000)
 
-/* The newest stands first; codes of 0 tell that errors are gone and are not kept. */
+/* Puts an error first in the history; a code of 0 tells that errors are gone and is not kept. */
 static void cia402_emcy_remember(struct cia402_node *node, unsigned code, unsigned axis)
 {
     memmove(node->history + 1, node->history, (CIA402_HISTORY - 1) * sizeof *node->history);
@@ -16,6 +16,7 @@ static void cia402_emcy_remember(struct cia402_node *node, unsigned code, unsign
     node->history_count += node->history_count < CIA402_HISTORY;
 }
 
+/* Queues an emergency message. */
 static void cia402_emcy_queue(struct cia402_node *node, unsigned code, unsigned axis,
                               uint32_t faults)
 {
@@ -33,14 +34,44 @@ static void cia402_emcy_queue(struct cia402_node *node, unsigned code, unsigned 
 void cia402_emcy_raise(struct cia402_node *node, unsigned code, unsigned error_register,
                        unsigned axis, uint32_t faults)
 {
-    node->error_register |= error_register | 1;
+    node->error_register |= error_register | CIA402_REGISTER_GENERIC;
     cia402_emcy_remember(node, code, axis);
     cia402_emcy_queue(node, code, axis, faults);
 }
 
+/* Returns whether a node that was heard is silent, or the last frame of some RPDO did not fit. */
+static bool cia402_emcy_is_disturbed(const struct cia402_node *node)
+{
+    bool disturbed = node->guard_lost || node->consumer_lost;
+
+    for (unsigned i = 0; i < cia402_pdos(node); i++) {
+        disturbed = disturbed || node->rx[i].unfit;
+    }
+    return disturbed;
+}
+
 void cia402_emcy_clear(struct cia402_node *node)
 {
-    node->error_register = 0;
+    node->error_register = cia402_emcy_is_disturbed(node)
+                               ? CIA402_REGISTER_GENERIC | CIA402_REGISTER_COMMUNICATION
+                               : 0;
+    cia402_emcy_queue(node, 0, 0, 0);
+}
+
+void cia402_emcy_resolve_communication(struct cia402_node *node)
+{
+    bool latched = false;
+
+    if (!(node->error_register & CIA402_REGISTER_COMMUNICATION) || cia402_emcy_is_disturbed(node)) {
+        return;
+    }
+    node->error_register &= ~(int64_t)CIA402_REGISTER_COMMUNICATION;
+    for (unsigned k = 0; k < node->axes; k++) {
+        latched = latched || node->axis[k].latched;
+    }
+    if (node->error_register == CIA402_REGISTER_GENERIC && !latched) {
+        node->error_register = 0;
+    }
     cia402_emcy_queue(node, 0, 0, 0);
 }
 
@@ -49,7 +80,7 @@ void cia402_emcy_transmit(struct cia402_node *node, struct frame_sink *sink)
     const struct cia402_communication *settings = &node->settings;
     int64_t now_ns = node->board.boards->now_ns;
 
-    /* What is told while nothing may be sent is lost, but for the history */
+    /* Emergencies are lost while nothing may be sent, except for the history */
     if (node->state == CIA402_STOPPED || settings->cob_emcy & CIA402_COB_INVALID) {
         node->emergencies = 0;
         return;
@@ -71,7 +102,7 @@ void cia402_emcy_transmit(struct cia402_node *node, struct frame_sink *sink)
     }
 }
 
-/* Only 0 may be written: it empties the history. */
+/* Empties the history: only 0 may be written. */
 enum cia402_abort cia402_emcy_write_history(struct cia402_node *node,
                                             const struct cia402_entry *entry, int64_t value)
 {

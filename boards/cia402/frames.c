@@ -100,6 +100,7 @@ const struct field *cia402_plan_fields(const struct cia402_plan *plan)
     return NULL;
 }
 
+/* Makes the frame of a service of a node. */
 static struct cia402_frame cia402_make_service(const struct service *service, unsigned node)
 {
     return (struct cia402_frame){
@@ -115,7 +116,8 @@ static struct cia402_frame cia402_make_service(const struct service *service, un
     };
 }
 
-/* PDOs come with every SYNC, which is once a tick or as often as the rig says, the voltages too. */
+/* Makes the frame of a PDO, which comes with every SYNC: once a tick or as often as the rig
+ * says; so do the voltages. */
 static struct cia402_frame cia402_make_pdo(const struct board_config *board,
                                            const struct cia402_plan *plan)
 {
@@ -163,7 +165,7 @@ bool cia402_frame_row(const struct board_config *board, unsigned row, struct cia
     return row - rows < ARRAY_COUNT(services);
 }
 
-/* Visits the messages of a board, or with none those of the host to all. */
+/* Visits the messages of a board; without one, those of the host to all boards. */
 static void cia402_visit(struct message_walk *walk, int index, unsigned first_slot)
 {
     const struct board_config *board =
@@ -171,6 +173,7 @@ static void cia402_visit(struct message_walk *walk, int index, unsigned first_sl
     struct cia402_frame frame;
 
     for (unsigned row = 0; cia402_frame_row(board, row, &frame); row++) {
+        /* Identifiers are split into a base and what the node and the axis add */
         unsigned number = board ? board->address : 0, axis = frame.axis < 0 ? 0 : frame.axis;
         const struct message message = {
             .name = frame.name,

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The frames of a cia402 bus as our host sets its PDOs up (struct cia402_plan), with the fields
- * that the mapped objects are, and their messages. Pure functions; not RT-safe.
+ * The frames of a cia402 bus as our host sets up its PDOs (struct cia402_plan), with the fields
+ * that the mapped objects make, and their messages. Pure functions; not RT-safe.
  */
 #ifndef BOARDS_CIA402_FRAMES_H
 #define BOARDS_CIA402_FRAMES_H
@@ -23,15 +23,15 @@ struct cia402_frame {
     bool list;          /* the fields follow each other for all axes of the node */
 };
 
-/* The row-th frame of a board, from 0, or with NULL of the host to all; false when there are no
- * more. */
+/* Makes the row-th frame of a board, from 0, or with NULL of the host to all; false when there
+ * are no more. */
 bool cia402_frame_row(const struct board_config *board, unsigned row, struct cia402_frame *frame);
 
 void cia402_visit_broadcasts(struct message_walk *walk);
 void cia402_visit_board(struct message_walk *walk, int board, unsigned first_slot);
 
-/* What a board is, and the fields of a PDO of its plan: those of a mapped object, once where the
- * plan has it for each axis. */
+/* Return the kind of a board, and the fields of a PDO of its plan: those of a mapped object,
+ * once where the plan has it for each axis. */
 enum cia402_kind cia402_kind_of(const struct board_config *board);
 const struct field *cia402_plan_fields(const struct cia402_plan *plan);
 

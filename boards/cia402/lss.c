@@ -26,6 +26,7 @@ enum {
     ERROR_NODE_ID_TAKEN = 1, /* of ERROR_SPECIFIC; ours */
 };
 
+/* Queues an answer with a number. */
 static void cia402_lss_answer(struct cia402_node *node, unsigned command, uint32_t value)
 {
     uint8_t data[CIA402_LSS_LENGTH] = {(uint8_t)command};
@@ -36,6 +37,7 @@ static void cia402_lss_answer(struct cia402_node *node, unsigned command, uint32
 
 /* ---- the Node-ID ---- */
 
+/* Returns whether a Node-ID is free for a node. */
 static bool cia402_lss_id_is_free(const struct cia402_node *node, unsigned id)
 {
     const struct board *other = node->board.bus->by_address[id];
@@ -51,6 +53,7 @@ static void cia402_lss_move_cob(int64_t *cob_id, unsigned from, unsigned to)
     }
 }
 
+/* Puts the new Node-ID into the COB-IDs of the settings. */
 static void cia402_lss_move_settings(struct cia402_communication *settings, unsigned from,
                                      unsigned to)
 {
@@ -61,6 +64,7 @@ static void cia402_lss_move_settings(struct cia402_communication *settings, unsi
     }
 }
 
+/* Takes a node without a Node-ID off the list of its bus. */
 static void cia402_lss_leave_bus(struct cia402_node *node)
 {
     struct board **place = &node->board.bus->by_address[node->board.address];
@@ -76,10 +80,12 @@ static void cia402_lss_leave_bus(struct cia402_node *node)
 
 void cia402_lss_take_id(struct cia402_node *node)
 {
+    /* The configuration ends */
     unsigned from = node->board.address, to = node->lss.next;
 
     node->lss.configuring = false;
     node->lss.selected = node->lss.scanned = 0;
+    /* Without a free Node-ID the node does nothing but LSS */
     if (to == CIA402_NO_NODE_ID || !cia402_lss_id_is_free(node, to)) {
         cia402_lss_leave_bus(node);
         return;
@@ -87,6 +93,7 @@ void cia402_lss_take_id(struct cia402_node *node)
     if (to == from && !node->nameless) {
         return;
     }
+    /* Moves the node on the bus, and its COB-IDs with it */
     board_event(&node->board, BOARD_EVENT_ADDRESS, 0, node->nameless ? CIA402_NO_NODE_ID : from,
                 to);
     if (node->board.bus->by_address[from] == &node->board) {
@@ -109,7 +116,7 @@ void cia402_lss_power_up(struct cia402_node *node, bool first)
     node->lss.next = node->lss.stored;
 }
 
-/* Returns the error, which is 0 where the Node-ID is the next one. */
+/* Sets the next Node-ID. Returns the error, 0 for none. */
 static unsigned cia402_lss_set_id(struct cia402_node *node, unsigned id)
 {
     if ((id == 0 || id > CIA402_NODE_MAX) && id != CIA402_NO_NODE_ID) {
@@ -124,6 +131,7 @@ static unsigned cia402_lss_set_id(struct cia402_node *node, unsigned id)
 
 /* ---- states ---- */
 
+/* Switches the state of all nodes; a new Node-ID takes effect where there was none. */
 static void cia402_lss_switch(struct cia402_node *node, const uint8_t *data)
 {
     bool was_configuring = node->lss.configuring;
@@ -139,12 +147,13 @@ static void cia402_lss_switch(struct cia402_node *node, const uint8_t *data)
     }
 }
 
+/* Returns a part of the address of a node. */
 static uint32_t cia402_lss_part(const struct cia402_node *node, unsigned part)
 {
     return (uint32_t)node->identity[part];
 }
 
-/* The four parts of an address come one after the other. */
+/* Compares a part of the address; the four parts come one after the other. */
 static void cia402_lss_select(struct cia402_node *node, const uint8_t *data)
 {
     unsigned part = data[0] - CIA402_LSS_SELECT_VENDOR;
@@ -159,7 +168,8 @@ static void cia402_lss_select(struct cia402_node *node, const uint8_t *data)
     }
 }
 
-/* The master finds the parts of an address bit by bit, from the highest, by who answers. */
+/* Compares bits of a part of the address: the master finds it bit by bit, from the highest, by
+ * the answers. */
 static void cia402_lss_scan(struct cia402_node *node, const uint8_t *data)
 {
     struct cia402_lss_slave *lss = &node->lss;
@@ -183,7 +193,7 @@ static void cia402_lss_scan(struct cia402_node *node, const uint8_t *data)
 
 /* ---- requests ---- */
 
-/* Requests that only a node in state LSS configuration obeys; false: there is none such. */
+/* Obeys requests that only a node in state LSS configuration obeys; false: no such request. */
 static bool cia402_lss_configure(struct cia402_node *node, const uint8_t *data)
 {
     bool acts = node->lss.configuring;
@@ -210,6 +220,7 @@ static bool cia402_lss_configure(struct cia402_node *node, const uint8_t *data)
     return true;
 }
 
+/* Answers an inquiry: a part of the address, or the Node-ID. */
 static void cia402_lss_tell(struct cia402_node *node, unsigned command)
 {
     uint32_t value = command == CIA402_LSS_INQUIRE_NODE_ID
@@ -221,6 +232,7 @@ static void cia402_lss_tell(struct cia402_node *node, unsigned command)
 
 bool cia402_lss_receive(struct cia402_node *node, const uint8_t *data)
 {
+    /* Requests to all nodes: switching, selection and fastscan */
     bool configuring = node->lss.configuring;
 
     if (data[0] == CIA402_LSS_SWITCH_GLOBAL) {
@@ -239,6 +251,7 @@ bool cia402_lss_receive(struct cia402_node *node, const uint8_t *data)
         }
         return true;
     }
+    /* Requests to the selected node */
     if (data[0] >= CIA402_LSS_INQUIRE_VENDOR && data[0] <= CIA402_LSS_INQUIRE_NODE_ID) {
         if (configuring) {
             cia402_lss_tell(node, data[0]);

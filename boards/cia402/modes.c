@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Modes of operation of an enabled axis, a millisecond at a time, down to its bridge's voltage.
+ * Modes of operation of an enabled axis, in steps of a millisecond, down to its bridge's voltage.
  *
  * Positions and velocities are those of the rotor on the link side of the gear. The velocity loop
- * gives a voltage at once: v = kw w_ref + kp e + ki int e dt with the back-EMF kw, in proportion to
- * which the factory tunes it, for a motor whose time constant J R / (Kt Kw) is a few milliseconds
+ * gives a voltage directly: v = kw w_ref + kp e + ki int e dt with the back-EMF kw, in proportion
+ * to which the factory tunes it; a motor whose time constant J R / (Kt Kw) is a few milliseconds
  * needs no current loop below it. The position loop adds its error times a gain to the velocity.
  * The winding's resistance bounds the voltage, so that the current stays within its limit. The
  * current loop of the torque modes is that of boards/motor_control.h.
@@ -16,7 +16,7 @@
 
 #define STEP_S 1e-3 /* of the loops */
 
-enum { HOME_AT_POSITION_OLD = 35, HOME_AT_POSITION = 37, STOP_MAX_MS = 2000, TORQUE_NEAR = 50 };
+enum { STOP_MAX_MS = 2000, TORQUE_NEAR = 50 };
 
 /* ---- references ---- */
 
@@ -25,14 +25,15 @@ void cia402_axis_stand(struct cia402_axis *axis)
     axis->profile = (struct cia402_profile){(double)axis->position, 0.0};
     axis->goal = (double)axis->position;
     axis->moving = axis->has_next = axis->stopping = false;
+    axis->homing = CIA402_HOMING_RESTS;
     axis->interpolation_left_ms = 0;
     axis->torque_reference = 0.0;
     axis->integral_v = axis->velocity_integral_v = axis->voltage_v = 0.0;
     axis->following_ms = axis->reached_ms = axis->standstill_ms = axis->stop_ms = 0;
 }
 
-/* From what it does now to standstill, by velocity, whatever the mode. */
-void cia402_axis_stop(struct cia402_axis *axis, bool quick, enum cia402_state then)
+/* Begins to bring the axis to standstill, by velocity, whatever the mode. */
+void cia402_axis_stop(struct cia402_axis *axis, enum cia402_ramp ramp, enum cia402_state then)
 {
     const struct cia402_axis_settings *p = &axis->settings;
 
@@ -40,10 +41,13 @@ void cia402_axis_stop(struct cia402_axis *axis, bool quick, enum cia402_state th
     axis->stop_state = then;
     axis->stop_ms = 0;
     axis->moving = axis->has_next = false;
+    axis->homing = CIA402_HOMING_RESTS;
+    axis->stop_by_current = ramp == CIA402_RAMP_CURRENT;
     axis->stop_deceleration =
-        (double)(quick ? p->quick_stop_deceleration : p->profile_deceleration);
-    axis->profile =
-        (struct cia402_profile){(double)axis->position, axis->velocity_rad_s / CIA402_POSITION_RAD};
+        (double)(ramp == CIA402_RAMP_QUICK ? p->quick_stop_deceleration : p->profile_deceleration);
+    axis->profile = (struct cia402_profile){
+        (double)axis->position,
+        axis->stop_by_current ? 0.0 : axis->velocity_rad_s / CIA402_POSITION_RAD};
 }
 
 bool cia402_axis_has_stopped(const struct cia402_axis *axis)
@@ -60,12 +64,13 @@ bool cia402_axis_controls_position(const struct cia402_axis *axis)
                                axis->mode == CIA402_CYCLIC_POSITION || axis->mode == CIA402_HOMING);
 }
 
+/* Returns whether an axis has software limits of position. */
 static bool cia402_axis_has_limits(const struct cia402_axis *axis)
 {
     return axis->settings.position_limit[0] < axis->settings.position_limit[1];
 }
 
-/* A position within the software limits. */
+/* Bounds a position by the software limits. */
 static double cia402_axis_bound(struct cia402_axis *axis, double position)
 {
     double low = (double)axis->settings.position_limit[0];
@@ -78,14 +83,17 @@ static double cia402_axis_bound(struct cia402_axis *axis, double position)
     return position < low ? low : high;
 }
 
+/* Bounds a velocity by the profile's limit and by that of the motor. */
 static double cia402_axis_bound_velocity(struct cia402_axis *axis, double velocity)
 {
-    double most = (double)axis->settings.max_profile_velocity;
+    double of_motor = (double)axis->settings.max_motor_rpm / axis->rpm_rad / CIA402_POSITION_RAD;
+    double most = fmin((double)axis->settings.max_profile_velocity, of_motor);
 
     axis->limited = axis->limited || fabs(velocity) > most;
     return fmax(fmin(velocity, most), -most);
 }
 
+/* Bounds a torque by the limits of torque and current. */
 static double cia402_axis_bound_torque(struct cia402_axis *axis, double torque)
 {
     double most = (double)(axis->settings.max_torque < axis->settings.max_current
@@ -98,7 +106,7 @@ static double cia402_axis_bound_torque(struct cia402_axis *axis, double torque)
 
 /* ---- set-points of the profile modes, by the controlword ---- */
 
-/* A set-point waits where another one is on its way, unless it is to be taken at once. */
+/* Takes a set-point; it waits where another one is on its way, unless it is to be taken at once. */
 static void cia402_axis_accept_goal(struct cia402_axis *axis)
 {
     bool relative = axis->controlword & CIA402_CW_RELATIVE;
@@ -117,36 +125,25 @@ static void cia402_axis_accept_goal(struct cia402_axis *axis)
     axis->reached_ms = 0;
 }
 
-/* Methods 35 and 37: home is where it stands. */
-static void cia402_axis_find_home(struct cia402_axis *axis)
-{
-    int64_t method = axis->settings.homing_method;
-
-    axis->homing_failed = method != HOME_AT_POSITION && method != HOME_AT_POSITION_OLD;
-    axis->homed = !axis->homing_failed;
-    if (axis->homed) {
-        axis->home = axis->motor_encoder - axis->settings.home_offset;
-        axis->position = axis->settings.home_offset;
-        cia402_axis_stand(axis);
-    }
-}
-
 void cia402_axis_take_set_point(struct cia402_axis *axis, int64_t before)
 {
     bool rises = axis->controlword & ~before & CIA402_CW_NEW_SET_POINT;
 
     if (!(axis->controlword & CIA402_CW_NEW_SET_POINT)) {
         axis->set_point_taken = false;
+        cia402_homing_interrupt(axis);
     }
     if (rises && axis->mode == CIA402_PROFILE_POSITION && !axis->has_next) {
         cia402_axis_accept_goal(axis);
     } else if (rises && axis->mode == CIA402_HOMING) {
-        cia402_axis_find_home(axis);
+        cia402_homing_start(axis);
     }
 }
 
 /* ---- loops ---- */
 
+/* Returns the voltage of the velocity loop: back-EMF, PI and torque offset, bounded by current
+ * and supply. */
 static double cia402_axis_velocity_law(struct cia402_axis *axis,
                                        const struct board_axis_config *config, double velocity,
                                        double supply_v)
@@ -177,6 +174,7 @@ static double cia402_axis_velocity_law(struct cia402_axis *axis,
     return bound;
 }
 
+/* Returns the voltage of the position loop on top of the velocity loop. */
 static double cia402_axis_position_law(struct cia402_axis *axis,
                                        const struct board_axis_config *config, double supply_v)
 {
@@ -187,6 +185,7 @@ static double cia402_axis_position_law(struct cia402_axis *axis,
     return cia402_axis_velocity_law(axis, config, axis->profile.velocity + gain * error, supply_v);
 }
 
+/* Returns the voltage of the current loop for a torque. */
 static double cia402_axis_current_law(struct cia402_axis *axis, double torque, double supply_v)
 {
     const struct cia402_axis_settings *p = &axis->settings;
@@ -201,6 +200,7 @@ static double cia402_axis_current_law(struct cia402_axis *axis, double torque, d
 
 /* ---- modes ---- */
 
+/* Moves the profile towards the goal, or halts it; the next set-point follows at the end. */
 static void cia402_axis_step_profile_position(struct cia402_axis *axis)
 {
     const struct cia402_axis_settings *p = &axis->settings;
@@ -224,6 +224,7 @@ static void cia402_axis_step_profile_position(struct cia402_axis *axis)
     }
 }
 
+/* Accelerates the profile to the target velocity, or halts it. */
 static void cia402_axis_step_profile_velocity(struct cia402_axis *axis)
 {
     const struct cia402_axis_settings *p = &axis->settings;
@@ -236,7 +237,7 @@ static void cia402_axis_step_profile_velocity(struct cia402_axis *axis)
                               STEP_S);
 }
 
-/* To a cyclic position on a straight line, which takes the interpolation period. */
+/* Moves the reference to a cyclic position on a straight line within the interpolation period. */
 static void cia402_axis_step_cyclic_position(struct cia402_axis *axis)
 {
     double way = cia402_axis_bound(axis, (double)axis->target_position) - axis->profile.position;
@@ -248,6 +249,7 @@ static void cia402_axis_step_cyclic_position(struct cia402_axis *axis)
     axis->profile.velocity = velocity + (double)axis->velocity_offset;
 }
 
+/* Moves the torque reference to its target, in profile mode on the slope. */
 static void cia402_axis_step_torque(struct cia402_axis *axis)
 {
     const struct cia402_axis_settings *p = &axis->settings;
@@ -265,7 +267,7 @@ static void cia402_axis_step_torque(struct cia402_axis *axis)
     }
 }
 
-/* Beyond a limit only what leads back is obeyed. */
+/* Returns what is wanted; beyond a limit only if it leads back, else 0. */
 static double cia402_axis_lead_back(struct cia402_axis *axis, double wanted)
 {
     int64_t link = axis->link_encoder - axis->home;
@@ -277,6 +279,7 @@ static double cia402_axis_lead_back(struct cia402_axis *axis, double wanted)
     return further ? 0.0 : wanted;
 }
 
+/* Runs a step of the mode of operation; returns the voltage. */
 static double cia402_axis_step_mode(struct cia402_axis *axis,
                                     const struct board_axis_config *config, double supply_v)
 {
@@ -291,6 +294,7 @@ static double cia402_axis_step_mode(struct cia402_axis *axis,
         cia402_axis_step_cyclic_position(axis);
         return cia402_axis_position_law(axis, config, supply_v);
     case CIA402_HOMING:
+        cia402_homing_step(axis);
         return cia402_axis_position_law(axis, config, supply_v);
 
     /* By velocity */
@@ -316,7 +320,7 @@ static double cia402_axis_step_mode(struct cia402_axis *axis,
     }
 }
 
-/* A mode that was written is taken up in the next step. */
+/* Takes up a mode that was written. */
 static void cia402_axis_choose_mode(struct cia402_axis *axis)
 {
     if (axis->mode != axis->settings.mode) {
@@ -328,6 +332,20 @@ static void cia402_axis_choose_mode(struct cia402_axis *axis)
             cia402_axis_stand(axis);
         }
     }
+}
+
+/* Runs a step towards standstill; returns the voltage. Without a ramp the voltage is as high as
+ * the current limit allows until the rotor stands, and holds the position there. */
+static double cia402_axis_step_stop(struct cia402_axis *axis,
+                                    const struct board_axis_config *config, double supply_v)
+{
+    axis->stop_ms++;
+    if (axis->stop_by_current && llabs(axis->velocity) > axis->settings.velocity_threshold) {
+        axis->profile.position = (double)axis->position;
+    }
+    cia402_profile_accelerate(&axis->profile, 0.0, axis->stop_deceleration, axis->stop_deceleration,
+                              STEP_S);
+    return cia402_axis_position_law(axis, config, supply_v);
 }
 
 void cia402_axis_step(struct cia402_axis *axis, const struct board_axis_config *config,
@@ -344,10 +362,7 @@ void cia402_axis_step(struct cia402_axis *axis, const struct board_axis_config *
     axis->torque_demand = axis->velocity_demand = 0;
     axis->position_demand = axis->position;
     if (axis->stopping) {
-        axis->stop_ms++;
-        cia402_profile_accelerate(&axis->profile, 0.0, axis->stop_deceleration,
-                                  axis->stop_deceleration, STEP_S);
-        v = cia402_axis_position_law(axis, config, supply_v);
+        v = cia402_axis_step_stop(axis, config, supply_v);
     } else {
         v = cia402_axis_step_mode(axis, config, supply_v);
     }
@@ -356,7 +371,7 @@ void cia402_axis_step(struct cia402_axis *axis, const struct board_axis_config *
 
 /* ---- what the statusword says of a mode ---- */
 
-/* Since when targets are reached, once a millisecond. */
+/* Counts for how long targets have been reached, once a millisecond. */
 void cia402_axis_count_times(struct cia402_axis *axis)
 {
     const struct cia402_axis_settings *p = &axis->settings;
@@ -378,6 +393,7 @@ void cia402_axis_count_times(struct cia402_axis *axis)
         llabs(axis->following_error) > p->following_window ? axis->following_ms + 1 : 0;
 }
 
+/* Returns whether the target is reached, bit 10 of the statusword. */
 static bool cia402_axis_has_reached(const struct cia402_axis *axis)
 {
     const struct cia402_axis_settings *p = &axis->settings;
@@ -394,12 +410,13 @@ static bool cia402_axis_has_reached(const struct cia402_axis *axis)
     case CIA402_TORQUE:
         return llabs(axis->torque - axis->target_torque) <= TORQUE_NEAR;
     case CIA402_HOMING:
-        return true; /* it homes at once */
+        return axis->homing == CIA402_HOMING_RESTS && still;
     default:
         return false;
     }
 }
 
+/* Returns bit 12 of the statusword, which depends on the mode. */
 static bool cia402_axis_bit_12(const struct cia402_axis *axis)
 {
     switch (axis->mode) {
@@ -413,7 +430,7 @@ static bool cia402_axis_bit_12(const struct cia402_axis *axis)
     case CIA402_CYCLIC_VELOCITY:
     case CIA402_CYCLIC_TORQUE:
     case CIA402_VOLTAGE_MODE:
-        return !axis->stopping && !axis->limited;
+        return !axis->stopping && !axis->limited && !(axis->present & CIA402_FAULT_STALE);
     default:
         return false;
     }
@@ -442,6 +459,7 @@ unsigned cia402_axis_mode_status(const struct cia402_axis *axis)
 enum cia402_abort cia402_axis_write_mode(struct cia402_node *node, const struct cia402_entry *entry,
                                          int64_t value)
 {
+    /* A valve has no torque modes */
     bool torque = value == CIA402_TORQUE || value == CIA402_CYCLIC_TORQUE;
 
     if (torque && node->board.config.axis[entry->unit].valve) {
@@ -478,22 +496,31 @@ enum cia402_abort cia402_axis_write_target(struct cia402_node *node,
 enum cia402_abort cia402_axis_write_option(struct cia402_node *node,
                                            const struct cia402_entry *entry, int64_t value)
 {
-    /* 3 and 4, 7 and 8 stop by current and voltage limits */
-    if (value == 3 || value == 4) {
+    /* 4 and 8 stop by the voltage limit */
+    if (value == 4) {
         return CIA402_ABORT_VALUE;
     }
     *cia402_field(node, entry) = value;
     return CIA402_DONE;
 }
 
-enum cia402_abort cia402_axis_write_homing(struct cia402_node *node,
-                                           const struct cia402_entry *entry, int64_t value)
+/* Writes a profile type, which is that of a linear ramp for position, velocity and torque. */
+enum cia402_abort cia402_axis_write_profile_type(struct cia402_node *node,
+                                                 const struct cia402_entry *entry, int64_t value)
 {
-    if (value != 0 && value != HOME_AT_POSITION_OLD && value != HOME_AT_POSITION) {
+    if (value != 0) {
         return CIA402_ABORT_VALUE;
     }
     *cia402_field(node, entry) = value;
     return CIA402_DONE;
+}
+
+/* Refuses every other range of positions than its own: joints do not turn endlessly, so
+ * positions do not wrap. */
+enum cia402_abort cia402_axis_write_range(struct cia402_node *node,
+                                          const struct cia402_entry *entry, int64_t value)
+{
+    return value == *cia402_field(node, entry) ? CIA402_DONE : CIA402_ABORT_VALUE;
 }
 
 enum cia402_abort cia402_axis_write_when_off(struct cia402_node *node,

@@ -49,6 +49,7 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
     struct cia402_axis_settings *p = &axis->settings;
     double kp, ki;
 
+    /* Limits, time-out and position gain */
     p->current_limit_ma = cia402_counts(config->current_limit_a, 1e-3);
     p->temperature_limit_c =
         config->temperature_limit_c > 0.0
@@ -58,8 +59,12 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
     p->position_limit[1] = cia402_counts(config->upper_rad, CIA402_POSITION_RAD);
     p->timeout_ms = control_clamp(board->command_timeout_ns / MS, 0, UINT16_MAX);
     p->position_gain = config->valve ? VALVE_POSITION_GAIN : POSITION_GAIN;
+    /* Switches, gear and rated current */
     axis->valve = config->valve;
+    cia402_homing_list(axis, &config->switches);
+    axis->rpm_rad = (config->gear > 0.0 ? config->gear : 1.0) * 60.0 / (2.0 * M_PI);
     axis->rated_current_ma = p->current_limit_ma;
+    /* A valve has no current loop: its speed constant and the integral suffice */
     if (config->valve) {
         p->current_gain[2] = cia402_counts(config->bemf_v_s_rad, 1e-3);
         p->velocity_gain[1] = cia402_counts(VALVE_VELOCITY_KI * config->bemf_v_s_rad, 1e-3);
@@ -67,6 +72,7 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
         axis->supported_modes &= ~TORQUE_MODES;
         return;
     }
+    /* Loops of a motor, tuned by its winding and its back-EMF */
     axis->rated_torque_mnm = cia402_counts(config->current_limit_a * config->bemf_v_s_rad, 1e-3);
     if (config->winding_ohm > 0.0) {
         current_loop_tune(config->winding_ohm, config->winding_h, &kp, &ki);
@@ -78,6 +84,7 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
     }
 }
 
+/* Resets the state, faults, targets and homing of an axis at power-up. */
 static void cia402_axis_power_up(struct cia402_axis *axis)
 {
     axis->state = CIA402_NOT_READY;
@@ -93,6 +100,7 @@ static void cia402_axis_power_up(struct cia402_axis *axis)
     cia402_axis_stand(axis);
 }
 
+/* Powers up a drive (struct board_ops). */
 static void cia402_motor_power_up(struct board *board)
 {
     struct cia402_motor *motor = cia402_motor_of(board);
@@ -107,6 +115,8 @@ static void cia402_motor_power_up(struct board *board)
 
 /* ---- sensors ---- */
 
+/* Reads the sensors of an axis; a missing reading leaves the value before. ms: time since the
+ * last sample. */
 static void cia402_axis_sample(struct cia402_axis *axis, const struct board_axis_config *config,
                                const struct motor_sense *sense, int64_t ms)
 {
@@ -135,6 +145,8 @@ static void cia402_axis_sample(struct cia402_axis *axis, const struct board_axis
         axis->pressure[side] = control_clamp(counts, 0, UINT16_MAX);
     }
 
+    cia402_homing_sample(axis, &config->switches);
+
     /* The rotor's speed is a running mean */
     if (ms > 0) {
         double change = (axis->motor_rad - axis->before_rad) / ((double)ms * 1e-3);
@@ -144,7 +156,7 @@ static void cia402_axis_sample(struct cia402_axis *axis, const struct board_axis
     }
 }
 
-/* What was sampled, as the objects have it. */
+/* Writes what was sampled into the objects. */
 static void cia402_axis_publish(struct cia402_axis *axis, double supply_v)
 {
     double rated_a = fmax((double)axis->rated_current_ma, 1.0) * 1e-3;
@@ -154,7 +166,7 @@ static void cia402_axis_publish(struct cia402_axis *axis, double supply_v)
     axis->velocity = cia402_counts(axis->velocity_rad_s, CIA402_POSITION_RAD);
     axis->current_ma = cia402_counts(axis->current_a, 1e-3);
     axis->current = cia402_counts(axis->current_a / rated_a, 1e-3);
-    axis->torque = axis->current; /* both in thousandths of what belongs together */
+    axis->torque = axis->current; /* in thousandths of the rated one, both */
     if (axis->valve) {
         double rated_nm = fmax((double)axis->rated_torque_mnm, 1.0) * 1e-3;
 
@@ -165,6 +177,7 @@ static void cia402_axis_publish(struct cia402_axis *axis, double supply_v)
     axis->supply_mv = cia402_counts(supply_v, 1e-3);
 }
 
+/* Reads the sensors of all axes (struct board_ops). */
 static void cia402_motor_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct cia402_motor *motor = cia402_motor_of(board);
@@ -194,6 +207,7 @@ static void cia402_motor_sample(struct board *board, const struct plant_sensors 
 
 /* ---- faults ---- */
 
+/* Returns whether the I2t law sees an overload of an axis that is on. */
 static bool cia402_axis_is_over_current(const struct board *board, struct cia402_axis *axis)
 {
     double limit_a = (double)axis->settings.current_limit_ma * 1e-3;
@@ -206,6 +220,7 @@ static bool cia402_axis_is_over_current(const struct board *board, struct cia402
                          (double)board->boards->tick_ns / MS);
 }
 
+/* Returns whether commands of an axis have not come for the time-out. */
 static bool cia402_axis_is_stale(const struct board *board, const struct cia402_axis *axis)
 {
     bool expects = axis->mode == CIA402_VOLTAGE_MODE || axis->mode == CIA402_TORQUE ||
@@ -215,6 +230,7 @@ static bool cia402_axis_is_stale(const struct board *board, const struct cia402_
            board->boards->now_ns - axis->command_ns > axis->settings.timeout_ms * MS;
 }
 
+/* Returns whether the link is beyond a software limit. */
 static bool cia402_axis_is_beyond_limit(const struct cia402_axis *axis)
 {
     const int64_t *limit = axis->settings.position_limit;
@@ -223,6 +239,7 @@ static bool cia402_axis_is_beyond_limit(const struct cia402_axis *axis)
     return limit[0] < limit[1] && (link < limit[0] || link > limit[1]);
 }
 
+/* Returns the faults and warnings that an axis has now. */
 static uint32_t cia402_axis_present_faults(const struct board *board, struct cia402_axis *axis)
 {
     const struct cia402_motor *motor = cia402_motor_of(board);
@@ -250,6 +267,7 @@ static uint32_t cia402_axis_present_faults(const struct board *board, struct cia
     return faults;
 }
 
+/* Sends emergency messages of new faults, and logs those that are fatal. */
 static void cia402_axis_report_faults(struct cia402_node *node, struct cia402_axis *axis,
                                       uint32_t risen)
 {
@@ -267,6 +285,7 @@ static void cia402_axis_report_faults(struct cia402_node *node, struct cia402_ax
     }
 }
 
+/* Finds the faults of an axis and reacts to new ones: events, emergencies, the fault reaction. */
 static void cia402_axis_watch_faults(struct cia402_node *node, struct cia402_axis *axis)
 {
     struct board *board = &node->board;
@@ -295,6 +314,7 @@ static void cia402_axis_watch_faults(struct cia402_node *node, struct cia402_axi
 
 /* ---- control ---- */
 
+/* Writes voltages and switches of the bridges into the command of the plant. */
 static void cia402_motor_drive_bridges(const struct board *board, struct plant_command *command)
 {
     const struct cia402_motor *motor = cia402_motor_of(board);
@@ -308,6 +328,7 @@ static void cia402_motor_drive_bridges(const struct board *board, struct plant_c
     }
 }
 
+/* Runs a tick of a drive: services, faults, states and loops (struct board_ops). */
 static void cia402_motor_control(struct board *board, struct ms_span span,
                                  struct plant_command *command)
 {
@@ -327,6 +348,7 @@ static void cia402_motor_control(struct board *board, struct ms_span span,
     cia402_motor_drive_bridges(board, command);
 }
 
+/* Opens the bridges of a drive (struct board_ops). */
 static void cia402_motor_shut_down(struct board *board, struct plant_command *command)
 {
     struct cia402_motor *motor = cia402_motor_of(board);
@@ -341,6 +363,7 @@ static void cia402_motor_shut_down(struct board *board, struct plant_command *co
     cia402_motor_drive_bridges(board, command);
 }
 
+/* Returns whether some axis is in a fault state (struct board_ops). */
 static bool cia402_motor_is_faulty(const struct board *board)
 {
     const struct cia402_motor *motor = cia402_motor_of(board);
@@ -354,7 +377,7 @@ static bool cia402_motor_is_faulty(const struct board *board)
     return false;
 }
 
-/* Its state stands where others have modes. */
+/* Returns the state of an axis, which takes the place of a mode (struct board_ops). */
 static uint8_t cia402_motor_mode(const struct board *board, unsigned axis)
 {
     return (uint8_t)cia402_motor_of(board)->axis[axis].state;

@@ -10,11 +10,11 @@
 
 enum {
     CODE_LIFE_GUARD = 0x8130,
-    REGISTER_COMMUNICATION = 0x10,
     TO_PRE_OPERATIONAL = 0, /* 0x1029 */
     TO_STOPPED = 2,
 };
 
+/* Enters a state of NMT; PDOs start, and axes without commands stop. */
 static void cia402_nmt_enter(struct cia402_node *node, enum cia402_nmt_state state)
 {
     if (state == node->state) {
@@ -24,7 +24,7 @@ static void cia402_nmt_enter(struct cia402_node *node, enum cia402_nmt_state sta
     if (state == CIA402_OPERATIONAL) {
         cia402_pdo_start(node);
     }
-    /* An axis that can be commanded no more does not go on */
+    /* An axis that can no longer be commanded loses its connection */
     for (unsigned k = 0; k < node->axes && state == CIA402_STOPPED; k++) {
         cia402_axis_lose_connection(node, &node->axis[k]);
     }
@@ -53,12 +53,13 @@ void cia402_nmt_command(struct cia402_node *node, unsigned command)
 
 /* ---- what others expect of the node ---- */
 
+/* Queues a heartbeat with a state. */
 static void cia402_nmt_tell_state(struct cia402_node *node, uint8_t data)
 {
     board_queue(&node->board, CIA402_HEARTBEAT + node->board.address, 1, &data);
 }
 
-/* The answer has a bit that alternates; a heartbeat producer does not answer. */
+/* Answers node guarding with a bit that alternates; a heartbeat producer does not answer. */
 void cia402_nmt_guard(struct cia402_node *node)
 {
     if (node->settings.producer_ms > 0) {
@@ -69,6 +70,7 @@ void cia402_nmt_guard(struct cia402_node *node)
     node->guarded = true;
     node->guard_lost = false;
     node->guard_ns = node->board.boards->now_ns;
+    cia402_emcy_resolve_communication(node);
 }
 
 void cia402_nmt_transmit(struct cia402_node *node, struct frame_sink *sink)
@@ -89,7 +91,7 @@ void cia402_nmt_transmit(struct cia402_node *node, struct frame_sink *sink)
     }
 }
 
-/* The first comes a period from now. */
+/* Sets the period of heartbeats; the first comes a period from now. */
 enum cia402_abort cia402_nmt_write_producer(struct cia402_node *node,
                                             const struct cia402_entry *entry, int64_t value)
 {
@@ -101,6 +103,7 @@ enum cia402_abort cia402_nmt_write_producer(struct cia402_node *node,
 
 /* ---- what the node expects of others ---- */
 
+/* Returns the Node-ID whose heartbeat the node expects. */
 static unsigned cia402_nmt_producer(const struct cia402_node *node)
 {
     return (unsigned)(node->settings.consumer >> 16);
@@ -115,6 +118,7 @@ enum cia402_abort cia402_nmt_write_consumer(struct cia402_node *node,
     }
     node->settings.consumer = value;
     node->consumes = node->consumer_lost = false;
+    cia402_emcy_resolve_communication(node);
     return CIA402_DONE;
 }
 
@@ -124,14 +128,17 @@ void cia402_nmt_hear(struct cia402_node *node, unsigned producer)
         node->consumes = true;
         node->consumer_lost = false;
         node->consumer_ns = node->board.boards->now_ns;
+        cia402_emcy_resolve_communication(node);
     }
 }
 
+/* Reacts to a lost heartbeat or guarding: an emergency, the axes, the state. */
 static void cia402_nmt_lose(struct cia402_node *node)
 {
     int64_t behavior = node->settings.error_behavior;
 
-    cia402_emcy_raise(node, CODE_LIFE_GUARD, REGISTER_COMMUNICATION, 0, CIA402_FAULT_CONNECTION);
+    cia402_emcy_raise(node, CODE_LIFE_GUARD, CIA402_REGISTER_COMMUNICATION, 0,
+                      CIA402_FAULT_CONNECTION);
     for (unsigned k = 0; k < node->axes; k++) {
         cia402_axis_lose_connection(node, &node->axis[k]);
     }

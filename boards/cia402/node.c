@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What every node has: power-up, stored parameters, what it sends in a tick. */
+/* Services of every node: power-up, stored parameters, transmission in a tick. */
 #include "boards/cia402/private.h"
 
 #include <string.h>
@@ -7,6 +7,7 @@
 /* "save" and "load", little-endian, as CiA 301 wants them */
 enum { SIGNATURE_SAVE = 0x65766173, SIGNATURE_LOAD = 0x64616f6c };
 
+/* Stores settings, user data and tare, as "save" asks. */
 static void cia402_node_store(struct cia402_node *node)
 {
     node->saved = node->settings;
@@ -20,6 +21,7 @@ static void cia402_node_store(struct cia402_node *node)
     }
 }
 
+/* Loads what was stored last. */
 static void cia402_node_load(struct cia402_node *node)
 {
     node->settings = node->saved;
@@ -33,8 +35,8 @@ static void cia402_node_load(struct cia402_node *node)
     }
 }
 
-/* From initialisation into PRE-OPERATIONAL, or on by itself where the rig wants it; not without a
- * Node-ID. */
+/* Goes from initialization into PRE-OPERATIONAL, or further where the rig wants it; not without
+ * a Node-ID. */
 static void cia402_node_start_communication(struct cia402_node *node)
 {
     cia402_lss_take_id(node);
@@ -46,6 +48,7 @@ static void cia402_node_start_communication(struct cia402_node *node)
     node->consumes = node->consumer_lost = false;
     memset(&node->transfer, 0, sizeof node->transfer);
     cia402_pdo_start(node);
+    cia402_emcy_resolve_communication(node);
 }
 
 bool cia402_node_power_up(struct cia402_node *node)
@@ -92,7 +95,7 @@ enum cia402_abort cia402_node_write_store(struct cia402_node *node,
     return CIA402_DONE;
 }
 
-/* Takes effect at the next reset or power-up. */
+/* Orders the factory's settings, which take effect at the next reset or power-up. */
 enum cia402_abort cia402_node_write_restore(struct cia402_node *node,
                                             const struct cia402_entry *entry, int64_t value)
 {

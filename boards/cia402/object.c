@@ -11,8 +11,8 @@ enum { PDO_MASK = 0x1ff, FIRST_PDO = 0x1400, LAST_PDO = 0x1bff, FIRST_OF_AXES = 
 
 /* ---- which object ---- */
 
-/* Splits an index into that of axis 0 or of the first PDO, and which axis or PDO it is (as a place
- * in the node's arrays); false: the node has none such. */
+/* Splits an index into that of axis 0 or of the first PDO, and the number of the axis or PDO (as
+ * a place in the node's arrays); false: the node has none such. */
 static bool cia402_split_index(const struct cia402_node *node, unsigned *index, unsigned *unit)
 {
     *unit = 0;
@@ -33,7 +33,7 @@ static bool cia402_split_index(const struct cia402_node *node, unsigned *index, 
     return true;
 }
 
-/* Sub-indices of a row that a node has. */
+/* Returns the end of the sub-indices of a row that a node has. */
 static unsigned cia402_row_end(const struct cia402_node *node, const struct cia402_object *object)
 {
     unsigned count = object->count;
@@ -44,6 +44,7 @@ static unsigned cia402_row_end(const struct cia402_node *node, const struct cia4
     return object->sub + count;
 }
 
+/* Returns whether a node has the objects of a row's scope. */
 static bool cia402_node_has(const struct cia402_node *node, const struct cia402_object *object)
 {
     return object->scope == CIA402_OF_AXIS     ? node->axes > 0
@@ -51,7 +52,7 @@ static bool cia402_node_has(const struct cia402_node *node, const struct cia402_
                                                : true;
 }
 
-/* The highest sub-index of an index; 0: there is no such index. */
+/* Returns the highest sub-index of an index; 0: there is no such index. */
 static unsigned cia402_highest_sub(const struct cia402_node *node, unsigned index)
 {
     unsigned highest = 0;
@@ -66,7 +67,7 @@ static unsigned cia402_highest_sub(const struct cia402_node *node, unsigned inde
     return highest;
 }
 
-/* Whether an index is there at all, with sub-index 0 only or more. */
+/* Returns whether an index exists, with sub-index 0 only or more. */
 static bool cia402_has_index(const struct cia402_node *node, unsigned index)
 {
     const struct cia402_object *object = cia402_object_at(index, 0);
@@ -102,6 +103,7 @@ enum cia402_abort cia402_find(const struct cia402_node *node, unsigned index, un
 
 /* ---- its value ---- */
 
+/* Returns the place of an object's value, of sub-index 0 of its row. */
 static void *cia402_place(const struct cia402_node *node, const struct cia402_entry *entry)
 {
     const struct cia402_object *object = entry->object;
@@ -187,6 +189,18 @@ enum cia402_abort cia402_write_cob(struct cia402_node *node, const struct cia402
     return CIA402_DONE;
 }
 
+/* Writes the COB-ID of EMCY; that of a valid object cannot change (CiA 301, 7.5.2.17). */
+enum cia402_abort cia402_write_emcy_cob(struct cia402_node *node, const struct cia402_entry *entry,
+                                        int64_t value)
+{
+    int64_t now = *cia402_field(node, entry);
+
+    if (!((now | value) & CIA402_COB_INVALID) && (now ^ value) & CIA402_COB_MASK) {
+        return CIA402_ABORT_VALUE;
+    }
+    return cia402_write_cob(node, entry, value);
+}
+
 /* ---- bytes ---- */
 
 int64_t cia402_get(enum cia402_type type, const uint8_t *data)
@@ -207,7 +221,7 @@ int64_t cia402_get(enum cia402_type type, const uint8_t *data)
     }
 }
 
-/* Held within the type: a measured value may exceed it. */
+/* Writes a value in little-endian bytes, held within the type: a measured value may exceed it. */
 void cia402_put(enum cia402_type type, int64_t value, uint8_t *data)
 {
     const struct cia402_object bounds = {.type = type};
@@ -220,6 +234,7 @@ void cia402_put(enum cia402_type type, int64_t value, uint8_t *data)
 
 /* ---- the factory's values ---- */
 
+/* Sets the initial values of a row, for an axis or a PDO. */
 static void cia402_set_initial(struct cia402_node *node, const struct cia402_object *object,
                                unsigned unit)
 {
@@ -237,13 +252,15 @@ static void cia402_set_initial(struct cia402_node *node, const struct cia402_obj
     }
 }
 
-/* What says who the node is. */
+/* Sets the identity of a node: vendor, product, revision and serial number. */
 static void cia402_set_identity(struct cia402_node *node)
 {
     static const char *const kinds[] = {"drive", "force-torque sensor", "inertial sensor"};
     const struct board_identity *identity = &node->board.ops->identity;
 
-    node->device_type = node->axes ? CIA402_DEVICE_DRIVE : CIA402_DEVICE_SENSOR;
+    node->device_type = node->axes > 1    ? CIA402_DEVICE_DRIVES
+                        : node->axes == 1 ? CIA402_DEVICE_DRIVE
+                                          : CIA402_DEVICE_SENSOR;
     node->identity[1] = 0x48494c00 + node->kind; /* vendor 0: none */
     node->identity[2] = identity->major << 16 | identity->minor;
     node->identity[3] = (int64_t)(node->board.config.bus & 0xff) << 8 | node->board.config.address;
@@ -255,6 +272,7 @@ static void cia402_set_identity(struct cia402_node *node)
 
 void cia402_set_factory(struct cia402_node *node)
 {
+    /* Initial values of the table */
     for (size_t i = 0; i < cia402_object_count; i++) {
         const struct cia402_object *object = &cia402_objects[i];
         unsigned units = object->scope == CIA402_OF_AXIS ? node->axes
@@ -266,6 +284,7 @@ void cia402_set_factory(struct cia402_node *node)
             cia402_set_initial(node, object, unit);
         }
     }
+    /* Values of the board's configuration */
     for (unsigned k = 0; k < node->axes; k++) {
         cia402_axis_set_factory(&node->axis[k], &node->board.config.axis[k], &node->board.config);
     }

@@ -7,6 +7,7 @@
 
 #include <inttypes.h>
 
+/* Returns the word for a type. */
 static const char *object_type_name(enum cia402_type type)
 {
     static const char *const names[] = {
@@ -17,6 +18,7 @@ static const char *object_type_name(enum cia402_type type)
     return names[type];
 }
 
+/* Prints a row as an item of a list. */
 static void object_print_row(const struct cia402_object *object, FILE *out)
 {
     static const char *const access[] = {

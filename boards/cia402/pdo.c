@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Process data objects (CiA 301, 7.2.2): mapping, transmission types, and what is sent and applied.
+ * Process data objects (CiA 301, 7.2.2): mapping, transmission types, transmission and reception.
  *
- * A node answers the SYNC of a tick at the tick's end, with what its sensors show then. The types:
- * 0 with a SYNC when the data have changed, 1 to 240 with every so many SYNCs, 254 and 255 when the
- * data have changed or the event timer has run out, not before the inhibit time is over. RPDOs of
- * types 0 to 240 wait for the next SYNC, others are applied at once.
+ * A node answers the SYNC of a tick at the tick's end, with the readings of its sensors then. The
+ * types: 0 with a SYNC when the data have changed, 1 to 240 with every so many SYNCs, 254 and 255
+ * when the data have changed or the event timer has run out, not before the inhibit time is over;
+ * and each at the end of a tick in which a remote frame asked for it, unless bit 30 of its COB-ID
+ * is set. RPDOs of types 0 to 240 wait for the next SYNC, others are applied at once.
  *
  * The mapping of a PDO can be changed while bit 31 of its COB-ID is set and, its objects, while
  * their count is 0.
@@ -22,23 +23,25 @@ enum {
     PDO_BYTES = 8,
     CODE_TOO_SHORT = 0x8210, /* EMCY */
     CODE_TOO_LONG = 0x8220,
-    REGISTER_COMMUNICATION = 0x10,
     DUMMY_FIRST = CIA402_I8, /* data types that RPDOs map to skip bytes */
     DUMMY_LAST = CIA402_U32,
 };
 
 #define INHIBIT_UNIT_NS INT64_C(100000)
 
+/* Returns whether a PDO is valid: bit 31 of its COB-ID is 0. */
 static bool cia402_pdo_is_valid(const struct cia402_pdo *pdo)
 {
     return !(pdo->cob_id & CIA402_COB_INVALID);
 }
 
+/* Returns whether an object belongs to an RPDO. */
 static bool cia402_entry_is_rpdo(const struct cia402_entry *entry)
 {
     return entry->object->scope == CIA402_OF_RPDO;
 }
 
+/* Returns the PDO of an object. */
 static struct cia402_pdo *cia402_entry_pdo(struct cia402_node *node,
                                            const struct cia402_entry *entry)
 {
@@ -48,7 +51,7 @@ static struct cia402_pdo *cia402_entry_pdo(struct cia402_node *node,
 
 /* ---- mapping ---- */
 
-/* What a mapping object stands for. */
+/* Finds the object that a mapping object stands for. */
 static enum cia402_abort cia402_pdo_resolve(const struct cia402_node *node, int64_t mapping,
                                             bool receive, struct cia402_entry *entry)
 {
@@ -71,7 +74,7 @@ static enum cia402_abort cia402_pdo_resolve(const struct cia402_node *node, int6
     return bits == cia402_type_bits(entry->type) ? CIA402_DONE : CIA402_ABORT_LENGTH;
 }
 
-/* Prepares a PDO for work, as its parameters say, which have been checked. */
+/* Prepares a PDO for work by its parameters, which have been checked. */
 static void cia402_pdo_prepare(struct cia402_node *node, const struct cia402_pdo *pdo,
                                struct cia402_channel *channel, bool receive)
 {
@@ -84,6 +87,7 @@ static void cia402_pdo_prepare(struct cia402_node *node, const struct cia402_pdo
     }
 }
 
+/* Prepares the PDO of an object anew. */
 static void cia402_pdo_link_entry(struct cia402_node *node, const struct cia402_entry *entry)
 {
     bool receive = cia402_entry_is_rpdo(entry);
@@ -111,7 +115,7 @@ void cia402_pdo_start(struct cia402_node *node)
 enum cia402_abort cia402_pdo_write_cob(struct cia402_node *node, const struct cia402_entry *entry,
                                        int64_t value)
 {
-    const int64_t no_remote = 0x40000000, known = CIA402_COB_INVALID | no_remote | CIA402_COB_MASK;
+    const int64_t known = CIA402_COB_INVALID | CIA402_COB_NO_REMOTE | CIA402_COB_MASK;
     struct cia402_pdo *pdo = cia402_entry_pdo(node, entry);
     bool valid = !(value & CIA402_COB_INVALID);
 
@@ -153,12 +157,14 @@ enum cia402_abort cia402_pdo_write_count(struct cia402_node *node, const struct 
     struct cia402_pdo *pdo = cia402_entry_pdo(node, entry);
     unsigned bits = 0;
 
+    /* Only the mapping of an invalid PDO can change */
     if (cia402_pdo_is_valid(pdo)) {
         return CIA402_ABORT_STATE;
     }
     if (value > CIA402_MAPPED_MAX) {
         return CIA402_ABORT_MAPPED_LENGTH;
     }
+    /* The mapped objects exist, and fit into a frame */
     for (int i = 0; i < value; i++) {
         struct cia402_entry mapped;
         enum cia402_abort reason =
@@ -197,7 +203,7 @@ enum cia402_abort cia402_pdo_write_object(struct cia402_node *node,
 
 /* ---- the factory's ---- */
 
-/* PDO number of an axis as CiA 402 has them: the first of them the controlword or statusword, the
+/* Sets a PDO of an axis as CiA 402 has it: the first maps the controlword or statusword, the
  * others another object beside it; those of the first axis have identifiers. */
 static void cia402_pdo_set_drive(struct cia402_node *node, unsigned axis, unsigned number)
 {
@@ -220,6 +226,7 @@ static void cia402_pdo_set_drive(struct cia402_node *node, unsigned axis, unsign
     }
 }
 
+/* Sets the PDOs of a sensor by the plan of its kind. */
 static void cia402_pdo_set_plan(struct cia402_node *node)
 {
     struct cia402_plan plan;
@@ -250,6 +257,7 @@ void cia402_pdo_set_factory(struct cia402_node *node)
 
 /* ---- reception ---- */
 
+/* Writes the data of an RPDO into the mapped objects. */
 static void cia402_pdo_apply(struct cia402_node *node, const struct cia402_channel *channel)
 {
     const uint8_t *data = channel->data;
@@ -277,21 +285,43 @@ bool cia402_pdo_receive(struct cia402_node *node, const struct bus_frame *frame,
         if (!cia402_pdo_is_valid(pdo) || (pdo->cob_id & CIA402_COB_MASK) != frame->id) {
             continue;
         }
+        /* A frame that is too short is refused, one that is too long reported */
         found = true;
         if (frame->len != channel->length) {
             bool short_of = frame->len < channel->length;
 
             *verdict = BOARD_MALFORMED;
             cia402_emcy_raise(node, short_of ? CODE_TOO_SHORT : CODE_TOO_LONG,
-                              REGISTER_COMMUNICATION, 0, 0);
+                              CIA402_REGISTER_COMMUNICATION, 0, 0);
+            channel->unfit = true;
             if (short_of) {
                 continue;
             }
+        } else if (channel->unfit) {
+            channel->unfit = false;
+            cia402_emcy_resolve_communication(node);
         }
+        /* The data wait for SYNC, or are applied at once */
         memcpy(channel->data, frame->data, channel->length);
         channel->waits = pdo->type <= SYNCHRONOUS_MAX;
         if (!channel->waits) {
             cia402_pdo_apply(node, channel);
+        }
+    }
+    return found;
+}
+
+bool cia402_pdo_request(struct cia402_node *node, unsigned id)
+{
+    bool found = false;
+
+    for (unsigned i = 0; i < cia402_pdos(node) && node->state == CIA402_OPERATIONAL; i++) {
+        const struct cia402_pdo *pdo = &node->settings.tpdo[i];
+
+        if (cia402_pdo_is_valid(pdo) && !(pdo->cob_id & CIA402_COB_NO_REMOTE) &&
+            (pdo->cob_id & CIA402_COB_MASK) == id) {
+            node->tx[i].requested = true;
+            found = true;
         }
     }
     return found;
@@ -313,6 +343,7 @@ void cia402_pdo_sync(struct cia402_node *node)
 
 /* ---- transmission ---- */
 
+/* Returns whether a TPDO is due by its transmission type. */
 static bool cia402_pdo_is_due(const struct cia402_node *node, const struct cia402_pdo *pdo,
                               struct cia402_channel *channel, bool changed)
 {
@@ -339,15 +370,18 @@ void cia402_pdo_transmit(struct cia402_node *node, struct frame_sink *sink)
         if (!cia402_pdo_is_valid(pdo) || pdo->count == 0) {
             continue;
         }
+        /* Collects the mapped values */
         for (int k = 0; k < pdo->count; k++) {
             const struct cia402_entry *entry = &channel->entry[k];
 
             cia402_put(entry->type, *cia402_field(node, entry), to);
             to += channel->bytes[k];
         }
-        if (cia402_pdo_is_due(node, pdo, channel, memcmp(data, channel->data, PDO_BYTES) != 0)) {
+        /* Sends them when they are due */
+        if (cia402_pdo_is_due(node, pdo, channel, memcmp(data, channel->data, PDO_BYTES) != 0) ||
+            channel->requested) {
             memcpy(channel->data, data, PDO_BYTES);
-            channel->waits = false;
+            channel->waits = channel->requested = false;
             channel->syncs = 0;
             channel->time_ns = node->board.boards->now_ns;
             board_send(&node->board, sink, (uint32_t)pdo->cob_id & CIA402_COB_MASK, channel->length,

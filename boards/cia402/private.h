@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the boards of a CANopen bus are made of. Fields that are objects of the dictionary are
- * int64_t, whatever type the object has, in the units of the object. RT-safe but for what creates.
+ * Data and functions of the boards of a CANopen bus. Fields that are objects of the dictionary are
+ * int64_t, whatever type the object has, in the units of the object. RT-safe except for functions
+ * that create.
  */
 #ifndef BOARDS_CIA402_PRIVATE_H
 #define BOARDS_CIA402_PRIVATE_H
@@ -31,6 +32,8 @@ struct cia402_channel {
     uint8_t length;
     uint8_t data[8]; /* TPDO: sent last; RPDO: waits for SYNC */
     bool waits;      /* RPDO: data is fresh; TPDO: never sent since it was set up */
+    bool requested;  /* TPDO: by a remote frame */
+    bool unfit;      /* RPDO: the last one had another length */
     int64_t syncs;   /* since the last one sent */
     int64_t time_ns; /* of the last one sent or received */
 };
@@ -52,6 +55,9 @@ struct cia402_domain {
     uint32_t size;
     uint8_t data[CIA402_DOMAIN_MAX];
 };
+
+/* Bits of the error register */
+enum { CIA402_REGISTER_GENERIC = 0x01, CIA402_REGISTER_COMMUNICATION = 0x10 };
 
 #define CIA402_SIZE_UNKNOWN UINT32_MAX
 
@@ -125,16 +131,19 @@ struct cia402_node {
     bool nameless; /* has no Node-ID: only its LSS works; the board's address is the last one */
 };
 
+/* Returns the node of a board. */
 static inline struct cia402_node *cia402_node_of(const struct board *board)
 {
     return container_of(board, struct cia402_node, board);
 }
 
+/* Returns the number of PDOs of each direction of a node. */
 static inline unsigned cia402_pdos(const struct cia402_node *node)
 {
     return node->axes ? CIA402_AXIS_PDOS * node->axes : CIA402_AXIS_PDOS;
 }
 
+/* Returns a value in counts of worth, rounded and held within 32 bits. */
 static inline int64_t cia402_counts(double value, double worth)
 {
     int32_t count = 0;
@@ -149,7 +158,7 @@ static inline int64_t cia402_counts(double value, double worth)
 enum cia402_abort cia402_find(const struct cia402_node *node, unsigned index, unsigned sub,
                               struct cia402_entry *entry);
 
-/* Where its value is; not of texts, domains and counts. */
+/* Returns the place of an object's value; not of texts, domains and counts. */
 int64_t *cia402_field(const struct cia402_node *node, const struct cia402_entry *entry);
 char *cia402_text(const struct cia402_node *node, const struct cia402_entry *entry);
 struct cia402_domain *cia402_domain(const struct cia402_node *node,
@@ -159,24 +168,26 @@ int64_t cia402_value(const struct cia402_node *node, const struct cia402_entry *
 enum cia402_abort cia402_write(struct cia402_node *node, const struct cia402_entry *entry,
                                int64_t value);
 
-/* CiA 301, table "restricted CAN-IDs": not for PDOs, SYNC and EMCY. */
+/* Returns whether an identifier is one of CiA 301's table "restricted CAN-IDs", not for PDOs,
+ * SYNC and EMCY. */
 bool cia402_cob_is_restricted(unsigned id);
 
-/* Little-endian bytes of a type to its value and back. */
+/* Convert little-endian bytes of a type to its value and back. */
 int64_t cia402_get(enum cia402_type type, const uint8_t *data);
 void cia402_put(enum cia402_type type, int64_t value, uint8_t *data);
 
-/* Every field of the table to its initial value; then the PDOs and what the configuration says. */
+/* Sets every field of the table to its initial value; then the PDOs and what the configuration
+ * says. */
 void cia402_set_factory(struct cia402_node *node);
 
 /* ---- services ---- */
 
-/* sdo.c; a request of 8 bytes; returns why it was refused. */
+/* Obeys a request of 8 bytes (sdo.c); returns why it was refused. */
 enum cia402_abort cia402_sdo_receive(struct cia402_node *node, const uint8_t *data);
 
-/* What sdo.c and sdo_block.c have in common: an answer; the end of a transfer with a reason, which
- * is returned; a new transfer for the object of a request; the data of its object, and how they
- * are told without blocks; whether data of a size may be written, and the writing. */
+/* Shared by sdo.c and sdo_block.c: an answer; the end of a transfer with a reason, which is
+ * returned; a new transfer for the object of a request; the data of its object, and their upload
+ * without blocks; whether data of a size may be written, and the writing. */
 void cia402_sdo_answer(struct cia402_node *node, const uint8_t *data);
 enum cia402_abort cia402_sdo_abort_transfer(struct cia402_node *node, enum cia402_abort reason);
 enum cia402_abort cia402_sdo_find(struct cia402_node *node, const uint8_t *request);
@@ -187,20 +198,20 @@ enum cia402_abort cia402_sdo_check_size(const struct cia402_entry *entry, uint32
 enum cia402_abort cia402_sdo_store(struct cia402_node *node, const struct cia402_entry *entry,
                                    const uint8_t *data, uint32_t size);
 
-/* sdo_block.c; requests of block transfers. While takes_all is true every request that is no abort
- * is one of the download. What a tick does: segments of an upload, and the time-out. */
+/* Block transfers (sdo_block.c): requests. While takes_all is true every request that is no
+ * abort belongs to the download. Work of a tick: segments of an upload, and the time-out. */
 bool cia402_block_takes_all(const struct cia402_node *node);
 enum cia402_abort cia402_block_receive_download(struct cia402_node *node, const uint8_t *request);
 enum cia402_abort cia402_block_receive_upload(struct cia402_node *node, const uint8_t *request);
 void cia402_block_step(struct cia402_node *node, struct ms_span span);
 
-/* lss.c; a request of 8 bytes, false: there is none such. The Node-ID that is next becomes that of
- * the node, at a reset of its communication. */
+/* Obeys a request of 8 bytes (lss.c); false: no such request. The next Node-ID becomes that of
+ * the node at a reset of its communication. */
 bool cia402_lss_receive(struct cia402_node *node, const uint8_t *data);
 void cia402_lss_power_up(struct cia402_node *node, bool first);
 void cia402_lss_take_id(struct cia402_node *node);
 
-/* pdo.c; a write to a mapping, then what is called when frames come or are due. */
+/* Process data (pdo.c): writes to a mapping, then what is called when frames come or are due. */
 enum cia402_abort cia402_pdo_write_cob(struct cia402_node *node, const struct cia402_entry *entry,
                                        int64_t value);
 enum cia402_abort cia402_pdo_write_type(struct cia402_node *node, const struct cia402_entry *entry,
@@ -216,6 +227,7 @@ void cia402_pdo_link(struct cia402_node *node); /* all of them, as the settings 
 void cia402_pdo_start(struct cia402_node *node);
 bool cia402_pdo_receive(struct cia402_node *node, const struct bus_frame *frame,
                         enum board_verdict *verdict);
+bool cia402_pdo_request(struct cia402_node *node, unsigned id); /* by a remote frame */
 void cia402_pdo_sync(struct cia402_node *node);
 void cia402_pdo_transmit(struct cia402_node *node, struct frame_sink *sink);
 
@@ -234,11 +246,16 @@ enum cia402_abort cia402_nmt_write_consumer(struct cia402_node *node,
 void cia402_emcy_raise(struct cia402_node *node, unsigned code, unsigned error_register,
                        unsigned axis, uint32_t faults);
 void cia402_emcy_clear(struct cia402_node *node); /* error reset, when nothing is left */
+
+/* Tells that communication is in order again, when no cause of an error is left. */
+void cia402_emcy_resolve_communication(struct cia402_node *node);
 void cia402_emcy_transmit(struct cia402_node *node, struct frame_sink *sink);
 enum cia402_abort cia402_emcy_write_history(struct cia402_node *node,
                                             const struct cia402_entry *entry, int64_t value);
 enum cia402_abort cia402_write_cob(struct cia402_node *node, const struct cia402_entry *entry,
                                    int64_t value);
+enum cia402_abort cia402_write_emcy_cob(struct cia402_node *node, const struct cia402_entry *entry,
+                                        int64_t value);
 
 /* node.c */
 bool cia402_node_power_up(struct cia402_node *node); /* true: the first time */
@@ -259,6 +276,7 @@ struct cia402_axis_settings {
     int64_t following_window, following_timeout_ms, position_window, position_window_ms;
     int64_t velocity_window, velocity_window_ms, velocity_threshold, velocity_threshold_ms;
     int64_t max_torque, max_current, position_limit[2], home_offset;
+    int64_t position_range[2], max_motor_rpm, motion_profile_type, torque_profile_type;
     int64_t max_profile_velocity, profile_velocity, profile_acceleration, profile_deceleration,
         quick_stop_deceleration, torque_slope;
     int64_t homing_method, homing_speed[2], homing_acceleration;
@@ -270,7 +288,17 @@ struct cia402_axis_settings {
     int64_t mode;
 };
 
-/* Where a reference of a profile is, in the units of the objects. */
+/* Part of a homing procedure that is under way (homing.c). */
+enum cia402_homing_part {
+    CIA402_HOMING_RESTS,
+    CIA402_HOMING_SEARCH,
+    CIA402_HOMING_LEAVE,
+    CIA402_HOMING_EDGE,
+    CIA402_HOMING_INDEX,
+    CIA402_HOMING_STOPS,
+};
+
+/* Reference of a profile, in the units of the objects. */
 struct cia402_profile {
     double position, velocity;
 };
@@ -284,10 +312,11 @@ struct cia402_axis {
     int64_t velocity_offset, torque_offset;
     int64_t position, velocity, torque, current; /* actual values */
     int64_t position_demand, velocity_demand, torque_demand, following_error;
-    int64_t rated_current_ma, rated_torque_mnm;
+    int64_t rated_current_ma, rated_torque_mnm, device_type;
     int64_t link_encoder, motor_encoder, deflection, spring_torque, voltage, current_ma,
         temperature_c, supply_mv, faults;
     int64_t pressure[2], valve_opening; /* of a hydraulic axis, else 0 */
+    int64_t homing_methods[CIA402_HOMING_METHODS], digital_inputs;
 
     enum cia402_state state;
     enum cia402_mode mode; /* that works */
@@ -298,8 +327,12 @@ struct cia402_axis {
     struct cia402_profile profile;
     double goal, next_goal; /* profile position */
     bool moving, has_next, set_point_taken;
-    bool homed, homing_failed;
-    bool stopping; /* a ramp to standstill is in force, whatever the mode */
+    bool homed, homing_failed, homing_found;
+    enum cia402_homing_part homing;
+    int homing_direction;
+    double homing_pulses, index_rad;
+    bool stopping;        /* a ramp to standstill is in force, whatever the mode */
+    bool stop_by_current; /* no ramp: as fast as the current limit lets */
     double stop_deceleration;
     enum cia402_state stop_state;  /* where it leads */
     int64_t interpolation_left_ms; /* of the cyclic set-point in hand */
@@ -311,8 +344,9 @@ struct cia402_axis {
     /* Loops and sensors */
     double integral_v, velocity_integral_v, voltage_v, overload_ms;
     double motor_rad, before_rad, velocity_rad_s, current_a, torque_nm;
-    bool valve;   /* its torque is measured on the cylinder: board_axis_config */
-    int64_t home; /* of the motor encoder where the position is 0 */
+    double rpm_rad; /* a link-side rad/s in rotor revolutions a minute */
+    bool valve;     /* its torque is measured on the cylinder: board_axis_config */
+    int64_t home;   /* of the motor encoder where the position is 0 */
     int32_t temperature;
     bool bad_motor, bad_link, bad_torque;
 };
@@ -325,25 +359,27 @@ struct cia402_motor {
     bool started;
 };
 
+/* Returns the drive of a board. */
 static inline struct cia402_motor *cia402_motor_of(const struct board *board)
 {
     return container_of(board, struct cia402_motor, node.board);
 }
 
+/* Returns the number of an axis in its node. */
 static inline unsigned cia402_axis_number(const struct cia402_node *node,
                                           const struct cia402_axis *axis)
 {
     return (unsigned)(axis - node->axis);
 }
 
-/* The bridge is closed. */
+/* Returns whether the bridge is closed. */
 static inline bool cia402_axis_is_on(const struct cia402_axis *axis)
 {
     return axis->state == CIA402_OPERATION_ENABLED || axis->state == CIA402_QUICK_STOP_ACTIVE ||
            axis->state == CIA402_FAULT_REACTION_ACTIVE;
 }
 
-/* Settings that the configuration of a board says (motor_board.c). */
+/* Sets the settings that the configuration of a board gives (motor_board.c). */
 void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_config *config,
                              const struct board_config *board);
 
@@ -361,7 +397,9 @@ void cia402_axis_step(struct cia402_axis *axis, const struct board_axis_config *
                       double supply_v);
 void cia402_axis_count_times(struct cia402_axis *axis);
 void cia402_axis_stand(struct cia402_axis *axis); /* references to where it is, loops empty */
-void cia402_axis_stop(struct cia402_axis *axis, bool quick, enum cia402_state then);
+/* Braking ramps: of a slow-down, of a quick stop, and none, at the current limit. */
+enum cia402_ramp { CIA402_RAMP_SLOW, CIA402_RAMP_QUICK, CIA402_RAMP_CURRENT };
+void cia402_axis_stop(struct cia402_axis *axis, enum cia402_ramp ramp, enum cia402_state then);
 void cia402_axis_take_set_point(struct cia402_axis *axis, int64_t before);
 bool cia402_axis_has_stopped(const struct cia402_axis *axis);
 bool cia402_axis_controls_position(const struct cia402_axis *axis);
@@ -376,16 +414,28 @@ enum cia402_abort cia402_axis_write_homing(struct cia402_node *node,
                                            const struct cia402_entry *entry, int64_t value);
 enum cia402_abort cia402_axis_write_when_off(struct cia402_node *node,
                                              const struct cia402_entry *entry, int64_t value);
+enum cia402_abort cia402_axis_write_profile_type(struct cia402_node *node,
+                                                 const struct cia402_entry *entry, int64_t value);
+enum cia402_abort cia402_axis_write_range(struct cia402_node *node,
+                                          const struct cia402_entry *entry, int64_t value);
 enum cia402_abort cia402_axis_write_limit(struct cia402_node *node,
                                           const struct cia402_entry *entry, int64_t value);
 
-/* One step of a trapezoidal profile of dt s towards a goal (profile.c). */
+/* Homing (homing.c): lists the methods that switches allow, reads the switches; begins and ends
+ * a procedure, and runs a millisecond of it. */
+void cia402_homing_list(struct cia402_axis *axis, const struct board_switches *switches);
+void cia402_homing_sample(struct cia402_axis *axis, const struct board_switches *switches);
+void cia402_homing_start(struct cia402_axis *axis);
+void cia402_homing_interrupt(struct cia402_axis *axis);
+void cia402_homing_step(struct cia402_axis *axis);
+
+/* Runs one step of dt s of a trapezoidal profile towards a goal (profile.c). */
 void cia402_profile_move(struct cia402_profile *profile, double goal, double speed,
                          double acceleration, double deceleration, double dt);
 void cia402_profile_accelerate(struct cia402_profile *profile, double velocity, double acceleration,
                                double deceleration, double dt);
 
-/* What may be set beside the bus (settings.c). */
+/* Settings that can be changed beside the bus (settings.c). */
 extern const struct board_settings cia402_settings;
 
 /* ---- sensors ---- */

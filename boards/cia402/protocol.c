@@ -9,6 +9,7 @@
 #include "boards/protocols.h"
 #include "manual/protocol_cia402.h"
 
+/* Creates a board by its kind (struct protocol). */
 static struct board *cia402_make_board(const struct board_config *config, struct arena *arena)
 {
     return config->kind == BOARD_MOTOR      ? cia402_motor_create(arena)
@@ -16,7 +17,8 @@ static struct board *cia402_make_board(const struct board_config *config, struct
                                             : cia402_ft_create(arena);
 }
 
-/* Nodes have identifiers that other boards have not: the last TPDO and RPDO, and SDO. */
+/* Returns whether nodes use an identifier that other boards do not: the last TPDO and RPDO, and
+ * SDO. */
 static bool cia402_claims_id(const struct boards_bus_config *bus, uint32_t id, char *text,
                              size_t size)
 {
@@ -26,8 +28,8 @@ static bool cia402_claims_id(const struct boards_bus_config *bus, uint32_t id, c
                    (id >= CIA402_SDO_REQUEST && id <= CIA402_SDO_REQUEST + CIA402_NODE_MAX));
 }
 
-/* TPDOs with every so many SYNCs; those that tell a change at their event timer, as while nothing
- * changes; the heartbeat. */
+/* Visits the periodic frames of a board: TPDOs with every so many SYNCs; those that tell a
+ * change at their event timer, as if nothing changed; the heartbeat. */
 static void cia402_visit_board_load(struct load_walk *walk, const struct board_config *board)
 {
     double period_s = load_period_s(walk, board->period_ns);
@@ -42,7 +44,7 @@ static void cia402_visit_board_load(struct load_walk *walk, const struct board_c
     }
 }
 
-/* SYNC, and the voltages of all axes of each node. */
+/* Visits the periodic frames of the host: SYNC, and the voltages of all axes of each node. */
 static void cia402_visit_command_load(struct load_walk *walk)
 {
     load_visit(walk, 0, load_period_s(walk, 0));
@@ -55,7 +57,7 @@ static void cia402_visit_command_load(struct load_walk *walk)
     }
 }
 
-/* The states of CiA 402 stand where others have modes. */
+/* Returns the name of a state of CiA 402, which takes the place of a mode. */
 static const char *cia402_state_name(uint32_t state)
 {
     static const char *const names[CIA402_STATES] = {
@@ -83,6 +85,7 @@ const struct protocol protocol_cia402 = {
     .motor_address_max = CIA402_NODE_MAX,
     .address_max = CIA402_NODE_MAX,
     .axes_max = CIA402_BOARD_AXES,
+    .switches = true,
     .make_bus = cia402_bus_create,
     .make_board = cia402_make_board,
     .visit_broadcasts = cia402_visit_broadcasts,

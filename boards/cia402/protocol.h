@@ -37,11 +37,12 @@
 
 enum {
     CIA402_NODE_MAX = 31,
-    CIA402_BOARD_AXES = 4,    /* axes of a node at most */
-    CIA402_AXIS_STEP = 0x800, /* between the objects of two axes */
-    CIA402_AXIS_PDOS = 4,     /* of each direction and axis */
-    CIA402_PDO_STEP = 64,     /* between the PDO numbers of two axes */
-    CIA402_MAPPED_MAX = 8,    /* objects in a PDO */
+    CIA402_BOARD_AXES = 4,      /* axes of a node at most */
+    CIA402_AXIS_STEP = 0x800,   /* between the objects of two axes */
+    CIA402_AXIS_PDOS = 4,       /* of each direction and axis */
+    CIA402_PDO_STEP = 64,       /* between the PDO numbers of two axes */
+    CIA402_MAPPED_MAX = 8,      /* objects in a PDO */
+    CIA402_HOMING_METHODS = 32, /* sub-indices of 0x60e3 */
 };
 
 enum cia402_cob {
@@ -59,11 +60,13 @@ enum cia402_cob {
 
 #define CIA402_COB_INVALID UINT32_C(0x80000000) /* bit 31 of a COB-ID object */
 
+#define CIA402_COB_NO_REMOTE UINT32_C(0x40000000) /* bit 30: of a TPDO, no remote frames */
+
 enum { CIA402_COB_MASK = 0x7ff };
 
 enum { CIA402_SDO_LENGTH = 8, CIA402_EMCY_LENGTH = 8, CIA402_NMT_LENGTH = 2 };
 
-/* What a count is worth. */
+/* Worth of a count. */
 #define CIA402_POSITION_RAD 1e-5 /* velocities and accelerations too, rad/s and rad/s2 */
 #define CIA402_VOLTAGE_V 2e-3
 #define CIA402_SPRING_NM 10e-3
@@ -255,8 +258,10 @@ enum cia402_index {
     CIA402_O_CHANNEL = 0x7130, /* of sensor nodes, as CiA 404 has its process values */
 };
 
-/* 0x1000: profile in the low word; CiA 402 counts axes elsewhere, bit 17 is a servo drive */
+/* 0x1000: profile in the low word, bit 17 is a servo drive. A node of several axes has 0xffff above
+ * the profile, and the device type of each axis in 0x67ff + 0x800 k. */
 #define CIA402_DEVICE_DRIVE UINT32_C(0x00020192)
+#define CIA402_DEVICE_DRIVES UINT32_C(0xffff0192)
 #define CIA402_DEVICE_SENSOR UINT32_C(0x00020194) /* CiA 404, analog inputs */
 
 /* ---- the PDOs as our host sets them up ---- */
@@ -279,12 +284,13 @@ struct cia402_plan {
 
 enum { CIA402_STATUS_EVENT_MS = 100, CIA402_HEARTBEAT_MS = 100, CIA402_MAGNETIC_SYNCS = 50 };
 
+/* Returns a mapping object. */
 static inline uint32_t cia402_mapping(unsigned index, unsigned sub, unsigned bits)
 {
     return (uint32_t)index << 16 | (uint32_t)sub << 8 | bits;
 }
 
-/* An object of two bytes of each axis. */
+/* Completes a plan with an object of two bytes of each axis. */
 static inline struct cia402_plan cia402_plan_axes(struct cia402_plan plan, unsigned axes,
                                                   unsigned index)
 {
@@ -297,6 +303,7 @@ static inline struct cia402_plan cia402_plan_axes(struct cia402_plan plan, unsig
     return plan;
 }
 
+/* Returns the plan of an axis's telemetry: encoder, deflection and spring torque. */
 static inline struct cia402_plan cia402_plan_telemetry(unsigned axis)
 {
     const unsigned step = CIA402_AXIS_STEP * axis;
@@ -315,7 +322,7 @@ static inline struct cia402_plan cia402_plan_telemetry(unsigned axis)
     };
 }
 
-/* Channels of a sensor node, from sub-index first on. */
+/* Returns the plan of channels of a sensor node, from sub-index first on. */
 static inline struct cia402_plan cia402_plan_channels(const char *name, unsigned number,
                                                       unsigned first, unsigned count, unsigned type)
 {
@@ -334,14 +341,17 @@ static inline struct cia402_plan cia402_plan_channels(const char *name, unsigned
 }
 
 /*
- * The row-th PDO of a node of a kind, from 0; false when there are no more. A drive says with every
- * SYNC where each axis is, in a frame an axis, and the statuswords of all axes in a frame when one
- * changes; it is told the voltages of all axes in a frame, and their controlwords in another. The
- * statuswords have 0x1c0 + n, for the four identifiers of the node's TPDOs are the axes'.
+ * Makes the row-th PDO of a node of a kind, from 0; false when there are no more.
+ *
+ * With every SYNC a drive sends the position of each axis, in a frame an axis, and the statuswords
+ * of all axes in a frame when one changes; it receives the voltages of all axes in a frame, and
+ * their controlwords in another. The statuswords have 0x1c0 + n, for the four identifiers of the
+ * node's TPDOs are taken by the axes.
  */
 static inline bool cia402_plan_row(enum cia402_kind kind, unsigned axes, unsigned row,
                                    struct cia402_plan *plan)
 {
+    /* Sensors */
     if (kind == CIA402_KIND_FT) {
         *plan = row == 0 ? cia402_plan_channels("FORCE", 0, 1, 3, 1)
                          : cia402_plan_channels("MOMENT", 1, 4, 3, 1);
@@ -354,6 +364,7 @@ static inline bool cia402_plan_row(enum cia402_kind kind, unsigned axes, unsigne
                            : cia402_plan_channels("MAGNETIC", 3, 11, 3, CIA402_MAGNETIC_SYNCS);
         return row < 4;
     }
+    /* Drives: telemetry of each axis, statuswords, voltages, controlwords */
     if (row < axes) {
         *plan = cia402_plan_telemetry(row);
         return true;

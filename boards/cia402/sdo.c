@@ -16,7 +16,7 @@ void cia402_sdo_answer(struct cia402_node *node, const uint8_t *data)
     board_queue(&node->board, (uint32_t)node->sdo_reply, CIA402_SDO_LENGTH, data);
 }
 
-/* Ends a transfer with a reason. */
+/* Ends a transfer with a reason, which it returns. */
 static enum cia402_abort cia402_sdo_abort(struct cia402_node *node, unsigned index, unsigned sub,
                                           enum cia402_abort reason)
 {
@@ -35,7 +35,7 @@ enum cia402_abort cia402_sdo_abort_transfer(struct cia402_node *node, enum cia40
     return cia402_sdo_abort(node, node->transfer.index, node->transfer.sub, reason);
 }
 
-/* The answer to an initiation has the request's index and sub-index. */
+/* Answers an initiation with the request's index and sub-index. */
 static void cia402_sdo_confirm(struct cia402_node *node, const uint8_t *request, unsigned command,
                                const uint8_t *value, size_t size)
 {
@@ -52,9 +52,11 @@ enum cia402_abort cia402_sdo_load(struct cia402_node *node)
     struct cia402_transfer *transfer = &node->transfer;
     const struct cia402_entry *entry = &transfer->entry;
 
+    /* Empty places of the history have no data */
     if (entry->object && entry->object->index == 0x1003 && transfer->sub > node->history_count) {
         return CIA402_ABORT_NO_DATA;
     }
+    /* Copies a text, a domain or a number */
     if (entry->type == CIA402_TEXT) {
         const char *text = cia402_text(node, entry);
 
@@ -93,6 +95,7 @@ enum cia402_abort cia402_sdo_upload_loaded(struct cia402_node *node, const uint8
     return CIA402_DONE;
 }
 
+/* Begins an upload. */
 static enum cia402_abort cia402_sdo_upload(struct cia402_node *node, const uint8_t *request)
 {
     enum cia402_abort reason = cia402_sdo_load(node);
@@ -101,6 +104,7 @@ static enum cia402_abort cia402_sdo_upload(struct cia402_node *node, const uint8
                   : cia402_sdo_upload_loaded(node, request);
 }
 
+/* Answers with the next segment of an upload. */
 static enum cia402_abort cia402_sdo_upload_segment(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
@@ -149,6 +153,7 @@ enum cia402_abort cia402_sdo_store(struct cia402_node *node, const struct cia402
     if (reason) {
         return reason;
     }
+    /* Writes a text, a domain or a number */
     if (entry->type == CIA402_TEXT) {
         char *text = cia402_text(node, entry);
 
@@ -167,6 +172,7 @@ enum cia402_abort cia402_sdo_store(struct cia402_node *node, const struct cia402
     return cia402_write(node, entry, cia402_get(entry->type, data));
 }
 
+/* Begins a download, or stores the data where the request carries them. */
 static enum cia402_abort cia402_sdo_download(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
@@ -198,6 +204,7 @@ static enum cia402_abort cia402_sdo_download(struct cia402_node *node, const uin
     return CIA402_DONE;
 }
 
+/* Takes a segment of a download; the last one stores the data. */
 static enum cia402_abort cia402_sdo_download_segment(struct cia402_node *node,
                                                      const uint8_t *request)
 {
@@ -238,6 +245,7 @@ enum cia402_abort cia402_sdo_find(struct cia402_node *node, const uint8_t *reque
     return cia402_find(node, transfer->index, transfer->sub, &transfer->entry);
 }
 
+/* Finds the object of a request and begins a transfer. */
 static enum cia402_abort cia402_sdo_initiate(struct cia402_node *node, const uint8_t *request,
                                              bool upload)
 {
@@ -249,7 +257,7 @@ static enum cia402_abort cia402_sdo_initiate(struct cia402_node *node, const uin
     return upload ? cia402_sdo_upload(node, request) : cia402_sdo_download(node, request);
 }
 
-/* Segments alternate their toggle bit, 0 first. */
+/* Checks the toggle bit of a segment, which alternates from 0 on, and passes it on. */
 static enum cia402_abort cia402_sdo_segment(struct cia402_node *node, const uint8_t *request,
                                             bool upload)
 {

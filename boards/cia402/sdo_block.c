@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Block transfers of the SDO server (CiA 301, 7.2.4.3.8 to 7.2.4.3.17): up to 127 segments of 7
- * bytes follow each other and are acknowledged together; what was lost is sent again from the first
+ * bytes follow each other and are acknowledged together; lost ones are sent again from the first
  * gap on. A checksum over all data ends the transfer where both sides want one.
  *
- * An upload sends a segment a millisecond, so that a drive keeps its bus for process data. A client
- * that is silent for a second has the transfer aborted, for until then every one of its frames in
- * a block download is a segment.
+ * An upload sends a segment a millisecond, so that a drive keeps its bus for process data. A
+ * transfer whose client is silent for a second is aborted, for until then every frame of the client
+ * in a block download counts as a segment.
  */
 #include "boards/cia402/private.h"
 
@@ -31,7 +31,7 @@ enum { INITIATE = 0, END = 1, ACKNOWLEDGE = 2, START = 3 };
 
 #define TIMEOUT_NS (INT64_C(1000) * MS)
 
-/* CiA 301, 7.2.4.3.16: "123456789" has 0x31c3. */
+/* Returns the CRC of CiA 301, 7.2.4.3.16: "123456789" has 0x31c3. */
 static uint16_t cia402_block_crc(const uint8_t *data, uint32_t size)
 {
     unsigned crc = 0;
@@ -45,17 +45,19 @@ static uint16_t cia402_block_crc(const uint8_t *data, uint32_t size)
     return (uint16_t)crc;
 }
 
+/* Returns whether a number of segments of a block is allowed. */
 static bool cia402_block_size_is_right(unsigned segments)
 {
     return segments >= 1 && segments <= BLOCK_MAX;
 }
 
+/* Restarts the time-out of a transfer. */
 static void cia402_block_refresh(struct cia402_node *node)
 {
     node->transfer.heard_ns = node->board.boards->now_ns;
 }
 
-/* Bytes of the last segment that are none of the data. */
+/* Returns the number of bytes of the last segment that carry no data. */
 static unsigned cia402_block_unused(uint32_t size)
 {
     return size == 0 ? SEGMENT_MAX : (SEGMENT_MAX - size % SEGMENT_MAX) % SEGMENT_MAX;
@@ -63,6 +65,7 @@ static unsigned cia402_block_unused(uint32_t size)
 
 /* ---- downloads: the host writes ---- */
 
+/* Begins a block download. */
 static enum cia402_abort cia402_block_download(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
@@ -87,6 +90,7 @@ static enum cia402_abort cia402_block_download(struct cia402_node *node, const u
     return CIA402_DONE;
 }
 
+/* Takes a segment of a download, and acknowledges a block at its end. */
 static enum cia402_abort cia402_block_take_segment(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
@@ -120,6 +124,7 @@ static enum cia402_abort cia402_block_take_segment(struct cia402_node *node, con
     return CIA402_DONE;
 }
 
+/* Ends a download: checks size and checksum and stores the data. */
 static enum cia402_abort cia402_block_end_download(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
@@ -129,7 +134,7 @@ static enum cia402_abort cia402_block_end_download(struct cia402_node *node, con
     if ((request[0] & (CIA402_COMMAND_MASK | SUB_COMMAND_MASK)) != (CIA402_BLOCK_DOWNLOAD | END)) {
         return cia402_sdo_abort_transfer(node, CIA402_ABORT_COMMAND);
     }
-    transfer->done -= request[0] >> 2 & 7u; /* there was a segment of seven */
+    transfer->done -= request[0] >> 2 & 7u; /* the last segment counted as seven */
     if (transfer->size != CIA402_SIZE_UNKNOWN && transfer->size != transfer->done) {
         reason = CIA402_ABORT_LENGTH;
     } else if (transfer->checked &&
@@ -148,7 +153,7 @@ static enum cia402_abort cia402_block_end_download(struct cia402_node *node, con
 
 /* ---- uploads: the host reads ---- */
 
-/* Data that the client's threshold makes too few for blocks go as they would without. */
+/* Begins a block upload; data within the client's threshold go without blocks. */
 static enum cia402_abort cia402_block_upload(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
@@ -175,6 +180,7 @@ static enum cia402_abort cia402_block_upload(struct cia402_node *node, const uin
     return CIA402_DONE;
 }
 
+/* Sends the next segment of an upload. */
 static void cia402_block_send_segment(struct cia402_node *node)
 {
     struct cia402_transfer *transfer = &node->transfer;
@@ -195,6 +201,7 @@ static void cia402_block_send_segment(struct cia402_node *node)
     cia402_sdo_answer(node, data);
 }
 
+/* Obeys an acknowledgment of the client: sends on, or ends the upload. */
 static enum cia402_abort cia402_block_acknowledge(struct cia402_node *node, const uint8_t *request)
 {
     struct cia402_transfer *transfer = &node->transfer;
@@ -212,7 +219,7 @@ static enum cia402_abort cia402_block_acknowledge(struct cia402_node *node, cons
     }
     cia402_block_refresh(node);
 
-    /* On with what has not been taken; without data there is still a segment of nothing */
+    /* Data that have not been taken follow; an upload without data still has an empty segment */
     if (taken < left || request[1] == 0) {
         transfer->done += taken;
         transfer->sequence = 0;
@@ -234,6 +241,7 @@ enum cia402_abort cia402_block_receive_upload(struct cia402_node *node, const ui
     struct cia402_transfer *transfer = &node->transfer;
     enum cia402_abort reason;
 
+    /* Each sub-command has its state of the transfer */
     switch (request[0] & SUB_COMMAND_MASK) {
     case INITIATE:
         reason = cia402_sdo_find(node, request);

@@ -5,7 +5,7 @@
  */
 #include "boards/cia402/private.h"
 
-#include "boards/inertial.h"
+#include "boards/sensing/inertial.h"
 
 #include <math.h>
 #include <string.h>
@@ -19,11 +19,13 @@ struct cia402_sensor_board {
     struct cia402_sensor sensor;
 };
 
+/* Returns the sensor board of a board. */
 static struct cia402_sensor_board *cia402_sensor_of(const struct board *board)
 {
     return container_of(board, struct cia402_sensor_board, node.board);
 }
 
+/* Powers up a sensor node (struct board_ops). */
 static void cia402_sensor_power_up(struct board *board)
 {
     struct cia402_sensor_board *own = cia402_sensor_of(board);
@@ -32,6 +34,7 @@ static void cia402_sensor_power_up(struct board *board)
     own->sensor.faults = own->sensor.saturated = 0;
 }
 
+/* Computes the values from the counts and the tare. */
 static void cia402_sensor_add_tare(struct cia402_sensor *sensor)
 {
     for (int i = 0; i < sensor->channels; i++) {
@@ -39,7 +42,7 @@ static void cia402_sensor_add_tare(struct cia402_sensor *sensor)
     }
 }
 
-/* The value that the channel shows then is the one less or more. */
+/* Writes the tare of a channel, which its value contains at once. */
 enum cia402_abort cia402_sensor_write_tare(struct cia402_node *node,
                                            const struct cia402_entry *entry, int64_t value)
 {
@@ -50,6 +53,7 @@ enum cia402_abort cia402_sensor_write_tare(struct cia402_node *node,
 
 /* ---- force and torque ---- */
 
+/* Converts a force or a moment to counts, within its full scale; bad: no reading. */
 static void cia402_ft_convert(struct cia402_sensor *sensor, int channel, double value, double limit,
                               bool *bad)
 {
@@ -67,6 +71,7 @@ static void cia402_ft_convert(struct cia402_sensor *sensor, int channel, double 
     }
 }
 
+/* Reads a force-torque sensor (struct board_ops). */
 static void cia402_ft_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct cia402_sensor *sensor = &cia402_sensor_of(board)->sensor;
@@ -86,6 +91,7 @@ static void cia402_ft_sample(struct board *board, const struct plant_sensors *se
 
 /* ---- the inertial sensor ---- */
 
+/* Converts count values to counts of worth, in channels from first on. */
 static void cia402_inertial_convert(struct cia402_sensor *sensor, int first, int count,
                                     const double *value, double worth, bool *bad)
 {
@@ -96,6 +102,7 @@ static void cia402_inertial_convert(struct cia402_sensor *sensor, int first, int
     }
 }
 
+/* Reads the inertial sensor (struct board_ops). */
 static void cia402_inertial_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct cia402_sensor *sensor = &cia402_sensor_of(board)->sensor;
@@ -117,6 +124,7 @@ static void cia402_inertial_sample(struct board *board, const struct plant_senso
 
 /* ---- both ---- */
 
+/* Runs the services of a sensor node in a tick (struct board_ops). */
 static void cia402_sensor_control(struct board *board, struct ms_span span,
                                   struct plant_command *command)
 {
@@ -142,6 +150,7 @@ static const struct board_ops cia402_inertial_ops = {
     .transmit = cia402_node_transmit,
 };
 
+/* Creates a sensor node of a kind. Returns NULL without memory. */
 static struct board *cia402_sensor_create(struct arena *arena, enum cia402_kind kind,
                                           const struct board_ops *ops)
 {

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Settings of an axis that can also be changed beside the bus: objects of the dictionary. */
+/* Settings of an axis that can also be changed beside the bus: they are objects of the
+ * dictionary. */
 #include "boards/cia402/private.h"
 
 #include "base/count.h"
@@ -15,7 +16,7 @@ static const struct {
     {"current_limit", "mA", 0x4012, 0},   {"temperature_limit", "degree C", 0x4013, 0},
 };
 
-/* Most that the board's own configuration leaves of a limit. */
+/* Returns the highest value of a limit that the board's configuration allows. */
 static int64_t cia402_most(const struct board *board, unsigned axis,
                            const struct cia402_object *object)
 {
@@ -39,6 +40,7 @@ enum cia402_abort cia402_axis_write_limit(struct cia402_node *node,
     return cia402_axis_write_when_off(node, entry, value);
 }
 
+/* Returns the object of a setting. */
 static struct cia402_entry cia402_setting_entry(unsigned axis, size_t index)
 {
     const struct cia402_object *object = cia402_object_at(rows[index].index, rows[index].sub);
@@ -46,6 +48,7 @@ static struct cia402_entry cia402_setting_entry(unsigned axis, size_t index)
     return (struct cia402_entry){object, rows[index].sub, (uint8_t)axis, 0, object->type};
 }
 
+/* Describes a setting (struct board_settings). */
 static void cia402_setting_describe(const struct board *board, unsigned axis, size_t index,
                                     struct board_setting *setting)
 {
@@ -58,6 +61,7 @@ static void cia402_setting_describe(const struct board *board, unsigned axis, si
                                       .whole = true};
 }
 
+/* Returns the value of a setting (struct board_settings). */
 static double cia402_setting_get(const struct board *board, unsigned axis, size_t index)
 {
     const struct cia402_entry entry = cia402_setting_entry(axis, index);
@@ -65,6 +69,7 @@ static double cia402_setting_get(const struct board *board, unsigned axis, size_
     return (double)cia402_value(cia402_node_of(board), &entry);
 }
 
+/* Sets a setting (struct board_settings). */
 static bool cia402_setting_set(struct board *board, unsigned axis, size_t index, double value)
 {
     const struct cia402_entry entry = cia402_setting_entry(axis, index);

@@ -48,6 +48,7 @@ static const uint16_t state_bits[CIA402_STATES] = {
     [CIA402_FAULT] = 0x08,
 };
 
+/* Returns the command of a controlword. */
 static enum command controlword_command(int64_t word)
 {
     return word & CIA402_CW_FAULT_RESET           ? COMMAND_NONE
@@ -79,32 +80,36 @@ void cia402_axis_enter(struct cia402_node *node, struct cia402_axis *axis, enum 
 
 /* ---- transitions ---- */
 
+/* Begins a quick stop by its option code. */
 static void cia402_axis_stop_quickly(struct cia402_node *node, struct cia402_axis *axis)
 {
     int64_t option = axis->settings.quick_stop_option;
-    bool stays = option == 5 || option == 6;
+    enum cia402_ramp ramp = option == 1 || option == 5   ? CIA402_RAMP_SLOW
+                            : option == 2 || option == 6 ? CIA402_RAMP_QUICK
+                                                         : CIA402_RAMP_CURRENT;
 
     if (option == 0) {
         cia402_axis_enter(node, axis, CIA402_SWITCH_ON_DISABLED);
         return;
     }
     cia402_axis_enter(node, axis, CIA402_QUICK_STOP_ACTIVE);
-    cia402_axis_stop(axis, option == 2 || option == 6,
-                     stays ? CIA402_QUICK_STOP_ACTIVE : CIA402_SWITCH_ON_DISABLED);
+    cia402_axis_stop(axis, ramp,
+                     option >= 5 ? CIA402_QUICK_STOP_ACTIVE : CIA402_SWITCH_ON_DISABLED);
 }
 
-/* To a state where the drive function is off, on a ramp if the option code wants one; a controlword
- * that comes again does not begin the ramp anew. */
+/* Enters a state where the drive function is off, on a ramp if the option code wants one; a
+ * repeated controlword does not restart the ramp. */
 static void cia402_axis_leave_operation(struct cia402_node *node, struct cia402_axis *axis,
                                         bool ramp, enum cia402_state state)
 {
     if (!ramp) {
         cia402_axis_enter(node, axis, state);
     } else if (!axis->stopping || axis->stop_state != state) {
-        cia402_axis_stop(axis, false, state);
+        cia402_axis_stop(axis, CIA402_RAMP_SLOW, state);
     }
 }
 
+/* Enables operation again after a quick stop that ends in its own state. */
 static void cia402_axis_resume(struct cia402_node *node, struct cia402_axis *axis)
 {
     if (axis->settings.quick_stop_option >= 5) {
@@ -113,9 +118,11 @@ static void cia402_axis_resume(struct cia402_node *node, struct cia402_axis *axi
     }
 }
 
+/* Makes a transition by its number. */
 static void cia402_axis_make_transition(struct cia402_node *node, struct cia402_axis *axis,
                                         unsigned number)
 {
+    /* Numbers of IEC 61800-7-201 */
     switch (number) {
     case 2:
     case 6:
@@ -152,7 +159,7 @@ static void cia402_axis_make_transition(struct cia402_node *node, struct cia402_
     }
 }
 
-/* Transition 15, if the causes are gone. */
+/* Makes transition 15, if the causes of the fault are gone. */
 static void cia402_axis_reset_fault(struct cia402_node *node, struct cia402_axis *axis)
 {
     if (axis->state != CIA402_FAULT || axis->present & ~(uint32_t)WARNINGS) {
@@ -219,7 +226,7 @@ void cia402_axis_react(struct cia402_node *node, struct cia402_axis *axis, bool 
     }
     cia402_axis_enter(node, axis, CIA402_FAULT_REACTION_ACTIVE); /* 13 */
     if (ramp) {
-        cia402_axis_stop(axis, option == 2, CIA402_FAULT);
+        cia402_axis_stop(axis, option == 2 ? CIA402_RAMP_QUICK : CIA402_RAMP_SLOW, CIA402_FAULT);
     } else {
         cia402_axis_enter(node, axis, CIA402_FAULT); /* 14 */
     }
@@ -230,6 +237,7 @@ void cia402_axis_lose_connection(struct cia402_node *node, struct cia402_axis *a
     if (!cia402_axis_is_on(axis)) {
         return;
     }
+    /* The option code 0x6007: a fault, no voltage, or a quick stop */
     switch (axis->settings.abort_option) {
     case 1:
         axis->latched |= CIA402_FAULT_CONNECTION;

@@ -55,7 +55,7 @@ const struct cia402_object cia402_objects[] = {
     {0x1011, 1, 1, CIA402_OF_NODE, CIA402_U32, CIA402_RW, "Restore all default parameters",
      NO_UNIT, 1, ANY, NODE(storage), cia402_node_write_restore},
     {0x1014, 0, 1, CIA402_OF_NODE, CIA402_U32, CIA402_RW | CIA402_PLUS_NODE, "COB-ID EMCY",
-     NO_UNIT, CIA402_EMCY, ANY, SETTING(cob_emcy), cia402_write_cob},
+     NO_UNIT, CIA402_EMCY, ANY, SETTING(cob_emcy), cia402_write_emcy_cob},
     {0x1015, 0, 1, CIA402_OF_NODE, CIA402_U16, CIA402_RW, "Inhibit time EMCY", "s", 1e-4, 0, ANY,
      SETTING(emcy_inhibit_100us), NULL},
     {0x1016, 1, 1, CIA402_OF_NODE, CIA402_U32, CIA402_RW, "Consumer heartbeat time", NO_UNIT, 0,
@@ -147,7 +147,7 @@ const struct cia402_object cia402_objects[] = {
     {0x6041, 0, 1, CIA402_OF_AXIS, CIA402_U16, RO_MAP, "Statusword", NO_UNIT, 0, ANY,
      AXIS(statusword), NULL},
     {0x605a, 0, 1, CIA402_OF_AXIS, CIA402_I16, CIA402_RW, "Quick stop option code", NO_UNIT, 2, 0,
-     6, OPTION(quick_stop_option), cia402_axis_write_option},
+     7, OPTION(quick_stop_option), cia402_axis_write_option},
     {0x605b, 0, 1, CIA402_OF_AXIS, CIA402_I16, CIA402_RW, "Shutdown option code", NO_UNIT, 0, 0, 1,
      OPTION(shutdown_option), NULL},
     {0x605c, 0, 1, CIA402_OF_AXIS, CIA402_I16, CIA402_RW, "Disable operation option code", NO_UNIT,
@@ -204,12 +204,18 @@ const struct cia402_object cia402_objects[] = {
      ANY, AXIS(supply_mv), NULL},
     {0x607a, 0, 1, CIA402_OF_AXIS, CIA402_I32, RW_MAP, "Target position", RAD, 0, ANY,
      AXIS(target_position), cia402_axis_write_target},
+    {0x607b, 1, 1, CIA402_OF_AXIS, CIA402_I32, CIA402_RW, "Min position range limit", RAD,
+     INT32_MIN, ANY, OPTION(position_range[0]), cia402_axis_write_range},
+    {0x607b, 2, 1, CIA402_OF_AXIS, CIA402_I32, CIA402_RW, "Max position range limit", RAD,
+     INT32_MAX, ANY, OPTION(position_range[1]), cia402_axis_write_range},
     {0x607c, 0, 1, CIA402_OF_AXIS, CIA402_I32, CIA402_RW, "Home offset", RAD, 0, ANY,
      OPTION(home_offset), NULL},
     {0x607d, 1, 2, CIA402_OF_AXIS, CIA402_I32, CIA402_RW, "Software position limit", RAD, 0, ANY,
      OPTION(position_limit), NULL},
     {0x607f, 0, 1, CIA402_OF_AXIS, CIA402_U32, CIA402_RW, "Max profile velocity", RAD_S, 1000000,
      ANY, OPTION(max_profile_velocity), NULL},
+    {0x6080, 0, 1, CIA402_OF_AXIS, CIA402_U32, CIA402_RW, "Max motor speed", "rpm", 1.0,
+     100000, ANY, OPTION(max_motor_rpm), NULL},
     {0x6081, 0, 1, CIA402_OF_AXIS, CIA402_U32, RW_MAP, "Profile velocity", RAD_S, 100000, ANY,
      OPTION(profile_velocity), NULL},
     {0x6083, 0, 1, CIA402_OF_AXIS, CIA402_U32, RW_MAP, "Profile acceleration", RAD_S2, 1000000, 1,
@@ -218,8 +224,12 @@ const struct cia402_object cia402_objects[] = {
      UINT32_MAX, OPTION(profile_deceleration), NULL},
     {0x6085, 0, 1, CIA402_OF_AXIS, CIA402_U32, RW_MAP, "Quick stop deceleration", RAD_S2, 5000000,
      1, UINT32_MAX, OPTION(quick_stop_deceleration), NULL},
+    {0x6086, 0, 1, CIA402_OF_AXIS, CIA402_I16, RW_MAP, "Motion profile type", NO_UNIT, 0, ANY,
+     OPTION(motion_profile_type), cia402_axis_write_profile_type},
     {0x6087, 0, 1, CIA402_OF_AXIS, CIA402_U32, RW_MAP, "Torque slope", PER_MILLE, 1000000, 1,
      UINT32_MAX, OPTION(torque_slope), NULL},
+    {0x6088, 0, 1, CIA402_OF_AXIS, CIA402_I16, RW_MAP, "Torque profile type", NO_UNIT, 0, ANY,
+     OPTION(torque_profile_type), cia402_axis_write_profile_type},
     {0x6098, 0, 1, CIA402_OF_AXIS, CIA402_I8, CIA402_RW, "Homing method", NO_UNIT, 37, ANY,
      OPTION(homing_method), cia402_axis_write_homing},
     {0x6099, 1, 2, CIA402_OF_AXIS, CIA402_U32, CIA402_RW, "Homing speed", RAD_S, 10000, ANY,
@@ -234,12 +244,19 @@ const struct cia402_object cia402_objects[] = {
      MILLIS, 1, 1, 255, OPTION(interpolation_ms), NULL},
     {0x60c2, 2, 1, CIA402_OF_AXIS, CIA402_I8, CIA402_RW, "Interpolation time index", NO_UNIT, -3,
      -3, -3, OPTION(interpolation_exponent), NULL},
+    {0x60e3, 1, CIA402_HOMING_METHODS, CIA402_OF_AXIS, CIA402_I8, CIA402_RO,
+     "Supported homing method", NO_UNIT, 0, ANY, AXIS(homing_methods), NULL},
     {0x60f4, 0, 1, CIA402_OF_AXIS, CIA402_I32, RO_MAP, "Following error actual value", RAD, 0, ANY,
      AXIS(following_error), NULL},
+    {0x60fd, 0, 1, CIA402_OF_AXIS, CIA402_U32, RO_MAP, "Digital inputs", NO_UNIT, 0, ANY,
+     AXIS(digital_inputs), NULL},
     {0x60ff, 0, 1, CIA402_OF_AXIS, CIA402_I32, RW_MAP, "Target velocity", RAD_S, 0, ANY,
      AXIS(target_velocity), cia402_axis_write_target},
     {0x6502, 0, 1, CIA402_OF_AXIS, CIA402_U32, CIA402_RO, "Supported drive modes", NO_UNIT, MODES,
      ANY, AXIS(supported_modes), NULL},
+
+    {0x67ff, 0, 1, CIA402_OF_AXIS, CIA402_U32, CIA402_RO, "Single device type", NO_UNIT,
+     CIA402_DEVICE_DRIVE, ANY, AXIS(device_type), NULL},
 
     /* Measuring devices, as CiA 404 has it */
     {0x7130, 1, CIA402_SENSOR_CHANNELS, CIA402_OF_SENSOR, CIA402_I16, RO_MAP,
@@ -266,6 +283,7 @@ unsigned cia402_type_bits(enum cia402_type type)
     }
 }
 
+/* Returns whether a type has a sign. */
 static bool cia402_type_is_signed(enum cia402_type type)
 {
     return type == CIA402_I8 || type == CIA402_I16 || type == CIA402_I32;

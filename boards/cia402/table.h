@@ -23,7 +23,7 @@ enum cia402_type {
     CIA402_DOMAIN = 15, /* bytes, as many as were written */
 };
 
-/* Whose object it is, and so what its field is in. */
+/* Owner of an object, which is the structure that its field is in. */
 enum cia402_scope {
     CIA402_OF_NODE, /* struct cia402_node */
 
@@ -79,12 +79,13 @@ enum { CIA402_TEXT_MAX = 32, CIA402_DOMAIN_MAX = 1024 };
 extern const struct cia402_object cia402_objects[];
 extern const size_t cia402_object_count;
 
-/* Bits of a type; 0: a text or a domain. Smallest and largest value that a row can have. */
+/* Return the bits of a type, 0 for a text or a domain; and the smallest and largest value of a
+ * row. */
 unsigned cia402_type_bits(enum cia402_type type);
 int64_t cia402_lowest(const struct cia402_object *object);
 int64_t cia402_highest(const struct cia402_object *object);
 
-/* The row of an index of axis 0 and a sub-index; NULL: none. */
+/* Returns the row of an index of axis 0 and a sub-index; NULL: none. */
 const struct cia402_object *cia402_object_at(unsigned index, unsigned sub);
 
 #endif

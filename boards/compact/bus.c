@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Buses that speak the compact protocol: which nodes and axes a frame is for. */
+/* Buses that speak the compact protocol: dispatches each frame to the nodes and axes that it is
+ * for. */
 #include "boards/compact/private.h"
 
 #include "canbus/frame.h"
 
 _Static_assert(COMPACT_NODE_MAX + 1 == BOARD_ADDRESSES, "a node is an address of its bus");
 
+/* Obeys MODE: a mode for each of the slots in its mask. */
 static void compact_bus_receive_mode(struct boards *boards, struct compact_bus *bus,
                                      const struct bus_frame *frame)
 {
@@ -20,6 +22,7 @@ static void compact_bus_receive_mode(struct boards *boards, struct compact_bus *
          values[0] != COMPACT_CURRENT)) {
         verdict = BOARD_MALFORMED;
     }
+    /* The frame counts once, as refused when one axis refuses it */
     for (unsigned slot = 0; slot < bus->slots; slot++) {
         struct board *board = &bus->slot[slot].motor->node.board;
 
@@ -37,6 +40,7 @@ static void compact_bus_receive_mode(struct boards *boards, struct compact_bus *
     boards_count_frame(boards, listener, refused ? BOARD_MALFORMED : verdict, frame);
 }
 
+/* Obeys COMMAND: set-points of consecutive slots from the group's first one on. */
 static void compact_bus_receive_command(struct boards *boards, struct compact_bus *bus,
                                         const struct bus_frame *frame)
 {
@@ -62,6 +66,7 @@ static void compact_bus_receive_command(struct boards *boards, struct compact_bu
     boards_count_frame(boards, listener, whole ? BOARD_OBEYED : BOARD_MALFORMED, frame);
 }
 
+/* Obeys DISCOVER: every node queues its identity. */
 static void compact_bus_receive_discover(struct boards *boards, struct board_bus *bus,
                                          const struct bus_frame *frame)
 {
@@ -81,6 +86,7 @@ static void compact_bus_receive_discover(struct boards *boards, struct board_bus
     boards_count_frame(boards, listener, frame->len ? BOARD_MALFORMED : BOARD_OBEYED, frame);
 }
 
+/* Obeys REQUEST: reads or writes a parameter of a node and queues REPLY. */
 static void compact_bus_receive_request(struct boards *boards, struct board_bus *bus,
                                         const struct bus_frame *frame)
 {
@@ -102,6 +108,7 @@ static void compact_bus_receive_request(struct boards *boards, struct board_bus 
         result =
             node->ops->parameter(node, (unsigned)values[0], (unsigned)values[2], write, &values[3]);
     }
+    /* REPLY repeats the request with the value in force and the result */
     values[4] = result;
     fields_encode(compact_message(COMPACT_REPLY)->fields, values, data);
     board_queue(board, compact_id(COMPACT_REPLY, board->address), COMPACT_REPLY_LENGTH, data);
@@ -111,6 +118,7 @@ static void compact_bus_receive_request(struct boards *boards, struct board_bus 
     boards_count_frame(boards, board, verdict, frame);
 }
 
+/* Dispatches a frame by the function in its identifier (struct board_bus_ops). */
 static void compact_bus_receive(struct boards *boards, struct board_bus *bus,
                                 const struct bus_frame *frame)
 {
@@ -141,7 +149,7 @@ static void compact_bus_receive(struct boards *boards, struct board_bus *bus,
     boards->counters.foreign++;
 }
 
-/* The axes of a new motor board take the next slots. */
+/* Gives the axes of a new motor board the next slots. */
 static void compact_bus_add_board(struct board_bus *bus, struct board *board)
 {
     struct compact_bus *compact = compact_bus_of(bus);

@@ -24,11 +24,13 @@ static struct compact_ft *compact_ft_of(const struct board *board)
     return container_of(board, struct compact_ft, node.board);
 }
 
+/* Returns the worth of a count of a channel, N or N m. */
 static double compact_ft_resolution(int channel)
 {
     return channel < HALF ? COMPACT_FORCE_N : COMPACT_MOMENT_NM;
 }
 
+/* Restores the saved settings, those of the rig at first (struct board_ops). */
 static void compact_ft_power_up(struct board *board)
 {
     struct compact_ft *ft = compact_ft_of(board);
@@ -46,6 +48,7 @@ static void compact_ft_power_up(struct board *board)
     ft->faults = ft->reported_faults = 0;
 }
 
+/* Converts a channel to counts, cut at its full scale. */
 static void compact_ft_convert(struct compact_ft *ft, int channel, double value)
 {
     double limit = (double)ft->full_scale[channel] * 1e-3;
@@ -62,6 +65,7 @@ static void compact_ft_convert(struct compact_ft *ft, int channel, double value)
     }
 }
 
+/* Converts all channels and updates the faults (struct board_ops). */
 static void compact_ft_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct compact_ft *ft = compact_ft_of(board);
@@ -79,6 +83,7 @@ static void compact_ft_sample(struct board *board, const struct plant_sensors *s
                             (board->lost_in_status ? COMPACT_FAULT_OVERFLOW : 0));
 }
 
+/* Reads or writes the tare of a channel, or of all of them. */
 static enum compact_result compact_ft_access_tare(struct compact_ft *ft, unsigned channel,
                                                   bool write, int64_t *value)
 {
@@ -86,6 +91,7 @@ static enum compact_result compact_ft_access_tare(struct compact_ft *ft, unsigne
         *value = channel < BOARD_CHANNELS ? ft->tare[channel] : 0;
         return channel < BOARD_CHANNELS ? COMPACT_OK : COMPACT_NO_SUCH_AXIS;
     }
+    /* One channel to a value, or all to 0 or so that they read 0 now */
     if (channel < BOARD_CHANNELS) {
         if (*value < INT16_MIN || *value > INT16_MAX) {
             *value = ft->tare[channel];
@@ -103,6 +109,7 @@ static enum compact_result compact_ft_access_tare(struct compact_ft *ft, unsigne
     return COMPACT_OK;
 }
 
+/* Reads or writes the full scale of a channel, up to the rig's. */
 static enum compact_result compact_ft_access_full_scale(const struct board *board, unsigned channel,
                                                         bool write, int64_t *value)
 {
@@ -122,6 +129,7 @@ static enum compact_result compact_ft_access_full_scale(const struct board *boar
     return result;
 }
 
+/* Reads or writes a parameter (struct compact_node_ops). */
 static enum compact_result compact_ft_access_parameter(struct compact_node *node,
                                                        unsigned parameter, unsigned axis,
                                                        bool write, int64_t *value)
@@ -148,6 +156,7 @@ static enum compact_result compact_ft_access_parameter(struct compact_node *node
     }
 }
 
+/* Sends forces and moments: one FD frame, or two classic ones. */
 static void compact_ft_send_wrench(struct board *board, struct frame_sink *sink)
 {
     struct compact_ft *ft = compact_ft_of(board);
@@ -167,6 +176,7 @@ static void compact_ft_send_wrench(struct board *board, struct frame_sink *sink)
     }
 }
 
+/* Sends the wrench when it is due, and FT_STATE periodically and when faults change. */
 static void compact_ft_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
     struct compact_ft *ft = compact_ft_of(board);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The inertial board of the compact protocol: acceleration, rate, orientation and field. */
 #include "boards/compact/private.h"
-#include "boards/inertial.h"
+#include "boards/sensing/inertial.h"
 #include "boards/motor_control.h"
 
 #include <math.h>
@@ -23,6 +23,7 @@ static struct compact_inertial *compact_inertial_of(const struct board *board)
     return container_of(board, struct compact_inertial, node.board);
 }
 
+/* Resets the counters; after a restart sends the identity (struct board_ops). */
 static void compact_inertial_power_up(struct board *board)
 {
     struct compact_inertial *inertial = compact_inertial_of(board);
@@ -34,6 +35,7 @@ static void compact_inertial_power_up(struct board *board)
     inertial->faults = inertial->reported_faults = 0;
 }
 
+/* Converts values to counts; notes channels that were cut and values without a number. */
 static void compact_inertial_convert(struct compact_inertial *inertial, int first, int count,
                                      const double *value, double worth, bool *bad)
 {
@@ -46,6 +48,7 @@ static void compact_inertial_convert(struct compact_inertial *inertial, int firs
     }
 }
 
+/* Converts all values and updates the faults (struct board_ops). */
 static void compact_inertial_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct compact_inertial *inertial = compact_inertial_of(board);
@@ -67,6 +70,7 @@ static void compact_inertial_sample(struct board *board, const struct plant_sens
                                   (board->lost_in_status ? COMPACT_FAULT_OVERFLOW : 0));
 }
 
+/* Reads or writes a parameter (struct compact_node_ops). */
 static enum compact_result compact_inertial_access_parameter(struct compact_node *node,
                                                              unsigned parameter, unsigned axis,
                                                              bool write, int64_t *value)
@@ -79,6 +83,7 @@ static enum compact_result compact_inertial_access_parameter(struct compact_node
     return compact_node_access_parameter(node, parameter, write, value);
 }
 
+/* Sends acceleration, rate and orientation: one FD frame, or three classic ones. */
 static void compact_inertial_send_motion(struct board *board, struct frame_sink *sink)
 {
     struct compact_inertial *inertial = compact_inertial_of(board);
@@ -98,6 +103,7 @@ static void compact_inertial_send_motion(struct board *board, struct frame_sink 
                       inertial->counts + ORIENTATION);
 }
 
+/* Sends the motion when it is due, and INERTIAL_STATE periodically and when faults change. */
 static void compact_inertial_transmit(struct board *board, struct ms_span span,
                                       struct frame_sink *sink)
 {
@@ -110,6 +116,7 @@ static void compact_inertial_transmit(struct board *board, struct ms_span span,
     if (!compact_state_due(span, board->address) && inertial->faults == inertial->reported_faults) {
         return;
     }
+    /* The field is slow: on classic buses it comes with the state */
     if (!board->bus->config.fd && inertial->node.settings.telemetry_ms > 0) {
         compact_node_send(&inertial->node, sink, COMPACT_MAGNETIC, board->address,
                           inertial->counts + MAGNETIC);

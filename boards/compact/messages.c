@@ -6,6 +6,7 @@
 #include "boards/compact/table.h"
 #include "canbus/frame.h"
 
+/* Returns whether a board sends or takes the message of a row. */
 static bool row_applies(const struct compact_message *row, const struct board_config *board,
                         bool fd)
 {
@@ -40,7 +41,7 @@ static bool row_applies(const struct compact_message *row, const struct board_co
     }
 }
 
-/* The name of the message that answers; NULL: none. */
+/* Returns the name of the message that answers; NULL when there is none. */
 static const char *row_answer(const struct compact_message *row)
 {
     return row->function == COMPACT_REQUEST    ? compact_message(COMPACT_REPLY)->name
@@ -100,6 +101,7 @@ void compact_visit_board(struct message_walk *walk, int index, unsigned first_sl
         if (!row_applies(row, board, walk->bus->fd)) {
             continue;
         }
+        /* One message for the node, or one for each slot of its axes */
         if (row->by == COMPACT_BY_NODE) {
             visit_row(walk, row, index, board->address, list ? axes : 1,
                       list ? (int)first_slot : -1);

@@ -21,6 +21,7 @@ enum {
 
 /* ---- modes ---- */
 
+/* Resets set-point, integral and overload of an axis. */
 static void compact_axis_forget_command(const struct board *board, struct compact_axis *axis)
 {
     axis->set_point = 0;
@@ -29,6 +30,7 @@ static void compact_axis_forget_command(const struct board *board, struct compac
     axis->overload_ms = 0.0;
 }
 
+/* Enters a mode, with an event and fresh references, when it is another one. */
 static void compact_axis_set_mode(struct board *board, struct compact_axis *axis,
                                   enum compact_mode mode)
 {
@@ -66,6 +68,7 @@ void compact_axis_command(struct board *board, unsigned index, int16_t set_point
 
 /* ---- power-up ---- */
 
+/* Fills the settings as the factory has tuned them for the rig's motor, in the protocol's units. */
 static void compact_axis_set_factory(struct compact_axis_settings *settings,
                                      const struct board_axis_config *config)
 {
@@ -83,15 +86,19 @@ static void compact_axis_set_factory(struct compact_axis_settings *settings,
     }
 }
 
+/* Restores the saved settings, those of the factory at first, and resets the axes (struct
+ * board_ops). */
 static void compact_motor_power_up(struct board *board)
 {
     struct compact_motor *motor = compact_motor_of(board);
     bool first = compact_node_power_up(&motor->node);
 
+    /* The first power-up finds how many axes there are */
     while (first && motor->axes < BOARD_AXES_MAX && board->config.axis[motor->axes].joint >= 0) {
         compact_axis_set_factory(&motor->axis[motor->axes].saved, &board->config.axis[motor->axes]);
         motor->axes++;
     }
+    /* Any power-up starts in OFF without faults */
     motor->first_slot = compact_first_slot(board);
     for (unsigned i = 0; i < motor->axes; i++) {
         struct compact_axis *axis = &motor->axis[i];
@@ -111,6 +118,7 @@ static void compact_motor_power_up(struct board *board)
 
 /* ---- sensors ---- */
 
+/* Takes the sensors of an axis; a value without a number keeps the one before and is a fault. */
 static void compact_axis_sample(struct compact_axis *axis, const struct board_axis_config *config,
                                 const struct motor_sense *sense, int64_t ms)
 {
@@ -141,8 +149,8 @@ static void compact_axis_sample(struct compact_axis *axis, const struct board_ax
     }
 }
 
-/* Encoders are quantized to their ticks, then reported in 1e-5 rad; the rotor's speed is a running
- * mean. */
+/* Samples all axes. Encoders are quantized to their ticks, then reported in 1e-5 rad; the
+ * rotor's speed is a running mean. */
 static void compact_motor_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct compact_motor *motor = compact_motor_of(board);
@@ -164,6 +172,7 @@ static void compact_motor_sample(struct board *board, const struct plant_sensors
 
 /* ---- faults ---- */
 
+/* Updates the I2t overload of an axis; returns whether it trips. */
 static bool compact_axis_is_over_current(const struct board *board, struct compact_axis *axis)
 {
     double limit = (double)axis->settings.current_limit_ma * 1e-3;
@@ -176,6 +185,7 @@ static bool compact_axis_is_over_current(const struct board *board, struct compa
     return overload_step(&axis->overload_ms, axis->current_a, limit, tick_ms);
 }
 
+/* Returns whether the set-point of a running axis is older than the time-out. */
 static bool compact_axis_is_stale(const struct board *board, const struct compact_axis *axis)
 {
     int64_t timeout_ms = compact_motor_of(board)->node.settings.timeout_ms;
@@ -184,11 +194,13 @@ static bool compact_axis_is_stale(const struct board *board, const struct compac
            board->boards->now_ns - axis->command_ns > timeout_ms * MS;
 }
 
+/* Returns whether the link is beyond a position limit. */
 static bool compact_axis_is_beyond_limit(const struct compact_axis *axis)
 {
     return axis->link < axis->settings.min_position || axis->link > axis->settings.max_position;
 }
 
+/* Returns the faults that are present now, as bits. */
 static unsigned compact_axis_present_faults(const struct board *board, struct compact_axis *axis)
 {
     const struct compact_motor *motor = compact_motor_of(board);
@@ -208,12 +220,14 @@ static unsigned compact_axis_present_faults(const struct board *board, struct co
     return faults;
 }
 
+/* Updates the faults of an axis: events for new ones; fatal ones open the bridge and stay. */
 static void compact_axis_watch_faults(struct board *board, struct compact_axis *axis)
 {
     unsigned faults = compact_axis_present_faults(board, axis);
     unsigned risen = faults & ~(unsigned)axis->faults;
     struct boards_counters *counters = &board->boards->counters;
 
+    /* Warnings: the mode stays */
     if (risen & COMPACT_FAULT_STALE) {
         axis->set_point = 0;
         counters->timeouts++;
@@ -228,6 +242,7 @@ static void compact_axis_watch_faults(struct board *board, struct compact_axis *
     }
     counters->trips += (faults & COMPACT_FAULT_OVER_CURRENT) != 0;
     counters->trips += (risen & COMPACT_FAULT_TEMPERATURE) != 0;
+    /* A fatal fault is latched until the host switches the axis off */
     if (faults & FATAL && compact_axis_runs(axis)) {
         axis->latched |= (uint16_t)(faults & FATAL);
         compact_axis_set_mode(board, axis, COMPACT_FAULT);
@@ -237,11 +252,13 @@ static void compact_axis_watch_faults(struct board *board, struct compact_axis *
 
 /* ---- control ---- */
 
+/* Returns the voltage of a set-point in voltage mode. */
 static double compact_axis_voltage_law(const struct compact_axis *axis)
 {
     return (double)axis->set_point * COMPACT_VOLTAGE_V;
 }
 
+/* Returns the voltage of the current loop (PI) plus the back-EMF, V. */
 static double compact_axis_current_law(struct compact_axis *axis, double supply_v)
 {
     const struct compact_axis_settings *p = &axis->settings;
@@ -253,7 +270,7 @@ static double compact_axis_current_law(struct compact_axis *axis, double supply_
            (double)p->back_emf * 1e-3 * axis->velocity_rad_s;
 }
 
-/* Beyond a limit only set-points that lead back are obeyed. */
+/* Sets set-points to 0 that lead further beyond a position limit. */
 static void compact_axis_heed_limits(struct compact_axis *axis)
 {
     bool further = (axis->link > axis->settings.max_position && axis->set_point > 0) ||
@@ -264,6 +281,7 @@ static void compact_axis_heed_limits(struct compact_axis *axis)
     }
 }
 
+/* Computes the voltage of an axis for this millisecond, within the supply. */
 static void compact_axis_step(struct compact_axis *axis, double supply_v)
 {
     double v = axis->mode == COMPACT_VOLTAGE   ? compact_axis_voltage_law(axis)
@@ -273,6 +291,7 @@ static void compact_axis_step(struct compact_axis *axis, double supply_v)
     axis->voltage_v = fmax(fmin(v, supply_v), -supply_v);
 }
 
+/* Writes bridges and voltages of all axes into the plant's command. */
 static void compact_motor_drive_bridges(const struct board *board, struct plant_command *command)
 {
     for (unsigned i = 0; i < compact_motor_of(board)->axes; i++) {
@@ -284,6 +303,7 @@ static void compact_motor_drive_bridges(const struct board *board, struct plant_
     }
 }
 
+/* Runs one tick: faults, limits, laws, bridges (struct board_ops). */
 static void compact_motor_control(struct board *board, struct ms_span span,
                                   struct plant_command *command)
 {
@@ -299,6 +319,7 @@ static void compact_motor_control(struct board *board, struct ms_span span,
     compact_motor_drive_bridges(board, command);
 }
 
+/* Switches all axes off (struct board_ops). */
 static void compact_motor_shut_down(struct board *board, struct plant_command *command)
 {
     for (unsigned i = 0; i < compact_motor_of(board)->axes; i++) {
@@ -309,6 +330,7 @@ static void compact_motor_shut_down(struct board *board, struct plant_command *c
     compact_motor_drive_bridges(board, command);
 }
 
+/* Returns whether an axis is in FAULT (struct board_ops). */
 static bool compact_motor_is_faulty(const struct board *board)
 {
     for (unsigned i = 0; i < compact_motor_of(board)->axes; i++) {
@@ -319,6 +341,7 @@ static bool compact_motor_is_faulty(const struct board *board)
     return false;
 }
 
+/* Returns the mode of an axis (struct board_ops). */
 static uint8_t compact_motor_mode(const struct board *board, unsigned axis)
 {
     return (uint8_t)compact_motor_of(board)->axis[axis].mode;
@@ -326,6 +349,7 @@ static uint8_t compact_motor_mode(const struct board *board, unsigned axis)
 
 /* ---- frames ---- */
 
+/* Sends TELEMETRY of each axis. */
 static void compact_motor_send_telemetry(struct board *board, struct frame_sink *sink)
 {
     struct compact_motor *motor = compact_motor_of(board);
@@ -342,6 +366,7 @@ static void compact_motor_send_telemetry(struct board *board, struct frame_sink 
     }
 }
 
+/* Sends TELEMETRY_FD, all axes in one frame. */
 static void compact_motor_send_telemetry_fd(struct board *board, struct frame_sink *sink)
 {
     struct compact_motor *motor = compact_motor_of(board);
@@ -366,6 +391,7 @@ static void compact_motor_send_telemetry_fd(struct board *board, struct frame_si
                (uint8_t)(COMPACT_TELEMETRY_FD_LENGTH * motor->axes), data);
 }
 
+/* Sends STATE of an axis. */
 static void compact_axis_send_state(struct board *board, struct compact_axis *axis,
                                     struct frame_sink *sink)
 {
@@ -380,6 +406,7 @@ static void compact_axis_send_state(struct board *board, struct compact_axis *ax
                           compact_counts(axis->voltage_v, COMPACT_VOLTAGE_V)});
 }
 
+/* Sends telemetry when it is due, and STATE periodically and on changes (struct board_ops). */
 static void compact_motor_transmit(struct board *board, struct ms_span span,
                                    struct frame_sink *sink)
 {
@@ -402,6 +429,7 @@ static void compact_motor_transmit(struct board *board, struct ms_span span,
         }
         overflow_reported = overflow_reported && axis->reported_faults & COMPACT_FAULT_OVERFLOW;
     }
+    /* Lost frames are forgotten when every axis has reported them */
     if (overflow_reported) {
         board->lost_in_status = board->lost_in_overflow = false;
     }

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What every node of a compact bus has: its identity, its telemetry period, its own parameters. */
+/* Functions of every node of a compact bus: its identity, its telemetry period, its own
+ * parameters. */
 #include "boards/compact/private.h"
 
 #include <string.h>
 
-enum { RESTART_MS = 100 }; /* at least */
+enum { RESTART_MS = 100 }; /* shortest restart */
 
 bool compact_node_power_up(struct compact_node *node)
 {
@@ -66,6 +67,7 @@ unsigned compact_first_slot(const struct board *board)
     return slot < bus->slots ? slot : COMPACT_SLOTS;
 }
 
+/* Returns the first slot of a board, 0 when it has no axes. */
 static unsigned compact_first_slot_or_0(const struct board *board)
 {
     return board_config_axes(&board->config) ? compact_first_slot(board) : 0;
@@ -88,6 +90,7 @@ void compact_node_identify(struct compact_node *node)
     board_queue(board, compact_id(COMPACT_IDENTITY, board->address), COMPACT_IDENTITY_LENGTH, data);
 }
 
+/* Writes a setting; returns false when the value is below 0 or above most. */
 static bool compact_set_within(int64_t *setting, int64_t value, int64_t most)
 {
     if (value < 0 || value > most) {
@@ -151,7 +154,8 @@ static enum compact_result compact_node_write(struct compact_node *node, unsigne
     }
 }
 
-/* The same as long as the rig does not change: of bus, kind and configured address. */
+/* Returns a serial number that is the same as long as the rig does not change: of bus, kind and
+ * configured address. */
 static int64_t compact_serial_number(const struct board *board)
 {
     return INT64_C(0x51000000) | (int64_t)(board->config.bus & 0xff) << 16 |

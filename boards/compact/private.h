@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the boards of a compact bus share, each a node of it: telemetry period, identity, parameters
- * of the board; and the state of its motor boards. RT-safe but for what creates.
+ * Declarations that the boards of a compact bus share, each a node of it: telemetry period,
+ * identity, parameters of the board; and the state of its motor boards. RT-safe but for what
+ * creates.
  */
 #ifndef BOARDS_COMPACT_PRIVATE_H
 #define BOARDS_COMPACT_PRIVATE_H
@@ -14,7 +15,7 @@
 struct compact_node;
 struct compact_motor;
 
-/* Which axis stands behind a slot. */
+/* The axis behind a slot. */
 struct compact_slot {
     struct compact_motor *motor; /* NULL: none */
     unsigned axis;
@@ -58,19 +59,21 @@ static inline struct compact_node *compact_node_of(const struct board *board)
     return container_of(board, struct compact_node, board);
 }
 
-/* Settings of the first power-up, or what was saved. Returns true at the first. */
+/* Restores the settings of the first power-up, or what was saved. Returns true at the first. */
 bool compact_node_power_up(struct compact_node *node);
 
-/* Telemetry is due in this transmission. */
+/* Returns whether telemetry is due in this transmission. */
 bool compact_node_due(struct compact_node *node);
 
-/* A STATE frame is due that comes every COMPACT_STATE_PERIOD_MS, by a phase of its own. */
+/* Returns whether a STATE frame is due that comes every COMPACT_STATE_PERIOD_MS, by a phase of
+ * its own. */
 bool compact_state_due(struct ms_span span, unsigned phase);
 
 /* Queues IDENTITY. */
 void compact_node_identify(struct compact_node *node);
 
-/* A parameter of the board as a whole; COMPACT_UNKNOWN_PARAMETER when it is not one of these. */
+/* Reads or writes a parameter of the board as a whole; COMPACT_UNKNOWN_PARAMETER when it is not
+ * one of these. */
 enum compact_result compact_node_access_parameter(struct compact_node *node, unsigned parameter,
                                                   bool write, int64_t *value);
 
@@ -80,7 +83,7 @@ void compact_node_send(struct compact_node *node, struct frame_sink *sink,
 
 /* ---- motor boards ---- */
 
-/* What the board bears where the rig gives no limit. */
+/* Temperature limit of the board where the rig gives none. */
 enum { COMPACT_TEMPERATURE_MAX_C = 125 };
 
 /* Settings that SAVE keeps. */
@@ -158,15 +161,15 @@ static inline int64_t compact_temperature_limit(const struct board_axis_config *
 enum compact_result compact_motor_access_parameter(struct compact_node *node, unsigned parameter,
                                                    unsigned axis, bool write, int64_t *value);
 
-/* What may be set beside the bus (settings.c). */
+/* Settings that may be changed beside the bus (settings.c). */
 extern const struct board_settings compact_settings;
 
-/* A motor board's axis gets its mode or set-point. */
-/* False: the axis has no such mode, and stays in its own. */
+/* Give an axis its mode or set-point. */
+/* Returns false when the axis has no such mode; it then stays in its own. */
 bool compact_axis_command_mode(struct board *board, unsigned axis, enum compact_mode mode);
 void compact_axis_command(struct board *board, unsigned axis, int16_t set_point);
 
-/* First slot of a board; COMPACT_SLOTS when it has none. */
+/* Returns the first slot of a board; COMPACT_SLOTS when it has none. */
 unsigned compact_first_slot(const struct board *board);
 
 #endif

@@ -6,6 +6,7 @@
 #include "boards/protocols.h"
 #include "manual/protocol_compact.h"
 
+/* Creates a board of the configured kind (struct protocol). */
 static struct board *compact_make_board(const struct board_config *config, struct arena *arena)
 {
     return config->kind == BOARD_MOTOR      ? compact_motor_create(arena)
@@ -13,7 +14,8 @@ static struct board *compact_make_board(const struct board_config *config, struc
                                             : compact_ft_create(arena);
 }
 
-/* The other functions lie where the iCub boards have theirs. */
+/* Returns whether an identifier belongs to the protocol. The other functions lie where the iCub
+ * boards have theirs. */
 static bool compact_claims_id(const struct boards_bus_config *bus, uint32_t id, char *text,
                               size_t size)
 {
@@ -26,6 +28,7 @@ static bool compact_claims_id(const struct boards_bus_config *bus, uint32_t id, 
 
 /* ---- load ---- */
 
+/* Visits the frames that an inertial board sends again and again. */
 static void visit_inertial_load(struct load_walk *walk, const struct board_config *board)
 {
     double period_s = load_period_s(walk, board->period_ns);
@@ -41,6 +44,7 @@ static void visit_inertial_load(struct load_walk *walk, const struct board_confi
     load_visit(walk, COMPACT_ORIENTATION_LENGTH, period_s);
 }
 
+/* Visits the frames that a force-torque board sends again and again. */
 static void visit_ft_load(struct load_walk *walk, const struct board_config *board)
 {
     double period_s = load_period_s(walk, board->period_ns);
@@ -54,6 +58,7 @@ static void visit_ft_load(struct load_walk *walk, const struct board_config *boa
     load_visit(walk, COMPACT_FORCE_LENGTH, period_s); /* MOMENT */
 }
 
+/* Visits the frames that a board sends again and again (struct protocol). */
 static void compact_visit_board_load(struct load_walk *walk, const struct board_config *board)
 {
     double period_s = load_period_s(walk, board->period_ns);
@@ -78,7 +83,7 @@ static void compact_visit_board_load(struct load_walk *walk, const struct board_
     }
 }
 
-/* The set-points of all slots, once a tick. */
+/* Visits the set-points of all slots, once a tick. */
 static void compact_visit_command_load(struct load_walk *walk)
 {
     unsigned most = walk->bus->fd ? COMPACT_SLOTS : COMPACT_GROUP;
@@ -90,6 +95,7 @@ static void compact_visit_command_load(struct load_walk *walk)
 
 /* ---- words ---- */
 
+/* Returns the name of a mode (struct protocol). */
 static const char *compact_mode_name(uint32_t mode)
 {
     return mode == COMPACT_OFF       ? "off"

@@ -6,7 +6,7 @@
 
 enum { GAIN_MAX = 1000000000 };
 
-/* Where a setting is, and the range that it may have; false: no such setting. */
+/* Finds a setting and its range; returns false when there is no such setting. */
 static bool compact_axis_find_setting(const struct board *board, struct compact_axis *axis,
                                       unsigned parameter, int64_t **setting, int64_t *least,
                                       int64_t *most)
@@ -52,6 +52,7 @@ static bool compact_axis_find_setting(const struct board *board, struct compact_
     }
 }
 
+/* Reads or writes a parameter of an axis; settings are written only while the axis is off. */
 static enum compact_result compact_axis_access_parameter(struct board *board,
                                                          struct compact_axis *axis,
                                                          unsigned parameter, bool write,
@@ -82,6 +83,7 @@ static enum compact_result compact_axis_access_parameter(struct board *board,
     return COMPACT_OK;
 }
 
+/* Returns whether an axis is on. */
 static bool compact_motor_any_runs(const struct compact_motor *motor)
 {
     for (unsigned i = 0; i < motor->axes; i++) {
@@ -99,6 +101,7 @@ enum compact_result compact_motor_access_parameter(struct compact_node *node, un
     struct compact_motor *motor = compact_motor_of(board);
     enum compact_result result;
 
+    /* Parameters of an axis, then those of the board, of which SAVE keeps the axes' settings too */
     if (parameter >= COMPACT_P_MODE && parameter <= COMPACT_P_TEMPERATURE_LIMIT) {
         return index < motor->axes ? compact_axis_access_parameter(board, &motor->axis[index],
                                                                    parameter, write, value)
@@ -130,6 +133,7 @@ static const struct {
     {"temperature_limit", COMPACT_P_TEMPERATURE_LIMIT, "degree C"},
 };
 
+/* Returns a setting by its row, with its range. */
 static int64_t *compact_setting_at(const struct board *board, unsigned axis, size_t index,
                                    int64_t *least, int64_t *most)
 {
@@ -140,6 +144,7 @@ static int64_t *compact_setting_at(const struct board *board, unsigned axis, siz
     return setting;
 }
 
+/* Describes a setting: name, unit, range (struct board_settings). */
 static void compact_setting_describe(const struct board *board, unsigned axis, size_t index,
                                      struct board_setting *setting)
 {
@@ -153,6 +158,7 @@ static void compact_setting_describe(const struct board *board, unsigned axis, s
                                       .whole = true};
 }
 
+/* Returns the value of a setting (struct board_settings). */
 static double compact_setting_get(const struct board *board, unsigned axis, size_t index)
 {
     int64_t least, most;
@@ -160,6 +166,7 @@ static double compact_setting_get(const struct board *board, unsigned axis, size
     return (double)*compact_setting_at(board, axis, index, &least, &most);
 }
 
+/* Writes a setting, also while the axis runs (struct board_settings). */
 static bool compact_setting_set(struct board *board, unsigned axis, size_t index, double value)
 {
     int64_t least, most;

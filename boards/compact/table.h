@@ -10,7 +10,7 @@
 #include "boards/compact/protocol.h"
 #include "boards/field.h"
 
-/* What the low five bits of an identifier count. */
+/* Meaning of the low five bits of an identifier. */
 enum compact_number { COMPACT_BY_NONE, COMPACT_BY_SLOT, COMPACT_BY_GROUP, COMPACT_BY_NODE };
 
 struct compact_message {
@@ -27,7 +27,7 @@ struct compact_message {
 enum { COMPACT_MESSAGES = 19 };
 extern const struct compact_message compact_messages[COMPACT_MESSAGES];
 
-/* The row of a function; NULL: none. */
+/* Returns the row of a function; NULL when there is none. */
 const struct compact_message *compact_message(unsigned function);
 
 extern const struct field_value compact_mode_names[];

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* How boards and buses of described protocols are made; boards/boards.c calls it. */
+/* Creation of boards and buses of described protocols, for boards/boards.c. */
 #ifndef BOARDS_DESCRIBED_BOARD_H
 #define BOARDS_DESCRIBED_BOARD_H
 
@@ -8,7 +8,7 @@
 struct board;
 struct board_bus;
 
-/* NULL without memory. Not RT-safe. */
+/* Creates a bus of a described protocol, NULL without memory. Not RT-safe. */
 struct board_bus *described_bus_create(struct arena *arena);
 struct board *described_motor_create(struct arena *arena);
 struct board *described_ft_create(struct arena *arena);

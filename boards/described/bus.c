@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Buses with a described protocol: which boards and axes a frame is for. */
+/* Buses with a described protocol: finds the boards and axes that a frame is for. */
 #include "boards/described/private.h"
 
 #include "canbus/frame.h"
 
 _Static_assert(DESCRIBED_ADDRESS_MAX + 1 == BOARD_ADDRESSES, "an address of its bus");
 
-/* A frame that has arrived, with what it is. */
+/* A frame that has arrived, with its row and its values. */
 struct described_arrival {
     const struct described_frame *row;
     const struct bus_frame *frame;
@@ -17,15 +17,27 @@ struct described_arrival {
     int64_t values[DESCRIBED_FIELDS_MAX];
 };
 
+/* Returns the protocol of a bus. */
 static const struct described_protocol *bus_protocol(const struct described_bus *bus)
 {
     return bus->bus.config.described;
 }
 
-/* Whether what the frame asks for exists: states, laws, a period. */
+/* Returns whether a parameter can be read, or written where the frame has a value. */
+static bool described_parameter_exists(const struct described_protocol *protocol,
+                                       const struct described_frame *row, int64_t number)
+{
+    const struct described_parameter *parameter = described_find_parameter(protocol, number);
+    bool writes = described_find_field(row, DESCRIBED_PARAMETER_VALUE) >= 0;
+
+    return parameter && (!writes || described_is_setting(parameter->field.meaning));
+}
+
+/* Returns whether the states, laws, parameters and periods that the frame names exist. */
 static bool described_values_exist(const struct described_protocol *protocol,
                                    const struct described_arrival *a)
 {
+    /* States, laws and parameters must be in their lists, a period in its range */
     for (size_t i = 0; i < a->row->nfield; i++) {
         const struct described_field *field = &a->row->field[i];
         double value;
@@ -38,6 +50,11 @@ static bool described_values_exist(const struct described_protocol *protocol,
             break;
         case DESCRIBED_LAW:
             if (described_find_state(protocol->law, protocol->nlaw, a->values[i], true) < 0) {
+                return false;
+            }
+            break;
+        case DESCRIBED_PARAMETER:
+            if (!described_parameter_exists(protocol, a->row, a->values[i])) {
                 return false;
             }
             break;
@@ -54,11 +71,12 @@ static bool described_values_exist(const struct described_protocol *protocol,
     return true;
 }
 
-/* The row that a frame is; NULL: no identifier of this protocol. */
+/* Finds the row of a frame and its verdict; false: the identifier is none of this protocol. */
 static bool described_identify(const struct described_protocol *protocol,
                                struct described_arrival *a)
 {
     bool remote = a->frame->flags & FRAME_REMOTE, extended = a->frame->flags & FRAME_EXTENDED;
+    bool empty = !remote && a->frame->len == 0;
 
     a->row = NULL;
     for (size_t i = 0; i < protocol->nframe; i++) {
@@ -66,10 +84,13 @@ static bool described_identify(const struct described_protocol *protocol,
         enum described_match match;
         unsigned number;
 
-        if (!row->from_host || row->remote != remote ||
+        /* Rows from the host with this identifier, in the order of the file */
+        if (!row->from_host || (row->remote != remote && !(row->or_empty && empty)) ||
             !described_number(row, a->frame->id, extended, &number)) {
             continue;
         }
+        /* The first row that matches in full is the frame's; else the last with the identifier
+         * counts */
         match = described_match_frame(row, a->frame, a->values);
         a->row = row;
         a->number = number;
@@ -86,7 +107,7 @@ static bool described_identify(const struct described_protocol *protocol,
     return a->row;
 }
 
-/* Whether a field of the frame leaves an axis out. */
+/* Returns whether the fields of the frame select an axis. */
 static bool described_is_selected(const struct described_arrival *a, const struct board *board,
                                   unsigned axis)
 {
@@ -117,8 +138,8 @@ static bool described_is_selected(const struct described_arrival *a, const struc
     return true;
 }
 
-/* Whether the counter of a frame is where it was in the frame before: the same one again. Frames
- * that were lost on the way, or a host that begins anew, move it on. */
+/* Returns whether the counter of a frame repeats that of the frame before. Frames that were lost
+ * on the way, or a host that begins anew, move it on. */
 static bool described_is_stuck(struct described_bus *bus, const struct described_arrival *a)
 {
     uint32_t *heard = &bus->heard[a->row - bus_protocol(bus)->frame][a->number];
@@ -131,6 +152,7 @@ static bool described_is_stuck(struct described_bus *bus, const struct described
     return *heard == before;
 }
 
+/* Sets the telemetry period that the frame carries, if any. */
 static void described_obey_period(struct board *board, const struct described_arrival *a)
 {
     int field = described_find_field(a->row, DESCRIBED_TELEMETRY_PERIOD);
@@ -145,7 +167,7 @@ static void described_obey_period(struct board *board, const struct described_ar
     }
 }
 
-/* A frame for axes of a board from first on; sensors have none and listen as one. */
+/* Obeys a frame for axes of a board from first on; sensors have none and listen as one. */
 static void described_board_receive(struct board *board, unsigned first, unsigned count,
                                     struct described_arrival *a)
 {
@@ -155,6 +177,7 @@ static void described_board_receive(struct board *board, unsigned first, unsigne
     if (!(a->row->of & node->ops->kind)) {
         return;
     }
+    /* Axes that the frame selects obey it */
     for (unsigned axis = first; axis < first + count; axis++) {
         bool each;
 
@@ -182,9 +205,13 @@ static void described_board_receive(struct board *board, unsigned first, unsigne
             replied = true;
         }
     }
+    /* A restart follows once all axes have obeyed */
+    if (obeyed && a->row->restart) {
+        board_enter_bootloader(board, board->config.boot_ns);
+    }
 }
 
-/* One repetition after the other, each of the next slot. */
+/* Obeys a frame of a group: one repetition after the other, each for the next slot. */
 static void described_bus_receive_group(struct described_bus *bus, struct described_arrival *a)
 {
     const struct described_frame *row = a->row;
@@ -192,7 +219,7 @@ static void described_bus_receive_group(struct described_bus *bus, struct descri
     unsigned more = a->verdict == BOARD_OBEYED ? 0u : row->length - 1u; /* of a part */
     unsigned count = (a->frame->len + more) / row->length;
 
-    /* CAN FD pads: what is behind the last repetition is none */
+    /* Bytes behind the last repetition are padding of CAN FD */
     count = count < row->repeats ? count : row->repeats;
     for (unsigned k = 0; k < count && first + k < bus->slots; k++) {
         struct board *board = &bus->slot[first + k].motor->node.board;
@@ -210,6 +237,7 @@ static void described_bus_receive_group(struct described_bus *bus, struct descri
     }
 }
 
+/* Obeys a frame for the board with an address, or for all boards. */
 static void described_bus_receive_all(struct described_bus *bus, struct described_arrival *a)
 {
     for (unsigned address = 1; address < BOARD_ADDRESSES; address++) {
@@ -224,6 +252,7 @@ static void described_bus_receive_all(struct described_bus *bus, struct describe
     }
 }
 
+/* Receives a frame of the bus (struct protocol). */
 static void described_bus_receive(struct boards *boards, struct board_bus *of,
                                   const struct bus_frame *frame)
 {
@@ -269,7 +298,7 @@ void described_bus_forget_counts(struct described_bus *bus, const struct describ
     }
 }
 
-/* The axes of a new motor board take the next slots. */
+/* Adds a board to the bus; the axes of a motor board take the next slots (struct protocol). */
 static void described_bus_add_board(struct board_bus *bus, struct board *board)
 {
     struct described_bus *described = described_bus_of(bus);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the frames of a described protocol mean: identifiers, counts and values; see the header. */
+/* Codec of the frames of a described protocol: identifiers, counts and values; see the header. */
 #include "boards/described/protocol.h"
 
 #include "boards/motor_control.h"
@@ -11,11 +11,12 @@
 const char *const described_fault_names[32] = {
     "under-voltage",  "over-voltage", "over-current",   "motor encoder",   "link encoder",
     "torque sensor",  "temperature",  "under-pressure", "over-pressure",   "stale set-point",
-    "position limit", "frames lost",  "saturated",      "inertial sensor",
+    "position limit", "frames lost",  "saturated",      "inertial sensor", "emergency stop",
 };
 
 const char *described_unit(enum described_meaning meaning)
 {
+    /* Channels of sensors */
     if (meaning >= DESCRIBED_FT_CHANNEL) {
         return meaning < DESCRIBED_FT_CHANNEL + 3 ? "N"
                : meaning < DESCRIBED_ACCELERATION ? "Nm"
@@ -25,6 +26,7 @@ const char *described_unit(enum described_meaning meaning)
                : meaning < DESCRIBED_EULER        ? "T"
                                                   : "rad";
     }
+    /* Fields of axes and boards */
     switch (meaning) {
     case DESCRIBED_TO_VOLTAGE:
     case DESCRIBED_AXIS_VOLTAGE:
@@ -32,11 +34,20 @@ const char *described_unit(enum described_meaning meaning)
         return "V";
     case DESCRIBED_TO_CURRENT:
     case DESCRIBED_AXIS_CURRENT:
+    case DESCRIBED_CURRENT_LIMIT:
+    case DESCRIBED_CURRENT_TARGET:
+    case DESCRIBED_SUPPLY_CURRENT:
         return "A";
     case DESCRIBED_TO_TORQUE:
     case DESCRIBED_AXIS_TORQUE:
     case DESCRIBED_DRIVE_TORQUE:
+    case DESCRIBED_TORQUE_TARGET:
         return "Nm";
+    case DESCRIBED_ELECTRICAL_POWER:
+    case DESCRIBED_MECHANICAL_POWER:
+        return "W";
+    case DESCRIBED_POSITION_GAIN:
+        return "1/s";
     case DESCRIBED_PISTON_PRESSURE:
     case DESCRIBED_ROD_PRESSURE:
         return "bar";
@@ -44,13 +55,17 @@ const char *described_unit(enum described_meaning meaning)
     case DESCRIBED_MOTOR_POSITION:
     case DESCRIBED_LINK_POSITION:
     case DESCRIBED_DEFLECTION:
+    case DESCRIBED_PRESENT_POSITION:
         return "rad";
     case DESCRIBED_TO_VELOCITY:
     case DESCRIBED_MOTOR_VELOCITY:
+    case DESCRIBED_VELOCITY_LIMIT:
         return "rad/s";
     case DESCRIBED_TO_KP:
+    case DESCRIBED_INTEGRAL_GAIN:
         return "Nm/rad";
     case DESCRIBED_TO_KD:
+    case DESCRIBED_VELOCITY_GAIN:
         return "Nm s/rad";
     case DESCRIBED_TEMPERATURE:
         return "degC";
@@ -100,7 +115,7 @@ int64_t described_count(const struct field *layout, const struct described_field
         return bits;
     }
     if (scaled > INT32_MAX && scaled <= UINT32_MAX) {
-        return (int64_t)(scaled + 0.5); /* of 32 bits without a sign */
+        return (int64_t)(scaled + 0.5); /* for 32 bits without a sign */
     }
     control_quantize(scaled, &count);
     return control_clamp(count, field_lowest(layout), field_highest(layout));
@@ -212,12 +227,12 @@ uint32_t described_encode(const struct described_frame *frame, unsigned number,
 
 /* ---- which frame it is ---- */
 
-/* Whether a length is one that a frame has: of repeated fields, of as many as there are; CAN FD
- * pads them to the next length that it knows. */
+/* Returns whether a frame can have a length: with repeated fields that of any number of
+ * repetitions; CAN FD pads to the next length that it knows. */
 static bool described_has_length(const struct described_frame *frame, uint8_t len)
 {
     if (frame->repeats == 1) {
-        return len == frame->length;
+        return len >= frame->shortest && len <= frame->longest;
     }
     for (unsigned count = 1; count <= frame->repeats; count++) {
         unsigned bytes = count * frame->length;
@@ -260,7 +275,7 @@ enum described_match described_match_frame(const struct described_frame *frame,
     return DESCRIBED_IS;
 }
 
-/* The bits of a frame's data that are constant, and what they are. */
+/* Finds the bits of a frame's data that are constant, and their values. */
 static void described_find_constants(const struct described_frame *frame, uint8_t *mask,
                                      uint8_t *value)
 {
@@ -278,18 +293,28 @@ static void described_find_constants(const struct described_frame *frame, uint8_
     fields_encode(frame->layout, counts, value);
 }
 
+/* Returns whether a frame without data is both a request and another frame from the host. */
+static bool described_may_be_empty(const struct described_frame *a, const struct described_frame *b)
+{
+    const struct described_frame *request = a->remote ? a : b, *other = a->remote ? b : a;
+
+    return request->or_empty && other->shortest == 0;
+}
+
 bool described_told_apart(const struct described_frame *a, const struct described_frame *b)
 {
     uint8_t mask[2][DESCRIBED_LENGTH_MAX] = {{0}}, value[2][DESCRIBED_LENGTH_MAX] = {{0}};
 
     if (a->from_host != b->from_host || a->remote != b->remote) {
-        return a->remote != b->remote;
+        return a->from_host != b->from_host ? a->remote != b->remote
+                                            : !described_may_be_empty(a, b);
     }
     if (a->remote) {
         return false; /* whatever its length */
     }
     if ((a->flags ^ b->flags) & FRAME_FD ||
-        (a->repeats == 1 && b->repeats == 1 && a->length != b->length)) {
+        (a->repeats == 1 && b->repeats == 1 &&
+         (a->shortest > b->longest || b->shortest > a->longest))) {
         return true;
     }
     described_find_constants(a, mask[0], value[0]);
@@ -311,6 +336,17 @@ int described_find_state(const struct described_state *state, size_t count, int6
         }
     }
     return -1;
+}
+
+const struct described_parameter *
+described_find_parameter(const struct described_protocol *protocol, int64_t number)
+{
+    for (size_t i = 0; i < protocol->nparameter; i++) {
+        if (protocol->parameter[i].number == number) {
+            return &protocol->parameter[i];
+        }
+    }
+    return NULL;
 }
 
 int described_find_field(const struct described_frame *frame, enum described_meaning meaning)

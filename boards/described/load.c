@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes the table of a described protocol of its file: looks names up, lays fields out, checks. */
+/* Makes the table of a described protocol from its file: looks names up, lays fields out,
+ * checks. */
 #include "boards/described/load.h"
 
 #include "base/text.h"
@@ -32,6 +33,7 @@ enum error_code described_check_word(struct described_loader *l, const struct ya
 
 /* ---- states ---- */
 
+/* Finds a state by its name. */
 static enum error_code described_find_name(struct described_loader *l, const struct yaml_mark *mark,
                                            const char *name, int *index)
 {
@@ -49,6 +51,7 @@ static enum error_code described_find_name(struct described_loader *l, const str
                       nearest ? nearest : "one of the list", nearest ? "" : " \"states\"");
 }
 
+/* Builds a state, or a law that a host can select, behind the count of those before. */
 static enum error_code described_build_state(struct described_loader *l,
                                              const struct raw_described_state *raw, bool of_laws,
                                              struct described_state *made, size_t *count)
@@ -74,12 +77,14 @@ static enum error_code described_build_state(struct described_loader *l,
     }
     made[(*count)++] = (struct described_state){.name = raw->name,
                                                 .value = raw->value,
+                                                .result = raw->result,
                                                 .law = (enum described_law)raw->law,
                                                 .set_point_scale = raw->set_point_scale,
                                                 .commanded = raw->law != DESCRIBED_FAULT};
     return ERROR_NONE;
 }
 
+/* Builds the states and laws, and finds those of power-up, faults and time-outs. */
 static enum error_code described_build_states(struct described_loader *l)
 {
     struct described_protocol *made = l->made;
@@ -97,7 +102,7 @@ static enum error_code described_build_states(struct described_loader *l)
         code = described_build_state(l, &l->raw->law[i], true, made->law, &made->nlaw);
     }
 
-    /* Where an axis starts, and where it goes when it breaks */
+    /* The first state that is off, where an axis starts, and the first that is a fault */
     made->off_state = made->fault_state = made->timeout_state = -1;
     for (int i = (int)made->nstate - 1; i >= 0; i--) {
         made->off_state = made->state[i].law == DESCRIBED_OFF ? i : made->off_state;
@@ -117,7 +122,8 @@ static enum error_code described_build_states(struct described_loader *l)
     return code;
 }
 
-/* Refuses two names for one value where a field carries values: who reads it finds the first. */
+/* Refuses two names for one value where a field carries values: a reader would find only the
+ * first. */
 static enum error_code described_check_values(struct described_loader *l,
                                               enum described_meaning meaning,
                                               const struct raw_described_state *raw, size_t count)
@@ -129,7 +135,8 @@ static enum error_code described_check_values(struct described_loader *l,
     }
     for (size_t i = 0; i < count && carried; i++) {
         for (size_t k = 0; k < i; k++) {
-            if (raw[k].value == raw[i].value) {
+            if (raw[k].value == raw[i].value &&
+                (raw[k].law != DESCRIBED_OFF || raw[i].law != DESCRIBED_FAULT)) {
                 return yaml_error(
                     l->error, raw[i].value_mark.line ? &raw[i].value_mark : &raw[i].mark,
                     "found value %lld of \"%s\", which \"%s\" (line %d) has, "
@@ -141,12 +148,13 @@ static enum error_code described_check_values(struct described_loader *l,
     return ERROR_NONE;
 }
 
+/* Finds the bits of the faults that the protocol reports. */
 static enum error_code described_build_faults(struct described_loader *l)
 {
     static const char *const words[DESCRIBED_FAULT_KINDS] = {
         "under_voltage",  "over_voltage", "over_current",   "motor_encoder",   "link_encoder",
         "torque_sensor",  "temperature",  "under_pressure", "over_pressure",   "stale",
-        "position_limit", "frames_lost",  "saturated",      "inertial_sensor",
+        "position_limit", "frames_lost",  "saturated",      "inertial_sensor", "emergency_stop",
     };
 
     for (int k = 0; k < DESCRIBED_FAULT_KINDS; k++) {
@@ -172,11 +180,13 @@ static enum error_code described_build_faults(struct described_loader *l)
 
 /* ---- frames ---- */
 
+/* Returns whether a field is a target of an axis. */
 static bool described_is_set_point(enum described_meaning meaning)
 {
     return meaning >= DESCRIBED_SET_POINT && meaning <= DESCRIBED_TO_KD;
 }
 
+/* Returns the highest number in the identifier of a frame. */
 static unsigned described_most_numbers(const struct described_loader *l,
                                        const struct described_frame *made)
 {
@@ -187,12 +197,14 @@ static unsigned described_most_numbers(const struct described_loader *l,
                : 0;
 }
 
+/* Checks the keys of a frame against each other. */
 static enum error_code described_check_frame(struct described_loader *l,
                                              const struct raw_described_frame *raw,
                                              const struct described_frame *made)
 {
     int64_t most = raw->extended ? DESCRIBED_EXTENDED_ID_MAX : DESCRIBED_STANDARD_ID_MAX;
 
+    /* The identifier: step, slots and range */
     if (raw->step_given && raw->by != DESCRIBED_BY_ADDRESS) {
         return yaml_error(l->error, &raw->step_mark,
                           "found step, expected it with by: address only");
@@ -208,21 +220,28 @@ static enum error_code described_check_frame(struct described_loader *l,
                           (unsigned long long)(raw->id + raw->step * made->most), (unsigned)most,
                           raw->extended ? "" : ", or set extended: true for 29 bits");
     }
+    /* The format of CAN */
     if (raw->brs_given && !raw->fd) {
         return yaml_error(l->error, &raw->brs_mark,
                           "found bit_rate_switch without fd: true, expected both or none");
+    }
+    if (raw->or_empty && !raw->remote) {
+        return yaml_error(l->error, &raw->mark,
+                          "found or_empty without remote: true, expected both or none");
     }
     if (raw->fd && raw->remote) {
         return yaml_error(l->error, &raw->mark,
                           "found fd beside remote, expected one of them: CAN FD has no remote "
                           "frames");
     }
+    /* The direction, and the period of a board's frame */
     if (made->from_host ? raw->telemetry || raw->period_given || raw->on_change || raw->on_restart
-                        : raw->reply || raw->enter || raw->zero || raw->remote) {
+                        : raw->reply || raw->enter || raw->zero || raw->remote || raw->stop ||
+                              raw->clear || raw->restart || raw->lengths_given) {
         return yaml_error(l->error, &raw->mark,
                           "found a key of frames from the %s in one from the %s: period_s, "
-                          "telemetry, on_change and on_restart are of boards, reply, enter, zero "
-                          "and remote of the host",
+                          "telemetry, on_change and on_restart are of boards, reply, enter, zero, "
+                          "stop, clear_faults, restart, lengths and remote of the host",
                           made->from_host ? "board" : "host", made->from_host ? "host" : "board");
     }
     if (raw->telemetry && raw->period_given) {
@@ -236,6 +255,7 @@ static enum error_code described_check_frame(struct described_loader *l,
     return ERROR_NONE;
 }
 
+/* Builds the row of a frame and lays its fields out. */
 static enum error_code described_build_frame(struct described_loader *l,
                                              const struct raw_described_frame *raw,
                                              struct described_frame *made)
@@ -246,6 +266,7 @@ static enum error_code described_build_frame(struct described_loader *l,
         .name = raw->name,
         .from_host = raw->from == 1,
         .remote = raw->remote,
+        .or_empty = raw->or_empty,
         .flags = (uint8_t)((raw->extended ? FRAME_EXTENDED : 0) | (raw->remote ? FRAME_REMOTE : 0) |
                            (raw->fd ? FRAME_FD | (raw->brs ? FRAME_BRS : 0) : 0)),
         .of = raw->of_given    ? (unsigned)raw->of
@@ -262,6 +283,9 @@ static enum error_code described_build_frame(struct described_loader *l,
         .reply = {-1, -1, -1},
         .enter = -1,
         .zero = raw->zero,
+        .stop = raw->stop,
+        .clear = raw->clear,
+        .restart = raw->restart,
         .counter = -1,
         .repeats = (uint8_t)raw->repeat,
     };
@@ -273,7 +297,7 @@ static enum error_code described_build_frame(struct described_loader *l,
         code = described_find_name(l, &raw->enter_mark, raw->enter, &made->enter);
     }
 
-    /* What it means for the boards as a whole */
+    /* Properties of the row that follow from the meanings of its fields */
     for (size_t i = 0; i < made->nfield && !code; i++) {
         enum described_meaning meaning = made->field[i].meaning;
 
@@ -281,6 +305,7 @@ static enum error_code described_build_frame(struct described_loader *l,
         made->of_one = made->of_one || meaning == DESCRIBED_AXIS ||
                        meaning == DESCRIBED_SLOTS_MASK || made->by >= DESCRIBED_BY_SLOT;
         if (made->from_host) {
+            l->made->clears = l->made->clears || made->clear;
             l->made->period_settable =
                 l->made->period_settable || meaning == DESCRIBED_TELEMETRY_PERIOD;
         } else {
@@ -290,6 +315,7 @@ static enum error_code described_build_frame(struct described_loader *l,
     return code;
 }
 
+/* Returns the index of a frame of a direction and of a kind of board, by name; -1: none. */
 static int described_frame_index(const struct described_protocol *made, const char *name,
                                  bool from_host, unsigned kind)
 {
@@ -302,7 +328,7 @@ static int described_frame_index(const struct described_protocol *made, const ch
     return -1;
 }
 
-/* The fields that a reply echoes, of the frame that it answers. */
+/* Finds the fields that a reply echoes in the frame that it answers. */
 static enum error_code described_link_echo(struct described_loader *l,
                                            const struct raw_described_frame *raw,
                                            const struct described_frame *request,
@@ -332,7 +358,7 @@ static enum error_code described_link_echo(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* The answers, once all frames are known. */
+/* Finds the answers of a frame, once all frames are known. */
 static enum error_code described_link_reply(struct described_loader *l, size_t index)
 {
     const struct raw_described_frame *raw = &l->raw->frame[index];
@@ -357,7 +383,7 @@ static enum error_code described_link_reply(struct described_loader *l, size_t i
     return code;
 }
 
-/* A name is that of one frame, for each kind of board. */
+/* Refuses two frames with one name for the same kind of board. */
 static enum error_code described_check_twins(struct described_loader *l, size_t a, size_t b)
 {
     const struct described_frame *x = &l->made->frame[a], *y = &l->made->frame[b];
@@ -371,6 +397,7 @@ static enum error_code described_check_twins(struct described_loader *l, size_t 
     return ERROR_NONE;
 }
 
+/* Builds all frames, then finds their answers. */
 static enum error_code described_build_frames(struct described_loader *l)
 {
     enum error_code code = ERROR_NONE;
@@ -392,8 +419,36 @@ static enum error_code described_build_frames(struct described_loader *l)
     return code;
 }
 
+/* ---- parameters ---- */
+
+/* Builds the parameters, each with a number of its own. */
+static enum error_code described_build_parameters(struct described_loader *l)
+{
+    const struct raw_described *raw = l->raw;
+    enum error_code code = ERROR_NONE;
+
+    if (raw->nparameter > DESCRIBED_PARAMETERS_MAX) {
+        return yaml_error(l->error, &raw->mark, "found %zu parameters, expected at most %d",
+                          raw->nparameter, DESCRIBED_PARAMETERS_MAX);
+    }
+    for (size_t i = 0; i < raw->nparameter && !code; i++) {
+        struct described_parameter *made = &l->made->parameter[i];
+
+        if (described_find_parameter(l->made, raw->parameter[i].number)) {
+            return yaml_error(l->error, &raw->parameter[i].number_mark,
+                              "found number %lld again, expected another",
+                              (long long)raw->parameter[i].number);
+        }
+        made->number = (uint32_t)raw->parameter[i].number;
+        code = described_lay_out_parameter(l, &raw->parameter[i].field, made);
+        l->made->nparameter = i + 1;
+    }
+    return code;
+}
+
 /* ---- the host ---- */
 
+/* Builds a list of frames that the host sends in one step. */
 static enum error_code described_build_list(struct described_loader *l,
                                             const struct yaml_name *name, size_t count,
                                             struct described_list *list)
@@ -412,6 +467,7 @@ static enum error_code described_build_list(struct described_loader *l,
     return ERROR_NONE;
 }
 
+/* Builds the lists of the host's steps and finds the states that it commands. */
 static enum error_code described_build_host(struct described_loader *l)
 {
     const struct raw_described_host *raw = &l->raw->host;
@@ -425,7 +481,7 @@ static enum error_code described_build_host(struct described_loader *l)
     code = code ? code : described_build_list(l, raw->off, raw->noff, &made->host.off);
     code = code ? code : described_build_list(l, raw->command, raw->ncommand, &made->host.command);
 
-    /* States to be commanded: the first that drives, the first that does not */
+    /* States that the host commands: the first that drives, the first that is off */
     made->host.off_state = made->host.on_state = made->off_state;
     for (int i = (int)made->nstate - 1; i >= 0; i--) {
         if (made->state[i].law != DESCRIBED_OFF && made->state[i].law != DESCRIBED_FAULT) {
@@ -443,6 +499,7 @@ static enum error_code described_build_host(struct described_loader *l)
 
 /* ---- all ---- */
 
+/* Builds the whole table, in the order in which its parts need each other. */
 static enum error_code described_build(struct described_loader *l)
 {
     const struct raw_described *raw = l->raw;
@@ -453,7 +510,9 @@ static enum error_code described_build(struct described_loader *l)
         .description = raw->description,
         .axes = (unsigned)raw->axes,
         .address_max = (unsigned)raw->address_max,
-        .command_timeout_ns = llround(raw->command_timeout_s * 1e9),
+        .command_timeout_ns = raw->command_timeout_given && raw->command_timeout_s == 0.0
+                                  ? -1
+                                  : llround(raw->command_timeout_s * 1e9),
         .position_per_s = raw->gains.position_per_s,
         .velocity_nm_s_rad = raw->gains.velocity_nm_s_rad,
         .velocity_nm_rad = raw->gains.velocity_nm_rad,
@@ -466,12 +525,14 @@ static enum error_code described_build(struct described_loader *l)
     code = described_build_states(l);
     code = code ? code : described_build_faults(l);
     code = code ? code : described_build_frames(l);
+    code = code ? code : described_build_parameters(l);
     code = code ? code : described_check_ids(l);
     code = code ? code : described_check_values(l, DESCRIBED_STATE, raw->state, raw->nstate);
     code = code ? code : described_check_values(l, DESCRIBED_LAW, raw->law, raw->nlaw);
     return code ? code : described_build_host(l);
 }
 
+/* Compiles a file that was read into a table in the arena. */
 static enum error_code described_compile(const struct raw_described *raw, struct arena *arena,
                                          const struct described_protocol **protocol,
                                          struct error *error)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the parts of the loader of protocol files share: load.c looks names up and checks frames,
+/* Shared by the parts of the loader of protocol files: load.c looks names up and checks frames,
  * load_fields.c lays their fields out. Not RT-safe. */
 #ifndef BOARDS_DESCRIBED_LOAD_H
 #define BOARDS_DESCRIBED_LOAD_H
@@ -16,14 +16,19 @@ struct described_loader {
 
 enum error_code described_no_memory(struct described_loader *l);
 
-/* A name that tools can take: letters, digits and _, after a letter. */
+/* Checks a name, which tools must be able to take: letters, digits and _, after a letter. */
 enum error_code described_check_word(struct described_loader *l, const struct yaml_mark *mark,
                                      const char *word);
 
-/* The fields of a frame in its data and its identifier: layout, length and repetition; and the
- * places of fields in the identifier. */
+/* Lays out the fields of a frame in its data and its identifier: layout, length and repetition;
+ * and the places of fields in the identifier. */
 enum error_code described_lay_out(struct described_loader *l, const struct raw_described_frame *raw,
                                   struct described_frame *made);
+
+/* Lays out the field of a parameter, which a board tells, or a host sets where it is a setting. */
+enum error_code described_lay_out_parameter(struct described_loader *l,
+                                            const struct raw_described_field *raw,
+                                            struct described_parameter *made);
 
 /* Refuses identifiers that two frames of one board, or of the host and a board, have and nobody
  * tells apart, and frames that never come, as another takes theirs (load_ids.c). Reads the whole

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The fields of the frames of a protocol file: where their bits are, what they mean, by which
- * scale; see boards/described/load.h. */
+/* Lays out the fields of the frames of a protocol file: places of their bits, meaning and scale;
+ * see boards/described/load.h. */
 #include "boards/described/load.h"
 
 #include <math.h>
@@ -9,6 +9,7 @@
 
 enum { GAP_BITS = 32, GAPS_MAX = 8 * DESCRIBED_LENGTH_MAX / GAP_BITS }; /* pieces of padding */
 
+/* Returns whether a meaning is a count without a unit. */
 static bool described_is_integer(enum described_meaning meaning)
 {
     switch (meaning) {
@@ -20,6 +21,11 @@ static bool described_is_integer(enum described_meaning meaning)
     case DESCRIBED_LAW:
     case DESCRIBED_COUNTER:
     case DESCRIBED_CHECKSUM:
+    case DESCRIBED_PARAMETER:
+    case DESCRIBED_PARAMETER_VALUE:
+    case DESCRIBED_RESULT:
+    case DESCRIBED_LATCHED_FAULTS:
+    case DESCRIBED_SERIAL:
     case DESCRIBED_COMMANDS:
     case DESCRIBED_SLOT:
     case DESCRIBED_FAULTS:
@@ -35,7 +41,8 @@ static bool described_is_integer(enum described_meaning meaning)
     }
 }
 
-/* A host takes the link's count to be the difference of two counts of one frame. */
+/* Checks a deflection: a host takes the link's count to be the difference of two counts of one
+ * frame. */
 static enum error_code described_check_deflection(struct described_loader *l,
                                                   const struct raw_described_frame *raw,
                                                   const struct described_frame *made)
@@ -53,7 +60,7 @@ static enum error_code described_check_deflection(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* The scale of a field; of a range, so that its ends are the least and the greatest count. */
+/* Sets the scale of a field; from a range so that its ends are the least and the greatest count. */
 static enum error_code described_measure_field(struct described_loader *l,
                                                const struct raw_described_field *raw,
                                                const struct field *layout,
@@ -63,6 +70,7 @@ static enum error_code described_measure_field(struct described_loader *l,
     made->offset = raw->offset;
     made->host = raw->host;
     made->axis = (uint8_t)raw->axis;
+    /* A range spans all counts */
     if (raw->range_given) {
         double low = (double)field_lowest(layout), high = (double)field_highest(layout);
 
@@ -75,6 +83,7 @@ static enum error_code described_measure_field(struct described_loader *l,
         made->scale = (raw->range[1] - raw->range[0]) / (high - low);
         made->offset = raw->range[0] - low * made->scale;
     }
+    /* A scale is not 0, and a count without a unit has none */
     if (!(fabs(made->scale) >= 1e-12)) {
         return yaml_error(l->error, &raw->scale_mark,
                           "found a scale of %g, expected one of at least 1e-12 either way",
@@ -91,7 +100,7 @@ static enum error_code described_measure_field(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* What a field is: one of source (boards), target (host), value, counter, checksum. */
+/* Finds the meaning of a field: one of source (boards), target (host), value, counter, checksum. */
 static enum error_code described_mean_field(struct described_loader *l, bool from_host,
                                             const struct raw_described_field *raw,
                                             const struct field *layout,
@@ -126,6 +135,7 @@ static enum error_code described_mean_field(struct described_loader *l, bool fro
     return described_measure_field(l, raw, layout, made);
 }
 
+/* Names the values of a field: the listed ones, or the constant one. */
 static enum error_code described_name_values(struct described_loader *l,
                                              const struct raw_described_field *raw,
                                              struct field *layout)
@@ -140,6 +150,7 @@ static enum error_code described_name_values(struct described_loader *l,
         return described_no_memory(l);
     }
     values[0] = (struct field_value){raw->value, raw->nentry ? NULL : "always"};
+    /* Each value fits into the field and has one name */
     for (size_t i = 0; i < raw->nentry; i++) {
         double value = raw->entry[i].value;
 
@@ -166,7 +177,7 @@ static enum error_code described_name_values(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Where the fields of the data of a frame, or of its identifier, are laid out. */
+/* Layout under construction of the fields of a frame's data, or of its identifier. */
 struct described_plan {
     struct field *layout;
     const struct field *other; /* the layout of the data, of fields in the identifier; or NULL */
@@ -189,7 +200,7 @@ static void described_add_gap(struct described_plan *plan, unsigned bits)
     }
 }
 
-/* A set-point is shown in the unit of the first state that drives. */
+/* Shows a set-point in the unit of the first state that drives. */
 static void described_measure_set_point(const struct described_protocol *made, struct field *layout)
 {
     static const char *const units[] = {
@@ -208,7 +219,7 @@ static void described_measure_set_point(const struct described_protocol *made, s
     }
 }
 
-/* Whether a layout has a field of that name. */
+/* Returns whether a layout has a field of that name. */
 static bool described_has_name(const struct field *layout, const char *name)
 {
     for (; layout && layout->type != FIELD_END; layout++) {
@@ -219,6 +230,7 @@ static bool described_has_name(const struct field *layout, const char *name)
     return false;
 }
 
+/* Adds a field to a plan: its place, meaning, values and scale. */
 static enum error_code described_add_field(struct described_loader *l,
                                            const struct raw_described_frame *frame,
                                            const struct raw_described_field *raw,
@@ -282,7 +294,7 @@ static enum error_code described_add_field(struct described_loader *l,
     return code;
 }
 
-/* A payload in hexadecimal: a constant a byte. */
+/* Adds a payload in hexadecimal: a constant a byte. */
 static enum error_code described_add_payload(struct described_loader *l,
                                              const struct raw_described_frame *raw,
                                              struct described_plan *plan)
@@ -290,6 +302,7 @@ static enum error_code described_add_payload(struct described_loader *l,
     const char *text = raw->payload;
     char name[16];
 
+    /* Two digits make a byte; spaces separate bytes */
     while (*text) {
         struct field_value *only;
         unsigned byte;
@@ -320,7 +333,7 @@ static enum error_code described_add_payload(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* The length: what the fields take, or more; of CAN FD one of its lengths. */
+/* Sets the length of a frame: that of its fields, or more; of CAN FD one of its lengths. */
 static enum error_code described_measure_length(struct described_loader *l,
                                                 const struct raw_described_frame *raw,
                                                 struct described_frame *made, unsigned bits)
@@ -329,6 +342,7 @@ static enum error_code described_measure_length(struct described_loader *l,
     unsigned least = (bits + 7) / 8;
     bool group = raw->by == DESCRIBED_BY_GROUP;
 
+    /* A given length holds the fields and exists */
     if (raw->length_given && raw->length < (int64_t)least) {
         return yaml_error(l->error, &raw->length_mark,
                           "found length %d, expected at least the %u bytes of the fields",
@@ -346,6 +360,7 @@ static enum error_code described_measure_length(struct described_loader *l,
                           "or 64",
                           (int)raw->length);
     }
+    /* Repetitions fit into a frame of a group */
     made->length = raw->length_given   ? (uint8_t)raw->length
                    : raw->fd && !group ? frame_fd_length(least)
                                        : (uint8_t)least;
@@ -359,6 +374,30 @@ static enum error_code described_measure_length(struct described_loader *l,
     return ERROR_NONE;
 }
 
+/* Sets the lengths that a board takes: that of the fields alone, or a range around it. */
+static enum error_code described_measure_lengths(struct described_loader *l,
+                                                 const struct raw_described_frame *raw,
+                                                 struct described_frame *made)
+{
+    double least = raw->lengths[0], most = raw->lengths[1];
+
+    made->shortest = made->longest = made->length;
+    if (!raw->lengths_given) {
+        return ERROR_NONE;
+    }
+    if (least != rint(least) || most != rint(most) || least > made->length || most < made->length ||
+        most > DESCRIBED_CLASSIC_MAX || raw->fd || raw->remote || raw->repeat > 1) {
+        return yaml_error(
+            l->error, &raw->lengths_mark,
+            "found lengths [%g, %g], expected whole numbers about the %u bytes of the "
+            "frame, at most 8, of a classic frame that is not remote and not repeated",
+            least, most, made->length);
+    }
+    made->shortest = (uint8_t)least;
+    made->longest = (uint8_t)most;
+    return ERROR_NONE;
+}
+
 /* Finds the counter and the checksum among the fields. */
 static enum error_code described_find_checks(struct described_loader *l,
                                              const struct raw_described_frame *raw,
@@ -368,6 +407,7 @@ static enum error_code described_find_checks(struct described_loader *l,
     size_t i = 0;
 
     made->counter = described_find_field(made, DESCRIBED_COUNTER);
+    /* The checksum is a byte of the data */
     for (const struct field *layout = made->layout; i < made->ndata; layout++) {
         const struct raw_described_field *field = raw->payload_given ? NULL : &raw->field[i];
 
@@ -384,15 +424,17 @@ static enum error_code described_find_checks(struct described_loader *l,
         i += !(layout->type & FIELD_PADDING);
         bit += layout->type & FIELD_BITS_MASK;
     }
+    /* There is one counter, and its frame has one length */
     for (size_t k = 0; k < made->nfield; k++) {
         if (made->field[k].meaning == DESCRIBED_COUNTER && (int)k != made->counter) {
             return yaml_error(l->error, &raw->mark,
                               "found two counters in frame \"%s\", expected one", raw->name);
         }
     }
-    if ((made->counter >= 0 || made->checksum) && raw->repeat > 1) {
-        return yaml_error(l->error, &raw->repeat_mark,
-                          "found repeat beside a counter or a checksum, expected one of them");
+    if ((made->counter >= 0 || made->checksum) && (raw->repeat > 1 || raw->lengths_given)) {
+        return yaml_error(l->error, raw->repeat > 1 ? &raw->repeat_mark : &raw->lengths_mark,
+                          "found repeat or lengths beside a counter or a checksum, expected one of "
+                          "them");
     }
     return ERROR_NONE;
 }
@@ -449,10 +491,12 @@ static enum error_code described_lay_out_id(struct described_loader *l,
         return yaml_error(l->error, &raw->id_fields_mark,
                           "found id_fields of a frame with repeat or remote, expected none");
     }
+    /* Constant fields go into the base, others into the mask */
     for (size_t i = 0; i < raw->nid_field && !code; i++) {
         const struct raw_described_field *field = &raw->id_field[i];
 
         code = described_add_field(l, raw, field, &plan);
+        /* The layout takes the whole identifier */
         if (!code) {
             unsigned at = plan.bit - (unsigned)field->bits;
             const struct described_field *last = &plan.field[plan.nfield - 1];
@@ -492,22 +536,55 @@ enum error_code described_lay_out(struct described_loader *l, const struct raw_d
         return yaml_error(l->error, &raw->payload_mark,
                           "found payload beside fields, expected one of them");
     }
+    /* The payload, or the fields in their order */
     code = raw->payload_given ? described_add_payload(l, raw, &plan) : ERROR_NONE;
     for (size_t i = 0; i < raw->nfield && !code; i++) {
         code = described_add_field(l, raw, &raw->field[i], &plan);
     }
     code = code ? code : described_measure_length(l, raw, made, plan.bit);
+    code = code ? code : described_measure_lengths(l, raw, made);
     if (code) {
         return code;
     }
+    /* The rest of the data is padding */
     described_add_gap(&plan, 8u * made->length - plan.bit);
     made->repeats = (uint8_t)raw->repeat;
     made->nfield = made->ndata = plan.nfield;
     made->layout = plan.layout;
     made->field = plan.field;
+    /* Fields of the identifier, then checks of all fields */
     if (raw->nid_field > 0) {
         code = described_lay_out_id(l, raw, made);
     }
     code = code ? code : described_find_checks(l, raw, made);
     return code ? code : described_check_deflection(l, raw, made);
+}
+
+enum error_code described_lay_out_parameter(struct described_loader *l,
+                                            const struct raw_described_field *raw,
+                                            struct described_parameter *made)
+{
+    enum error_code code = described_check_word(l, &raw->mark, raw->name);
+    enum described_meaning meaning;
+
+    /* A parameter has no place in a frame */
+    if (!code && (raw->target_given || raw->counter || raw->checksum || raw->at_given ||
+                  raw->order == 1 || (raw->type == RAW_DESCRIBED_FLOAT && raw->bits != 32))) {
+        return yaml_error(l->error, &raw->mark,
+                          "found a target, a counter, a checksum, at_bit, order: big or a float of "
+                          "other than 32 bits in a parameter, expected a source or a value");
+    }
+    made->layout = (struct field){.type = (unsigned)raw->bits |
+                                          (raw->type == RAW_DESCRIBED_SIGNED  ? FIELD_SIGNED
+                                           : raw->type == RAW_DESCRIBED_FLOAT ? FIELD_FLOAT
+                                                                              : 0u),
+                                  .name = raw->name};
+    code = code ? code : described_mean_field(l, false, raw, &made->layout, &made->field);
+    meaning = made->field.meaning;
+    if (!code && (meaning == DESCRIBED_ECHO || meaning == DESCRIBED_PARAMETER_VALUE)) {
+        return yaml_error(l->error, &raw->source_mark,
+                          "found source: %s in a parameter, expected another: it is no answer",
+                          meaning == DESCRIBED_ECHO ? "echo" : "parameter_value");
+    }
+    return code;
 }

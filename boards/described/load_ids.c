@@ -1,25 +1,26 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Whether the identifiers of a protocol file are free of overlaps that are there on every bus: of
- * two frames of one board, or of the host and a board. Those that depend on which addresses boards
- * have are found where the rig is read (rig/described_ids.c).
+ * Checks that identifiers of a protocol file do not overlap on every bus: those of two frames of
+ * one board, or of the host and a board. Overlaps that depend on the addresses of boards are found
+ * where the rig is read (rig/described_ids.c).
  */
 #include "boards/described/load.h"
 
-/* The first number of a frame; addresses begin with 1. */
+/* Returns the first number of a frame; addresses begin with 1. */
 static unsigned described_first_number(const struct described_frame *frame)
 {
     return frame->by == DESCRIBED_BY_ADDRESS;
 }
 
-/* Whether numbers of two frames are always of one board, or one of the frames has no number. */
+/* Returns whether numbers of two frames are always of one board, or one of the frames has no
+ * number. */
 static bool described_always_meet(const struct described_frame *a, unsigned na,
                                   const struct described_frame *b, unsigned nb)
 {
     return a->by == DESCRIBED_BY_NONE || b->by == DESCRIBED_BY_NONE || (a->by == b->by && na == nb);
 }
 
-/* The numbers by which two frames have one identifier on every bus. */
+/* Finds the numbers by which two frames have one identifier on every bus. */
 static bool described_find_meeting(const struct described_frame *a, const struct described_frame *b,
                                    unsigned *na, unsigned *nb)
 {
@@ -36,14 +37,15 @@ static bool described_find_meeting(const struct described_frame *a, const struct
     return false;
 }
 
-/* Frames of boards of different kinds are of different boards: what these have depends on the
- * rig. */
+/* Returns whether two frames are of boards of different kinds, so of different boards: their
+ * identifiers depend on the rig. */
 static bool described_of_other_boards(const struct described_frame *a,
                                       const struct described_frame *b)
 {
     return !a->from_host && !b->from_host && !(a->of & b->of);
 }
 
+/* Refuses two frames with one identifier that nobody tells apart. */
 static enum error_code described_check_pair(struct described_loader *l, size_t first, size_t second)
 {
     const struct described_frame *a = &l->made->frame[first], *b = &l->made->frame[second];

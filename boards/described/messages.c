@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The messages of a described bus, from the table of its file. The row of a message is its struct
- * described_frame. */
+/* Lists the messages of a described bus, from the table of its file. The row of a message is its
+ * struct described_frame. */
 #include "boards/described/messages.h"
 
 #include "boards/board_private.h"
@@ -11,8 +11,8 @@
 #include <stdio.h>
 #include <string.h>
 
-/* How often a frame comes: its own period, the telemetry's, or with the host's set-points, which
- * come once a tick, and their answers. */
+/* Returns the period of a frame: its own, the telemetry's, or that of the host's set-points,
+ * which come once a tick, and their answers. */
 static uint32_t frame_cycle_ns(const struct message_walk *walk, size_t index,
                                const struct board_config *board)
 {
@@ -36,7 +36,7 @@ static uint32_t frame_cycle_ns(const struct message_walk *walk, size_t index,
     return 0;
 }
 
-/* Whether all that a frame says is which it is: to switch on, to ask for another. */
+/* Returns whether a frame carries nothing but its identity: to switch on, to ask for another. */
 static bool frame_is_constant(const struct described_frame *frame)
 {
     for (size_t k = 0; k < frame->nfield; k++) {
@@ -47,7 +47,7 @@ static bool frame_is_constant(const struct described_frame *frame)
     return true;
 }
 
-/* The name of the frame that answers one to a board, or to all: the first that there is. */
+/* Returns the name of the frame that answers one to a board, or to all: the first that there is. */
 static const char *frame_answer(const struct described_protocol *protocol,
                                 const struct described_frame *frame,
                                 const struct board_config *board)
@@ -64,6 +64,17 @@ static const char *frame_answer(const struct described_protocol *protocol,
     return NULL;
 }
 
+/* Returns the bytes of a message: as many as a board takes, where fields carry anything. */
+static uint8_t frame_message_length(const struct described_frame *frame, unsigned repeats)
+{
+    if (frame->flags & FRAME_FD) {
+        return frame_fd_length(frame->length * repeats);
+    }
+    return repeats > 1         ? (uint8_t)(frame->length * repeats)
+           : frame->length > 0 ? frame->longest
+                               : 0;
+}
+
 /* Visits a frame with its number; of a group with the slots that there are. */
 static void visit_frame(struct message_walk *walk, size_t index, int board, unsigned number,
                         unsigned repeats, int slot)
@@ -75,6 +86,7 @@ static void visit_frame(struct message_walk *walk, size_t index, int board, unsi
     const struct described_protocol *protocol = walk->bus->described;
     const struct described_frame *frame = &protocol->frame[index];
     const struct board_config *config = board < 0 ? NULL : &walk->config->board[board];
+    /* The number and the repetitions are those of this bus */
     const struct message message = {
         .name = frame->name,
         .id = described_id(frame, number),
@@ -90,8 +102,8 @@ static void visit_frame(struct message_walk *walk, size_t index, int board, unsi
         .sender = frame->from_host ? MESSAGE_NO_BOARD : board,
         .receiver = frame->from_host ? board : MESSAGE_NO_BOARD,
         .from_host = frame->from_host,
-        .length = frame->flags & FRAME_FD ? frame_fd_length(frame->length * repeats)
-                                          : (uint8_t)(frame->length * repeats),
+        .length = frame_message_length(frame, repeats),
+        .shortest = frame->length > 0 && frame->shortest < frame->longest ? frame->shortest : 0,
         .code = MESSAGE_NO_CODE,
         .answer = frame_answer(protocol, frame, config),
         .section = frame->from_host ? MESSAGE_FROM_HOST : MESSAGE_FROM_BOARDS,
@@ -119,6 +131,7 @@ void described_visit_board(struct message_walk *walk, int index, unsigned first_
 
     for (size_t i = 0; i < protocol->nframe; i++) {
         const struct described_frame *frame = &protocol->frame[i];
+        /* Frames of the host to all boards are not the board's */
         bool by_address = frame->by == DESCRIBED_BY_ADDRESS;
         bool of_one_axis = kind == DESCRIBED_MOTOR && protocol->axes == 1 && by_address;
 
@@ -126,6 +139,7 @@ void described_visit_board(struct message_walk *walk, int index, unsigned first_
             (frame->from_host && !by_address && frame->by != DESCRIBED_BY_SLOT)) {
             continue;
         }
+        /* By slot there is a frame for each axis */
         for (unsigned k = 0; frame->by == DESCRIBED_BY_SLOT && k < axes; k++) {
             visit_frame(walk, i, index, first_slot + k, 1, (int)(first_slot + k));
         }
@@ -161,6 +175,7 @@ void described_visit_broadcasts(struct message_walk *walk)
 static void add_text(char *text, size_t size, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
+/* Appends formatted text. */
 static void add_text(char *text, size_t size, const char *format, ...)
 {
     size_t used = strlen(text);
@@ -178,6 +193,7 @@ void described_comment_message(const struct message *message, char *text, size_t
     size_t i = row->ndata;
 
     text[0] = '\0';
+    /* Fields of the identifier */
     for (const struct field *f = row->id_layout; f && f->type != FIELD_END; f++) {
         unsigned bits = f->type & FIELD_BITS_MASK;
 
@@ -189,6 +205,7 @@ void described_comment_message(const struct message *message, char *text, size_t
         }
         bit += bits;
     }
+    /* The counter and the checksum */
     if (row->counter >= 0) {
         add_text(text, size, "%s%s counts the frames", *text ? "; " : "",
                  described_layout(row, (size_t)row->counter)->name);

@@ -10,7 +10,7 @@
 #include <math.h>
 #include <string.h>
 
-#define TEMPERATURE_MAX_C 125.0 /* what the board bears where the rig gives no limit */
+#define TEMPERATURE_MAX_C 125.0 /* limit where the rig gives none */
 
 /* ---- states ---- */
 
@@ -20,11 +20,13 @@ enum described_law described_axis_law(const struct described_protocol *protocol,
     return described_state_law(protocol, axis->state, axis->law);
 }
 
+/* Returns the law in force of an axis. */
 static enum described_law axis_law(const struct board *board, const struct described_axis *axis)
 {
     return described_axis_law(described_node_of(board)->protocol, axis);
 }
 
+/* Returns whether the bridge of an axis is on. */
 static bool described_axis_runs(const struct board *board, const struct described_axis *axis)
 {
     return described_law_drives(axis_law(board, axis));
@@ -37,10 +39,11 @@ void described_axis_forget(const struct board *board, struct described_axis *axi
     axis->integral_v = axis->integral_nm = axis->voltage_v = 0.0;
     axis->overload_ms = 0.0;
 
-    /* A position is not 0 but where it is */
+    /* The target of position is the present position, not 0 */
     axis->target[DESCRIBED_TO_POSITION - DESCRIBED_SET_POINT] = axis->motor_rad - axis->zero_rad;
 }
 
+/* Enters a state; another one forgets set-points and loops. */
 static void described_axis_set_state(struct board *board, struct described_axis *axis, int state)
 {
     enum described_law before = axis_law(board, axis);
@@ -53,20 +56,22 @@ static void described_axis_set_state(struct board *board, struct described_axis 
     }
 }
 
-/* By a host: off clears a fault, nothing else leads out of it. */
+/* Enters a state that a host commands: off clears a fault where no frame exists for that;
+ * nothing else leads out of it. */
 static void described_axis_command_state(struct board *board, struct described_axis *axis,
                                          int state)
 {
     const struct described_protocol *protocol = described_node_of(board)->protocol;
 
     if (protocol->state[state].law == DESCRIBED_OFF) {
-        axis->latched = 0;
+        axis->latched = protocol->clears ? axis->latched : 0;
         described_axis_set_state(board, axis, state);
     } else if (axis->latched == 0) {
         described_axis_set_state(board, axis, state);
     }
 }
 
+/* Selects the law of the states whose law a host selects. */
 static void described_axis_select_law(struct board *board, struct described_axis *axis, int law)
 {
     enum described_law before = axis_law(board, axis);
@@ -83,6 +88,7 @@ static void described_axis_select_law(struct board *board, struct described_axis
 
 /* ---- commands ---- */
 
+/* Sets a target from a field of a frame. */
 static void described_axis_set_target(struct board *board, struct described_axis *axis,
                                       const struct described_frame *frame, size_t field,
                                       int64_t count)
@@ -110,7 +116,7 @@ static void described_axis_set_target(struct board *board, struct described_axis
     axis->target[meaning - DESCRIBED_SET_POINT] = value;
 }
 
-/* Whether the state or law that a frame commands is one that the axis has. */
+/* Returns whether the axis has the state or law that a frame commands. */
 static bool described_axis_has_law(const struct board *board, unsigned index,
                                    const struct described_frame *frame, const int64_t *values)
 {
@@ -118,6 +124,7 @@ static bool described_axis_has_law(const struct board *board, unsigned index,
     int law = described_motor_of(board)->axis[index].law, state = frame->enter;
     bool suits = true;
 
+    /* A motor has all laws, a valve none that controls a current */
     if (!board->config.axis[index].valve) {
         return true;
     }
@@ -135,6 +142,70 @@ static bool described_axis_has_law(const struct board *board, unsigned index,
     return suits;
 }
 
+/* Latches the fault of an emergency stop, whether the axis runs or not. */
+static void described_axis_stop(struct board *board, struct described_axis *axis)
+{
+    const uint32_t stopped = UINT32_C(1) << DESCRIBED_STOPPED;
+
+    if (!(axis->latched & stopped)) {
+        board_event(board, BOARD_EVENT_FAULT, described_axis_index(board, axis), stopped, 0);
+    }
+    axis->latched |= stopped;
+    axis->faults |= stopped;
+    described_axis_set_state(board, axis, described_node_of(board)->protocol->fault_state);
+}
+
+/* Forgets the faults that are over, and leaves their state. */
+static void described_axis_clear_faults(struct board *board, struct described_axis *axis)
+{
+    axis->faults &= ~axis->latched;
+    axis->latched = 0;
+    if (axis_law(board, axis) == DESCRIBED_FAULT) {
+        described_axis_set_state(board, axis, described_node_of(board)->protocol->off_state);
+    }
+}
+
+/* Sets a setting, which is not negative; a value that is no number changes nothing. */
+static void described_axis_set(struct described_axis *axis, const struct field *layout,
+                               const struct described_field *field, int64_t count)
+{
+    const int64_t infinity = INT64_C(0x7f800000); /* the exponent of a float that is no number */
+
+    if (!(layout->type & FIELD_FLOAT) || (count & infinity) != infinity) {
+        axis->setting[field->meaning - DESCRIBED_SETTING] =
+            fmax(described_value(layout, field, count), 0.0);
+    }
+}
+
+/* Sets settings, parameters and the reading of the position; the axis keeps its state. */
+static void described_axis_configure(struct board *board, struct described_axis *axis,
+                                     const struct described_frame *frame, const int64_t *values)
+{
+    int parameter = described_find_field(frame, DESCRIBED_PARAMETER);
+    int written = described_find_field(frame, DESCRIBED_PARAMETER_VALUE);
+
+    /* Fields of their own */
+    for (size_t i = 0; i < frame->nfield; i++) {
+        const struct described_field *field = &frame->field[i];
+
+        if (described_is_setting(field->meaning)) {
+            described_axis_set(axis, described_layout(frame, i), field, values[i]);
+        } else if (field->meaning == DESCRIBED_PRESENT_POSITION) {
+            axis->zero_rad =
+                axis->motor_rad - described_value(described_layout(frame, i), field, values[i]);
+            described_axis_forget(board, axis);
+        }
+    }
+
+    /* A parameter that is named by its number */
+    if (parameter >= 0 && written >= 0) {
+        const struct described_parameter *of =
+            described_find_parameter(described_node_of(board)->protocol, values[parameter]);
+
+        described_axis_set(axis, &of->layout, &of->field, values[written]);
+    }
+}
+
 bool described_axis_obey(struct board *board, unsigned index, const struct described_frame *frame,
                          const int64_t *values)
 {
@@ -145,7 +216,10 @@ bool described_axis_obey(struct board *board, unsigned index, const struct descr
         return false;
     }
 
-    /* The law and the state first: they forget the targets of before */
+    /* Faults, the law and the state first: they forget the targets of before */
+    if (frame->clear) {
+        described_axis_clear_faults(board, axis);
+    }
     for (size_t i = 0; i < frame->nfield; i++) {
         if (frame->field[i].meaning == DESCRIBED_LAW) {
             described_axis_select_law(
@@ -162,6 +236,10 @@ bool described_axis_obey(struct board *board, unsigned index, const struct descr
     if (frame->enter >= 0) {
         described_axis_command_state(board, axis, frame->enter);
     }
+    if (frame->stop) {
+        described_axis_stop(board, axis);
+    }
+    described_axis_configure(board, axis, frame, values);
     if (frame->zero) {
         axis->zero_rad = axis->motor_rad;
         described_axis_forget(board, axis);
@@ -183,6 +261,23 @@ bool described_axis_obey(struct board *board, unsigned index, const struct descr
 
 /* ---- power-up ---- */
 
+/* Resets the settings to those of the file; limits stay those of the rig. */
+static void described_axis_reset_settings(const struct described_protocol *protocol,
+                                          struct described_axis *axis)
+{
+    const double setting[] = {
+        [DESCRIBED_VELOCITY_LIMIT - DESCRIBED_SETTING] = HUGE_VAL,
+        [DESCRIBED_CURRENT_LIMIT - DESCRIBED_SETTING] = HUGE_VAL,
+        [DESCRIBED_POSITION_GAIN - DESCRIBED_SETTING] = protocol->position_per_s,
+        [DESCRIBED_VELOCITY_GAIN - DESCRIBED_SETTING] = protocol->velocity_nm_s_rad,
+        [DESCRIBED_INTEGRAL_GAIN - DESCRIBED_SETTING] = protocol->velocity_nm_rad,
+    };
+
+    memcpy(axis->setting, setting, sizeof axis->setting);
+    axis->wanted_a = 0.0;
+}
+
+/* Powers up a motor board (struct board_ops). */
 static void described_motor_power_up(struct board *board)
 {
     struct described_motor *motor = described_motor_of(board);
@@ -201,6 +296,7 @@ static void described_motor_power_up(struct board *board)
         axis->latched = axis->faults = 0;
         axis->commands = 0;
         axis->velocity_rad_s = axis->zero_rad = 0.0;
+        described_axis_reset_settings(motor->node.protocol, axis);
         described_axis_forget(board, axis);
     }
     motor->started = false;
@@ -211,6 +307,7 @@ static void described_motor_power_up(struct board *board)
 
 /* ---- sensors ---- */
 
+/* Reads the sensors of an axis. ms: time since the last sample. */
 static void described_axis_sample(struct described_axis *axis,
                                   const struct board_axis_config *config,
                                   const struct motor_sense *sense, int64_t ms)
@@ -246,6 +343,7 @@ static void described_axis_sample(struct described_axis *axis,
     }
 }
 
+/* Reads the sensors of all axes (struct board_ops). */
 static void described_motor_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct described_motor *motor = described_motor_of(board);
@@ -268,6 +366,7 @@ static void described_motor_sample(struct board *board, const struct plant_senso
 
 /* ---- faults ---- */
 
+/* Returns whether the I2t law sees an overload of an axis that runs. */
 static bool described_axis_is_over_current(const struct board *board, struct described_axis *axis)
 {
     const struct board_axis_config *config = &board->config.axis[described_axis_index(board, axis)];
@@ -280,20 +379,23 @@ static bool described_axis_is_over_current(const struct board *board, struct des
                          (double)board->boards->tick_ns / MS);
 }
 
+/* Returns whether commands of an axis have not come for the time-out. */
 static bool described_axis_is_stale(const struct board *board, const struct described_axis *axis)
 {
     int64_t own_ns = described_node_of(board)->protocol->command_timeout_ns;
-    int64_t timeout_ns = own_ns > 0 ? own_ns : board->config.command_timeout_ns;
+    int64_t timeout_ns = own_ns != 0 ? own_ns : board->config.command_timeout_ns;
 
     return described_axis_runs(board, axis) && timeout_ns > 0 &&
            board->boards->now_ns - axis->command_ns > timeout_ns;
 }
 
+/* Returns the bit of a fault if it is present. */
 static uint32_t fault_if(bool present, enum described_fault fault)
 {
     return present ? UINT32_C(1) << fault : 0;
 }
 
+/* Returns the faults that an axis has now. */
 static uint32_t described_axis_present_faults(const struct board *board,
                                               struct described_axis *axis)
 {
@@ -319,6 +421,7 @@ static uint32_t described_axis_present_faults(const struct board *board,
            fault_if(board->lost_in_status, DESCRIBED_OVERFLOW);
 }
 
+/* Reacts to a time-out of commands: enters the protocol's state, or forgets the set-points. */
 static void described_axis_expire(struct board *board, struct described_axis *axis)
 {
     int state = described_node_of(board)->protocol->timeout_state;
@@ -340,6 +443,7 @@ static void described_axis_expire(struct board *board, struct described_axis *ax
     }
 }
 
+/* Finds the faults of an axis and reacts to new ones: events, counters, the fault state. */
 static void described_axis_watch_faults(struct board *board, struct described_axis *axis)
 {
     const struct described_protocol *protocol = described_node_of(board)->protocol;
@@ -371,7 +475,7 @@ static void described_axis_watch_faults(struct board *board, struct described_ax
 
 /* ---- control ---- */
 
-/* Beyond a limit only set-points that lead back are obeyed. */
+/* Stops set-points of open laws that lead further beyond a limit. */
 static void described_axis_heed_limits(const struct board *board, struct described_axis *axis)
 {
     static const enum described_meaning open[] = {DESCRIBED_TO_VOLTAGE, DESCRIBED_TO_DUTY,
@@ -391,6 +495,7 @@ static void described_axis_heed_limits(const struct board *board, struct describ
     }
 }
 
+/* Writes voltages and switches of the bridges into the command of the plant. */
 static void described_motor_drive_bridges(const struct board *board, struct plant_command *command)
 {
     for (unsigned i = 0; i < described_node_of(board)->axes; i++) {
@@ -402,6 +507,7 @@ static void described_motor_drive_bridges(const struct board *board, struct plan
     }
 }
 
+/* Runs a tick of a motor board: faults, limits and laws (struct board_ops). */
 static void described_motor_control(struct board *board, struct ms_span span,
                                     struct plant_command *command)
 {
@@ -417,6 +523,7 @@ static void described_motor_control(struct board *board, struct ms_span span,
     described_motor_drive_bridges(board, command);
 }
 
+/* Opens the bridges of a motor board (struct board_ops). */
 static void described_motor_shut_down(struct board *board, struct plant_command *command)
 {
     for (unsigned i = 0; i < described_node_of(board)->axes; i++) {
@@ -429,6 +536,7 @@ static void described_motor_shut_down(struct board *board, struct plant_command 
     described_motor_drive_bridges(board, command);
 }
 
+/* Returns whether some axis has latched a fault (struct board_ops). */
 static bool described_motor_is_faulty(const struct board *board)
 {
     for (unsigned i = 0; i < described_node_of(board)->axes; i++) {
@@ -439,6 +547,7 @@ static bool described_motor_is_faulty(const struct board *board)
     return false;
 }
 
+/* Returns the law in force of an axis, or that of faults (struct board_ops). */
 static uint8_t described_motor_mode(const struct board *board, unsigned axis)
 {
     const struct described_axis *of = &described_motor_of(board)->axis[axis];
@@ -448,6 +557,49 @@ static uint8_t described_motor_mode(const struct board *board, unsigned axis)
 
 /* ---- what its frames tell ---- */
 
+/* Computes targets, powers and settings of an axis; false: the meaning is another. */
+static bool described_axis_power(const struct board *board, const struct described_axis *axis,
+                                 enum described_meaning meaning, double *value)
+{
+    const struct board_axis_config *config = &board->config.axis[described_axis_index(board, axis)];
+    double supply_v = described_node_of(board)->supply_v;
+    double bridge_v = described_axis_runs(board, axis) ? axis->voltage_v : 0.0;
+
+    switch (meaning) {
+    /* Aims */
+    case DESCRIBED_AXIS_VOLTAGE:
+        *value = axis->voltage_v;
+        return true;
+    case DESCRIBED_CURRENT_TARGET:
+        *value = axis->wanted_a;
+        return true;
+    case DESCRIBED_TORQUE_TARGET:
+        *value = axis->wanted_a * config->torque_nm_a;
+        return true;
+
+    /* Powers */
+    case DESCRIBED_ELECTRICAL_POWER:
+        *value = bridge_v * axis->current_a;
+        return true;
+    case DESCRIBED_MECHANICAL_POWER:
+        *value = axis->current_a * config->torque_nm_a * axis->velocity_rad_s;
+        return true;
+    case DESCRIBED_SUPPLY_CURRENT:
+        *value = supply_v > 0.0 ? bridge_v * axis->current_a / supply_v : 0.0;
+        return true;
+
+    /* Settings */
+    case DESCRIBED_CURRENT_LIMIT:
+        *value =
+            fmin(config->current_limit_a, described_axis_setting(axis, DESCRIBED_CURRENT_LIMIT));
+        return true;
+    default:
+        *value = described_is_setting(meaning) ? described_axis_setting(axis, meaning) : 0.0;
+        return described_is_setting(meaning);
+    }
+}
+
+/* Computes what a field of an axis carries (struct described_node_ops). */
 static bool described_motor_source(const struct described_node *node, unsigned index,
                                    const struct described_field *field, double *value,
                                    int64_t *count)
@@ -456,7 +608,11 @@ static bool described_motor_source(const struct described_node *node, unsigned i
     const struct described_axis *axis = &described_motor_of(board)->axis[index];
     int32_t motor = 0, link = 0;
 
+    if (described_axis_power(board, axis, field->meaning, value)) {
+        return false;
+    }
     switch (field->meaning) {
+    /* Sensors */
     case DESCRIBED_MOTOR_POSITION:
         *value = axis->motor_rad - axis->zero_rad;
         return false;
@@ -481,9 +637,6 @@ static bool described_motor_source(const struct described_node *node, unsigned i
     case DESCRIBED_DRIVE_TORQUE:
         *value = axis->current_a * board->config.axis[index].torque_nm_a;
         return false;
-    case DESCRIBED_AXIS_VOLTAGE:
-        *value = axis->voltage_v;
-        return false;
     case DESCRIBED_AXIS_DUTY:
         *value = node->supply_v > 0.0 ? axis->voltage_v / node->supply_v : 0.0;
         return false;
@@ -497,11 +650,15 @@ static bool described_motor_source(const struct described_node *node, unsigned i
     case DESCRIBED_TEMPERATURE:
         *value = axis->temperature_c;
         return false;
+    /* State */
     case DESCRIBED_LAW:
         *count = node->protocol->nlaw ? node->protocol->law[axis->law].value : 0;
         return true;
     case DESCRIBED_COMMANDS:
         *count = axis->commands;
+        return true;
+    case DESCRIBED_LATCHED_FAULTS:
+        *count = described_fault_bits(node->protocol, axis->latched);
         return true;
     default:
         *count = 0;
@@ -509,11 +666,13 @@ static bool described_motor_source(const struct described_node *node, unsigned i
     }
 }
 
+/* Returns the faults of an axis (struct described_node_ops). */
 static uint32_t described_motor_faults(const struct described_node *node, unsigned axis)
 {
     return described_motor_of(&node->board)->axis[axis].faults;
 }
 
+/* Returns the state of an axis (struct described_node_ops). */
 static int described_motor_state(const struct described_node *node, unsigned axis)
 {
     return described_motor_of(&node->board)->axis[axis].state;

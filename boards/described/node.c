@@ -1,11 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What every board of a described protocol has: its telemetry period, its frames, its answers. */
+/* Services of every board of a described protocol: its telemetry period, its frames, its
+ * answers. */
 #include "boards/described/private.h"
+
+#include "base/hash.h"
 
 #include <string.h>
 
 /* ---- power-up ---- */
 
+/* Finds the first slot of a node; sensors have 0. */
 static void described_node_find_slot(struct described_node *node)
 {
     const struct described_bus *bus = described_bus_of(node->board.bus);
@@ -23,7 +27,7 @@ bool described_node_power_up(struct described_node *node)
     int64_t period_ms = config->period_ns > 0 ? config->period_ns / MS : 1;
     bool first = !node->powered;
 
-    /* A period that the host sets is 0 until it has, unless the rig has it otherwise */
+    /* A period that the host sets is 0 before, unless the rig gives another */
     node->protocol = node->board.bus->config.described;
     node->axes = board_config_axes(config);
     node->powered = true;
@@ -47,6 +51,7 @@ void described_node_set_period(struct described_node *node, int64_t period_ms)
     node->next_ns = node->board.boards->now_ns + period_ms * MS;
 }
 
+/* Returns whether telemetry is due, and moves on to the next time. */
 static bool described_node_due(struct described_node *node)
 {
     int64_t period_ns = node->telemetry_ms * MS;
@@ -61,18 +66,40 @@ static bool described_node_due(struct described_node *node)
 
 /* ---- frames ---- */
 
+/* Returns the faults of an axis or a sensor. */
 static uint32_t described_node_faults(const struct described_node *node, unsigned axis)
 {
     return node->ops->faults(node, axis);
 }
 
+/* Returns the value of a field of a request. */
 static int64_t described_echo(const struct described_frame *request, const int64_t *values,
                               int64_t field)
 {
     return request && field >= 0 && (size_t)field < request->nfield ? values[field] : 0;
 }
 
-/* The count of a field of a frame about an axis, as an answer when request is one. */
+static int64_t described_node_count(const struct described_node *node, unsigned axis,
+                                    const struct field *layout, const struct described_field *field,
+                                    const struct described_frame *request, const int64_t *values);
+
+/* Returns the bits of the parameter that a request asks for. */
+static int64_t described_node_parameter(const struct described_node *node, unsigned axis,
+                                        const struct described_frame *request,
+                                        const int64_t *values)
+{
+    int number = request ? described_find_field(request, DESCRIBED_PARAMETER) : -1;
+    const struct described_parameter *parameter =
+        number < 0 ? NULL : described_find_parameter(node->protocol, values[number]);
+
+    return parameter ? described_node_count(node, axis, &parameter->layout, &parameter->field, NULL,
+                                            NULL) &
+                           UINT32_MAX
+                     : 0;
+}
+
+/* Returns the count of a field of a frame about an axis; request: the frame that it answers, if
+ * any. */
 static int64_t described_node_count(const struct described_node *node, unsigned axis,
                                     const struct field *layout, const struct described_field *field,
                                     const struct described_frame *request, const int64_t *values)
@@ -81,6 +108,7 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
     double value = 0.0;
     int64_t count = 0;
 
+    /* Fields that every kind of node has */
     switch (field->meaning) {
     case DESCRIBED_NOTHING:
         return 0;
@@ -100,6 +128,13 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
         return node->axes;
     case DESCRIBED_STATE:
         return protocol->state[node->ops->state(node, axis)].value;
+    case DESCRIBED_RESULT:
+        return protocol->state[node->ops->state(node, axis)].result;
+    case DESCRIBED_PARAMETER_VALUE:
+        return described_node_parameter(node, axis, request, values);
+    case DESCRIBED_SERIAL:
+        return (uint32_t)hash_bytes(HASH_START, node->board.config.name,
+                                    strlen(node->board.config.name));
     case DESCRIBED_FAULTS:
         return described_fault_bits(protocol, described_node_faults(node, axis));
     case DESCRIBED_FAULTY:
@@ -116,6 +151,7 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
     default:
         break;
     }
+    /* Fields of this kind of node */
     if (!node->ops->source(node, axis, field, &value, &count)) {
         return described_count(layout, field, value);
     }
@@ -143,7 +179,7 @@ static void described_node_count_fields(const struct described_node *node, unsig
     }
 }
 
-/* Writes a frame about an axis, as an answer when request is one; returns the identifier. */
+/* Writes a frame about an axis, as an answer if there is a request; returns the identifier. */
 static uint32_t described_node_fill(struct described_node *node, unsigned axis, size_t index,
                                     const struct described_frame *request, const int64_t *values,
                                     uint8_t *data)
@@ -204,7 +240,7 @@ void described_node_announce(struct described_node *node)
 
 /* ---- periodic frames ---- */
 
-/* On the grid of a period, so many milliseconds after its beginning. */
+/* Returns whether a time on the grid of a period, so many milliseconds later, is in the span. */
 static bool described_grid_due(struct ms_span span, int64_t period_ms, int64_t after_ms)
 {
     int64_t shift = 2 * period_ms - 1 - after_ms % period_ms;
@@ -212,6 +248,7 @@ static bool described_grid_due(struct ms_span span, int64_t period_ms, int64_t a
     return (span.to + shift) / period_ms > (span.from + shift) / period_ms;
 }
 
+/* Sends a periodic frame and notes the state that it tells. */
 static void described_node_send(struct described_node *node, unsigned axis, size_t index,
                                 struct frame_sink *sink)
 {
@@ -227,6 +264,7 @@ static void described_node_send(struct described_node *node, unsigned axis, size
     board_send_as(&node->board, sink, id, frame->flags, frame->length, data);
 }
 
+/* Returns whether state or faults have changed since a frame last told them. */
 static bool described_node_has_changed(const struct described_node *node, unsigned axis,
                                        size_t index)
 {
@@ -236,7 +274,7 @@ static bool described_node_has_changed(const struct described_node *node, unsign
            report->faults != described_node_faults(node, axis);
 }
 
-/* The telemetry, or all others that are due. */
+/* Sends the telemetry, or all other frames that are due. */
 static void described_node_send_due(struct described_node *node, struct ms_span span,
                                     bool telemetry, struct frame_sink *sink)
 {
@@ -247,6 +285,7 @@ static void described_node_send_due(struct described_node *node, struct ms_span 
         if (frame->from_host || !(frame->of & node->ops->kind) || frame->telemetry != telemetry) {
             continue;
         }
+        /* Frames by slot come once an axis, each at its own time */
         for (unsigned axis = 0; axis < count; axis++) {
             int64_t number =
                 frame->by == DESCRIBED_BY_SLOT ? node->first_slot + axis : node->board.address;
@@ -262,7 +301,7 @@ static void described_node_send_due(struct described_node *node, struct ms_span 
     }
 }
 
-/* Whether frames that tell of changes have told of lost frames, for each axis. */
+/* Returns whether frames that tell changes have told of lost frames, for each axis. */
 static bool described_node_has_told_overflow(const struct described_node *node)
 {
     bool told = false;

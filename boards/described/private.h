@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the boards of a described protocol share: the table, telemetry and replies; and the state of
- * motor boards. RT-safe but for what creates.
+ * Shared by the boards of a described protocol: the table, telemetry and replies; and the state of
+ * motor boards. RT-safe except for functions that create.
  */
 #ifndef BOARDS_DESCRIBED_PRIVATE_H
 #define BOARDS_DESCRIBED_PRIVATE_H
@@ -13,7 +13,7 @@
 
 struct described_motor;
 
-/* Which axis stands behind a slot. */
+/* Axis of a slot. */
 struct described_slot {
     struct described_motor *motor;
     unsigned axis;
@@ -32,15 +32,16 @@ struct described_node;
 /* A kind of node beyond what every board has. */
 struct described_node_ops {
     unsigned kind; /* enum described_kind */
-    /* What a field of an axis, 0 where there are none, is to carry: as a value in its unit, or as a
-     * count (return true). */
+    /* Computes what a field of an axis, 0 where there are none, carries: a value in its unit, or
+     * a count (return true). */
     bool (*source)(const struct described_node *node, unsigned axis,
                    const struct described_field *field, double *value, int64_t *count);
     uint32_t (*faults)(const struct described_node *node, unsigned axis);
     int (*state)(const struct described_node *node, unsigned axis);
 };
 
-/* What an axis, or a sensor, was when a frame last told of it, and how many frames have counted. */
+/* State of an axis, or a sensor, when a frame last told of it, and the number of frames that
+ * have counted. */
 struct described_report {
     int state;
     uint32_t faults, sent;
@@ -58,12 +59,13 @@ struct described_node {
     struct described_report report[DESCRIBED_AXES][DESCRIBED_FRAMES_MAX];
 };
 
+/* Returns the described bus of a bus. */
 static inline struct described_bus *described_bus_of(const struct board_bus *bus)
 {
     return container_of(bus, struct described_bus, bus);
 }
 
-/* Any board of a described bus is one. */
+/* Returns the node of a board of a described bus, each of which is one. */
 static inline struct described_node *described_node_of(const struct board *board)
 {
     return container_of(board, struct described_node, board);
@@ -71,24 +73,24 @@ static inline struct described_node *described_node_of(const struct board *board
 
 /* ---- node.c ---- */
 
-/* Settings of the first power-up, or none of before. Returns true at the first. */
+/* Powers up a node; returns true at the first time. */
 bool described_node_power_up(struct described_node *node);
 
 /* Forgets the counts of the frames that the host has sent to a board: after its restart any may
  * come (bus.c). */
 void described_bus_forget_counts(struct described_bus *bus, const struct described_node *node);
 
-/* After a restart: frames that say so. */
+/* Sends the frames that tell of a restart. */
 void described_node_announce(struct described_node *node);
 
-/* Periodic frames. */
+/* Sends the periodic frames. */
 void described_node_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
 
 /* Queues the frame that answers request, whose counts are values. */
 void described_node_reply(struct described_node *node, unsigned axis,
                           const struct described_frame *request, const int64_t *values);
 
-/* From now on telemetry comes so often; 0 = never. */
+/* Sets the telemetry period from now on; 0 = never. */
 void described_node_set_period(struct described_node *node, int64_t period_ms);
 
 /* ---- motor boards ---- */
@@ -101,7 +103,9 @@ struct described_axis {
     uint32_t faults;                  /* these and the present ones */
     double target[DESCRIBED_TARGETS]; /* by meaning from DESCRIBED_SET_POINT on; SI */
     int64_t command_ns;
-    uint32_t commands;      /* taken */
+    uint32_t commands; /* taken */
+    double setting[DESCRIBED_SETTINGS_END - DESCRIBED_SETTING];
+    double wanted_a;        /* of the current loop; 0 while it does not run */
     double kp_v_a, ki_v_as; /* of the current loop; 0: the rig says nothing of the winding */
     double integral_v, integral_nm, overload_ms, voltage_v;
     double motor_rad, link_rad, before_rad, velocity_rad_s, zero_rad;
@@ -118,32 +122,42 @@ struct described_motor {
     bool started;
 };
 
+/* Returns the motor board of a board. */
 static inline struct described_motor *described_motor_of(const struct board *board)
 {
     return container_of(board, struct described_motor, node.board);
 }
 
+/* Returns the number of an axis on its board. */
 static inline unsigned described_axis_index(const struct board *board,
                                             const struct described_axis *axis)
 {
     return (unsigned)(axis - described_motor_of(board)->axis);
 }
 
-/* The law in force. */
+/* Returns a setting of an axis. */
+static inline double described_axis_setting(const struct described_axis *axis,
+                                            enum described_meaning setting)
+{
+    return axis->setting[setting - DESCRIBED_SETTING];
+}
+
+/* Returns the law in force. */
 enum described_law described_axis_law(const struct described_protocol *protocol,
                                       const struct described_axis *axis);
 
+/* Returns whether the bridge is on with a law. */
 static inline bool described_law_drives(enum described_law law)
 {
     return law != DESCRIBED_OFF && law != DESCRIBED_FAULT;
 }
 
-/* A host's frame, whose counts are values and which has been checked, for an axis. False: it asks
- * for a law that the axis does not have, and nothing changes. */
+/* Obeys a host's frame for an axis; its counts, values, have been checked. False: it asks for a
+ * law that the axis does not have, and nothing changes. */
 bool described_axis_obey(struct board *board, unsigned axis, const struct described_frame *frame,
                          const int64_t *values);
 
-/* One millisecond of an axis: its bridge voltage (laws.c). */
+/* Runs one millisecond of an axis: its bridge voltage (laws.c). */
 void described_axis_step(const struct board *board, struct described_axis *axis);
 
 /* Forgets set-points, integrals and overload. */

@@ -7,6 +7,7 @@
 #include "boards/described/messages.h"
 #include "boards/protocols.h"
 
+/* Creates a board by its kind (struct protocol). */
 static struct board *described_make_board(const struct board_config *config, struct arena *arena)
 {
     return config->kind == BOARD_MOTOR      ? described_motor_create(arena)
@@ -14,6 +15,7 @@ static struct board *described_make_board(const struct board_config *config, str
                                             : described_ft_create(arena);
 }
 
+/* Checks address and number of axes of a board (struct protocol). */
 static enum error_code described_check_board(const struct boards_bus_config *bus,
                                              const struct board_config *board, struct error *error)
 {
@@ -30,6 +32,7 @@ static enum error_code described_check_board(const struct boards_bus_config *bus
     return ERROR_NONE;
 }
 
+/* Returns whether a frame of the protocol uses an identifier (struct protocol). */
 static bool described_claims_id(const struct boards_bus_config *bus, uint32_t id, char *text,
                                 size_t size)
 {
@@ -47,7 +50,7 @@ static bool described_claims_id(const struct boards_bus_config *bus, uint32_t id
     return false;
 }
 
-/* The law in force: the states themselves have the names of a file. */
+/* Returns the name of the law in force: the states have names of the file. */
 static const char *described_law_name(uint32_t law)
 {
     static const char *const names[] = {

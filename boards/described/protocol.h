@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A protocol that a file describes (docs/own-boards.md): its frames with their fields, the states
- * of an axis and what our host has to send. The table is read once (described_load) and immutable
- * from then on; boards, host, DBC and `coman-hil protocol` all work from it. Classic CAN and CAN
- * FD, identifiers of 11 and of 29 bits, fields in the data and in the identifier.
+ * of an axis and the frames that our host has to send. The table is read once (described_load) and
+ * immutable from then on; boards, host, DBC and `coman-hil protocol` all work from it. Classic CAN
+ * and CAN FD, identifiers of 11 and of 29 bits, fields in the data and in the identifier.
  *
- * Units: SI, angles at the link side of the gear. What a field carries is value = count * scale +
- * offset in the unit of its meaning. Memory is the arena's of described_load. RT-safe but for
- * described_load and described_read_text.
+ * Units: SI, angles at the link side of the gear. A field carries value = count * scale + offset in
+ * the unit of its meaning. Memory is the arena's of described_load. RT-safe but for described_load
+ * and described_read_text.
  */
 #ifndef BOARDS_DESCRIBED_PROTOCOL_H
 #define BOARDS_DESCRIBED_PROTOCOL_H
@@ -22,7 +22,8 @@
 #include <stdint.h>
 
 enum {
-    DESCRIBED_FRAMES_MAX = 32,
+    DESCRIBED_FRAMES_MAX = 64,
+    DESCRIBED_PARAMETERS_MAX = 48,
     DESCRIBED_STATES_MAX = 16,
     DESCRIBED_LAWS_MAX = 8,
     DESCRIBED_LIST_MAX = 8, /* frames of one step of the host */
@@ -37,7 +38,7 @@ enum {
     DESCRIBED_PERIOD_MAX_MS = 255, /* of telemetry that a host may ask for */
 };
 
-/* What the number in an identifier counts: id = base + step * number. */
+/* Meaning of the number in an identifier: id = base + step * number. */
 enum described_by {
     DESCRIBED_BY_NONE,
     DESCRIBED_BY_ADDRESS,
@@ -53,7 +54,7 @@ enum described_kind {
     DESCRIBED_ANY = DESCRIBED_MOTOR | DESCRIBED_FT | DESCRIBED_INERTIAL,
 };
 
-/* What an axis does in a state. */
+/* Law of an axis in a state. */
 enum described_law {
     DESCRIBED_OFF, /* bridge open; the way out of a fault */
     DESCRIBED_VOLTAGE,
@@ -66,13 +67,13 @@ enum described_law {
     DESCRIBED_SELECTED,  /* of a state: the law that the host has selected */
 };
 
-/* Whether an axis with a servo valve has that law: not those that control a current. */
+/* Returns whether an axis with a servo valve has that law: not those that control a current. */
 static inline bool described_law_suits_valve(enum described_law law)
 {
     return law != DESCRIBED_CURRENT && law != DESCRIBED_TORQUE && law != DESCRIBED_IMPEDANCE;
 }
 
-/* What a field means. Targets are what a host says, sources what a board tells. */
+/* Meaning of a field. Targets come from a host, sources from a board. */
 enum described_meaning {
     DESCRIBED_NOTHING,
     DESCRIBED_CONSTANT, /* part of what makes the frame this one */
@@ -86,6 +87,18 @@ enum described_meaning {
     DESCRIBED_TELEMETRY_PERIOD, /* s */
     DESCRIBED_COUNTER,          /* one more with each frame of its kind, number and axis */
     DESCRIBED_CHECKSUM,         /* of the other bytes: struct described_frame */
+    DESCRIBED_PARAMETER,        /* the number of a parameter */
+    DESCRIBED_PARAMETER_VALUE,  /* its bits: struct described_parameter */
+    /* both ways: settings of an axis, kept until its board restarts */
+    DESCRIBED_SETTING,
+    DESCRIBED_VELOCITY_LIMIT = DESCRIBED_SETTING,
+    DESCRIBED_CURRENT_LIMIT,
+    DESCRIBED_POSITION_GAIN,
+    DESCRIBED_VELOCITY_GAIN,
+    DESCRIBED_INTEGRAL_GAIN,
+    DESCRIBED_SETTINGS_END,
+    /* an order: what the position is to read here */
+    DESCRIBED_PRESENT_POSITION = DESCRIBED_SETTINGS_END,
     /* targets */
     DESCRIBED_SET_POINT, /* in the unit of the state's law, by the state's set_point_scale */
     DESCRIBED_TO_VOLTAGE,
@@ -102,8 +115,13 @@ enum described_meaning {
     DESCRIBED_DEFLECTION, /* counts of motor position less counts of link position */
     DESCRIBED_MOTOR_VELOCITY,
     DESCRIBED_AXIS_CURRENT,
-    DESCRIBED_AXIS_TORQUE,  /* of the spring, measured */
-    DESCRIBED_DRIVE_TORQUE, /* of the motor: current times torque constant */
+    DESCRIBED_AXIS_TORQUE,    /* of the spring, measured */
+    DESCRIBED_DRIVE_TORQUE,   /* of the motor: current times torque constant */
+    DESCRIBED_CURRENT_TARGET, /* of the current loop */
+    DESCRIBED_TORQUE_TARGET,  /* that current times torque constant */
+    DESCRIBED_ELECTRICAL_POWER,
+    DESCRIBED_MECHANICAL_POWER,
+    DESCRIBED_SUPPLY_CURRENT,
     DESCRIBED_AXIS_VOLTAGE,
     DESCRIBED_AXIS_DUTY,
     DESCRIBED_PISTON_PRESSURE, /* of a hydraulic axis, as the two below */
@@ -111,6 +129,8 @@ enum described_meaning {
     DESCRIBED_VALVE_OPENING, /* -1 to 1 */
     DESCRIBED_COMMANDS,      /* set-points taken */
     DESCRIBED_SLOT,
+    DESCRIBED_RESULT,         /* of the state: struct described_state */
+    DESCRIBED_LATCHED_FAULTS, /* those that have opened the bridge */
     /* of a board */
     DESCRIBED_FAULTS,
     DESCRIBED_FAULTY, /* 1: a fault has opened the bridge or would */
@@ -120,7 +140,8 @@ enum described_meaning {
     DESCRIBED_UPTIME,
     DESCRIBED_FIRST_SLOT,
     DESCRIBED_AXES_COUNT,
-    DESCRIBED_ECHO, /* of the answered frame's field of that name */
+    DESCRIBED_SERIAL, /* 32 bits, of the board's name */
+    DESCRIBED_ECHO,   /* of the answered frame's field of that name */
     /* of a sensor: channels from here on */
     DESCRIBED_SATURATED,
     DESCRIBED_CHANNEL,
@@ -150,8 +171,10 @@ enum described_fault {
     DESCRIBED_OVERFLOW, /* frames were lost */
     DESCRIBED_CHANNEL_SATURATED,
     DESCRIBED_INERTIAL_SENSOR,
+    DESCRIBED_STOPPED, /* an emergency stop of the host, until faults are cleared */
     DESCRIBED_FAULT_KINDS,
-    DESCRIBED_FATAL = (1 << DESCRIBED_STALE) - 1, /* these open the bridge */
+    /* These open the bridge */
+    DESCRIBED_FATAL = ((1 << DESCRIBED_STALE) - 1) | 1 << DESCRIBED_STOPPED,
 };
 
 /* "under-voltage", ... by enum described_fault; NULL from there on */
@@ -175,6 +198,7 @@ struct described_field {
 struct described_frame {
     const char *name;
     bool from_host, remote;
+    bool or_empty; /* of a remote frame: one without data does too */
     uint8_t flags; /* FRAME_EXTENDED, FRAME_FD, FRAME_BRS, FRAME_REMOTE (canbus/frame.h) */
     unsigned of;   /* enum described_kind */
     enum described_by by;
@@ -182,6 +206,7 @@ struct described_frame {
     uint32_t mask;  /* bits of the identifier that its fields fill, constant ones aside */
     uint8_t most;   /* number */
     uint8_t length; /* without repetition */
+    uint8_t shortest, longest; /* that a board takes; missing fields are 0, further bytes ignored */
     uint8_t repeats;
     size_t nfield, ndata;          /* in all, of the data */
     const struct field *layout;    /* of the data; with gaps as padding, ends with FIELD_END */
@@ -202,16 +227,26 @@ struct described_frame {
     int reply[3];  /* by kind of board: the frame that answers; -1: none */
     int enter;     /* state; -1: none */
     bool zero;     /* the present position becomes 0 */
+    bool stop;     /* an emergency stop */
+    bool clear;    /* clears faults */
+    bool restart;  /* the board restarts */
     bool commands; /* carries a set-point, which the time-out waits for */
     bool of_one;   /* by slot, or by a field that selects: all fields are about one axis */
 };
 
 struct described_state {
     const char *name;
-    int64_t value;
+    int64_t value, result; /* result: a second number of it, which a field may tell */
     enum described_law law;
     double set_point_scale;
     bool commanded; /* a host may command it by its value */
+};
+
+/* Parameter that a host reads, or writes where it is a setting, by a number. */
+struct described_parameter {
+    uint32_t number;
+    struct field layout;
+    struct described_field field;
 };
 
 struct described_list {
@@ -229,11 +264,14 @@ struct described_protocol {
     struct described_state law[DESCRIBED_LAWS_MAX]; /* that a host may select; the first at first */
     int off_state, fault_state;                     /* after power-up; after a fault */
     int fault_bit[DESCRIBED_FAULT_KINDS];           /* -1: not reported */
-    int64_t command_timeout_ns;                     /* 0: as the rig says */
+    int64_t command_timeout_ns;                     /* 0: as the rig says; -1: none */
     int timeout_state;                              /* -1: set-points become 0, the state stays */
+    bool clears;                    /* only frames clear faults, not the state off */
     bool period_settable;           /* telemetry waits for a host that sets its period */
     bool tells[DESCRIBED_MEANINGS]; /* some frame of the boards has it */
     double position_per_s, velocity_nm_s_rad, velocity_nm_rad; /* gains of the inner laws */
+    size_t nparameter;
+    struct described_parameter parameter[DESCRIBED_PARAMETERS_MAX];
 
     struct {
         struct described_list discover, configure, on, off, command;
@@ -241,7 +279,7 @@ struct described_protocol {
     } host;
 };
 
-/* What an axis does in a state with that law selected. */
+/* Returns the law of a state with that law selected. */
 static inline enum described_law described_state_law(const struct described_protocol *protocol,
                                                      int state, int law)
 {
@@ -254,34 +292,35 @@ static inline enum described_law described_state_law(const struct described_prot
 enum error_code described_load(const char *path, struct arena *arena,
                                const struct described_protocol **protocol, struct error *error);
 
-/* The same from memory; name stands for the file. Not RT-safe. */
+/* Reads a file's text from memory; name stands for the file. Not RT-safe. */
 enum error_code described_read_text(const char *name, const char *text, size_t size,
                                     struct arena *arena, const struct described_protocol **protocol,
                                     struct error *error);
 
-/* Unit of a meaning; "" = a bare number. */
+/* Returns the unit of a meaning; "" = a bare number. */
 const char *described_unit(enum described_meaning meaning);
 
-/* Bits that a host reads as faults, as bits of enum described_fault, and the other way. */
+/* Convert bits that a host reads as faults to bits of enum described_fault, and back. */
 uint32_t described_known_faults(const struct described_protocol *protocol, int64_t bits);
 int64_t described_fault_bits(const struct described_protocol *protocol, uint32_t faults);
 
-/* The count of a field for a value, within the field; a float's bits. What is no number is 0. */
+/* Returns the count of a field for a value, within the field; of a float its bits. A value that
+ * is no number gives 0. */
 int64_t described_count(const struct field *layout, const struct described_field *field,
                         double value);
 double described_value(const struct field *layout, const struct described_field *field,
                        int64_t count);
 
-/* The entry of a layout of a field, padding aside. */
+/* Returns the layout of a field, padding not counted. */
 const struct field *described_layout(const struct described_frame *frame, size_t field);
 
-/* The identifier of a frame with a number; bits of fields in it are 0. */
+/* Returns the identifier of a frame with a number; bits of fields in it are 0. */
 static inline uint32_t described_id(const struct described_frame *frame, unsigned number)
 {
     return frame->base + frame->step * number;
 }
 
-/* Whether an identifier, of 29 bits when extended, is one of a frame, and its number. */
+/* Returns whether an identifier, of 29 bits when extended, belongs to a frame, and its number. */
 bool described_number(const struct described_frame *frame, uint32_t id, bool extended,
                       unsigned *number);
 
@@ -290,22 +329,23 @@ bool described_number(const struct described_frame *frame, uint32_t id, bool ext
 uint32_t described_encode(const struct described_frame *frame, unsigned number,
                           const int64_t *counts, uint8_t *data);
 
-/* A checksum of length bytes, the one at the index skip left out. */
+/* Returns a checksum of length bytes, the one at the index skip left out. */
 uint8_t described_checksum(enum described_checksum checksum, const uint8_t *data, size_t length,
                            size_t skip);
 
-/* What DBC and pages say of a checksum; "" = none. */
+/* Returns the name of a checksum in DBC and pages; "" = none. */
 const char *described_checksum_name(enum described_checksum checksum);
 
-/* A count that wraps where others saturate: what the bits of a field hold of it. */
+/* Returns the bits of a count that a field holds: it wraps where others saturate. */
 int64_t described_wrap(const struct field *layout, uint32_t count);
 
-/* Whether a receiver tells frames of two rows of one protocol with one identifier apart: by
- * direction and remote flag, by length, or because not all of b match the constants of a, which
- * comes first in the file. Two rows from opposite sides are told apart only by the remote flag. */
+/* Returns whether a receiver tells frames of two rows of one protocol with one identifier apart:
+ * by direction and remote flag, by length, or because not all of b match the constants of a,
+ * which comes first in the file. Two rows from opposite sides are told apart only by the remote
+ * flag. */
 bool described_told_apart(const struct described_frame *a, const struct described_frame *b);
 
-/* How far a frame on the bus is this one. */
+/* Result of matching a frame on the bus with a row. */
 enum described_match {
     DESCRIBED_BAD_LENGTH, /* or the wrong format of CAN */
     DESCRIBED_BAD_CONSTANT,
@@ -318,11 +358,21 @@ enum described_match {
 enum described_match described_match_frame(const struct described_frame *frame,
                                            const struct bus_frame *sent, int64_t *values);
 
-/* The state with a value, that a host may command when commanded; -1 = none. */
+/* Returns the state with a value, one that a host may command when commanded; -1 = none. */
 int described_find_state(const struct described_state *state, size_t count, int64_t value,
                          bool commanded);
 
-/* The index of a field with a meaning; -1 = none. */
+/* Returns the parameter with a number; NULL = none. */
+const struct described_parameter *
+described_find_parameter(const struct described_protocol *protocol, int64_t number);
+
+/* Returns whether a meaning is a setting of an axis. */
+static inline bool described_is_setting(enum described_meaning meaning)
+{
+    return meaning >= DESCRIBED_SETTING && meaning < DESCRIBED_SETTINGS_END;
+}
+
+/* Returns the index of a field with a meaning; -1 = none. */
 int described_find_field(const struct described_frame *frame, enum described_meaning meaning);
 
 #endif

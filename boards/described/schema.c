@@ -9,25 +9,25 @@
 
 #define AT(member) offsetof(struct STRUCT, member)
 
-static const struct yaml_enum type_names[] = {{"unsigned", RAW_DESCRIBED_UNSIGNED},
-                                              {"signed", RAW_DESCRIBED_SIGNED},
-                                              {"float", RAW_DESCRIBED_FLOAT},
-                                              {NULL, 0}};
-static const struct yaml_enum order_names[] = {{"little", 0}, {"big", 1}, {NULL, 0}};
-static const struct yaml_enum checksum_names[] = {
+static const struct word type_names[] = {{"unsigned", RAW_DESCRIBED_UNSIGNED},
+                                         {"signed", RAW_DESCRIBED_SIGNED},
+                                         {"float", RAW_DESCRIBED_FLOAT},
+                                         {NULL, 0}};
+static const struct word order_names[] = {{"little", 0}, {"big", 1}, {NULL, 0}};
+static const struct word checksum_names[] = {
     {"xor", DESCRIBED_XOR}, {"crc8_sae_j1850", DESCRIBED_CRC8_SAE_J1850}, {NULL, 0}};
-static const struct yaml_enum from_names[] = {{"board", 0}, {"host", 1}, {NULL, 0}};
-static const struct yaml_enum by_names[] = {{"none", DESCRIBED_BY_NONE},
-                                            {"address", DESCRIBED_BY_ADDRESS},
-                                            {"slot", DESCRIBED_BY_SLOT},
-                                            {"group", DESCRIBED_BY_GROUP},
-                                            {NULL, 0}};
-static const struct yaml_enum of_names[] = {{"motor", DESCRIBED_MOTOR},
-                                            {"ft", DESCRIBED_FT},
-                                            {"inertial", DESCRIBED_INERTIAL},
-                                            {"any", DESCRIBED_ANY},
-                                            {NULL, 0}};
-static const struct yaml_enum law_names[] = {
+static const struct word from_names[] = {{"board", 0}, {"host", 1}, {NULL, 0}};
+static const struct word by_names[] = {{"none", DESCRIBED_BY_NONE},
+                                       {"address", DESCRIBED_BY_ADDRESS},
+                                       {"slot", DESCRIBED_BY_SLOT},
+                                       {"group", DESCRIBED_BY_GROUP},
+                                       {NULL, 0}};
+static const struct word of_names[] = {{"motor", DESCRIBED_MOTOR},
+                                       {"ft", DESCRIBED_FT},
+                                       {"inertial", DESCRIBED_INERTIAL},
+                                       {"any", DESCRIBED_ANY},
+                                       {NULL, 0}};
+static const struct word law_names[] = {
     {"off", DESCRIBED_OFF},
     {"voltage", DESCRIBED_VOLTAGE},
     {"current", DESCRIBED_CURRENT},
@@ -39,13 +39,21 @@ static const struct yaml_enum law_names[] = {
     {"selected", DESCRIBED_SELECTED},
     {NULL, 0},
 };
-static const struct yaml_enum target_names[] = {
+static const struct word target_names[] = {
     {"slots", DESCRIBED_SLOTS_MASK},
     {"address", DESCRIBED_ADDRESS},
     {"axis", DESCRIBED_AXIS},
     {"state", DESCRIBED_STATE},
     {"law", DESCRIBED_LAW},
     {"telemetry_period", DESCRIBED_TELEMETRY_PERIOD},
+    {"parameter", DESCRIBED_PARAMETER},
+    {"parameter_value", DESCRIBED_PARAMETER_VALUE},
+    {"velocity_limit", DESCRIBED_VELOCITY_LIMIT},
+    {"current_limit", DESCRIBED_CURRENT_LIMIT},
+    {"position_gain", DESCRIBED_POSITION_GAIN},
+    {"velocity_gain", DESCRIBED_VELOCITY_GAIN},
+    {"integral_gain", DESCRIBED_INTEGRAL_GAIN},
+    {"present_position", DESCRIBED_PRESENT_POSITION},
     {"set_point", DESCRIBED_SET_POINT},
     {"voltage", DESCRIBED_TO_VOLTAGE},
     {"duty", DESCRIBED_TO_DUTY},
@@ -57,12 +65,19 @@ static const struct yaml_enum target_names[] = {
     {"kd", DESCRIBED_TO_KD},
     {NULL, 0},
 };
-static const struct yaml_enum source_names[] = {
+static const struct word source_names[] = {
     {"address", DESCRIBED_ADDRESS},
     {"axis", DESCRIBED_AXIS},
     {"state", DESCRIBED_STATE},
     {"law", DESCRIBED_LAW},
     {"telemetry_period", DESCRIBED_TELEMETRY_PERIOD},
+    {"parameter_value", DESCRIBED_PARAMETER_VALUE},
+    {"velocity_limit", DESCRIBED_VELOCITY_LIMIT},
+    {"current_limit", DESCRIBED_CURRENT_LIMIT},
+    {"position_gain", DESCRIBED_POSITION_GAIN},
+    {"velocity_gain", DESCRIBED_VELOCITY_GAIN},
+    {"integral_gain", DESCRIBED_INTEGRAL_GAIN},
+    {"result", DESCRIBED_RESULT},
     {"motor_position", DESCRIBED_MOTOR_POSITION},
     {"link_position", DESCRIBED_LINK_POSITION},
     {"deflection", DESCRIBED_DEFLECTION},
@@ -70,6 +85,11 @@ static const struct yaml_enum source_names[] = {
     {"current", DESCRIBED_AXIS_CURRENT},
     {"torque", DESCRIBED_AXIS_TORQUE},
     {"drive_torque", DESCRIBED_DRIVE_TORQUE},
+    {"current_target", DESCRIBED_CURRENT_TARGET},
+    {"torque_target", DESCRIBED_TORQUE_TARGET},
+    {"electrical_power", DESCRIBED_ELECTRICAL_POWER},
+    {"mechanical_power", DESCRIBED_MECHANICAL_POWER},
+    {"supply_current", DESCRIBED_SUPPLY_CURRENT},
     {"voltage", DESCRIBED_AXIS_VOLTAGE},
     {"duty", DESCRIBED_AXIS_DUTY},
     {"piston_pressure", DESCRIBED_PISTON_PRESSURE},
@@ -78,6 +98,7 @@ static const struct yaml_enum source_names[] = {
     {"commands", DESCRIBED_COMMANDS},
     {"slot", DESCRIBED_SLOT},
     {"faults", DESCRIBED_FAULTS},
+    {"latched_faults", DESCRIBED_LATCHED_FAULTS},
     {"faulty", DESCRIBED_FAULTY},
     {"supply", DESCRIBED_SUPPLY},
     {"temperature", DESCRIBED_TEMPERATURE},
@@ -85,6 +106,7 @@ static const struct yaml_enum source_names[] = {
     {"uptime", DESCRIBED_UPTIME},
     {"first_slot", DESCRIBED_FIRST_SLOT},
     {"axes", DESCRIBED_AXES_COUNT},
+    {"serial", DESCRIBED_SERIAL},
     {"echo", DESCRIBED_ECHO},
     {"saturated", DESCRIBED_SATURATED},
     {"force_x", DESCRIBED_FT_CHANNEL},
@@ -170,6 +192,8 @@ static const struct yaml_field frame_fields[] = {
     {"remote", YAML_BOOL, false, .offset = AT(remote)},
     {"length", YAML_INT, false, AT(length), .min = 0, .max = DESCRIBED_LENGTH_MAX,
      .mark_offset = AT(length_mark), .given_offset = AT(length_given)},
+    {"lengths", YAML_REALS, false, AT(lengths), .count = 2, .min = 0.0, .max = DESCRIBED_LENGTH_MAX,
+     .mark_offset = AT(lengths_mark), .given_offset = AT(lengths_given)},
     {"repeat", YAML_INT, false, AT(repeat), .min = 1, .max = DESCRIBED_LENGTH_MAX,
      .mark_offset = AT(repeat_mark)},
     {"fields", YAML_LIST, false, AT(field), AT(nfield), .schema = &field_schema},
@@ -184,6 +208,10 @@ static const struct yaml_field frame_fields[] = {
     {"reply", YAML_STRING, false, AT(reply), .min = 1, .max = 31, .mark_offset = AT(reply_mark)},
     {"enter", YAML_STRING, false, AT(enter), .min = 1, .max = 31, .mark_offset = AT(enter_mark)},
     {"zero", YAML_BOOL, false, .offset = AT(zero)},
+    {"stop", YAML_BOOL, false, .offset = AT(stop)},
+    {"clear_faults", YAML_BOOL, false, .offset = AT(clear)},
+    {"or_empty", YAML_BOOL, false, .offset = AT(or_empty)},
+    {"restart", YAML_BOOL, false, .offset = AT(restart)},
 };
 #undef STRUCT
 static const struct raw_described_frame frame_defaults = {.step = 1, .repeat = 1, .brs = true};
@@ -200,6 +228,7 @@ static const struct yaml_field state_fields[] = {
     {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
     {"value", YAML_INT, false, AT(value), .min = 0, .max = UINT32_MAX,
      .mark_offset = AT(value_mark)},
+    {"result", YAML_INT, false, AT(result), .min = 0, .max = UINT32_MAX},
     {"law", YAML_ENUM, true, AT(law), .names = law_names},
     {"set_point_scale", YAML_REAL, false, AT(set_point_scale), .min = -1e12, .max = 1e12},
 };
@@ -224,6 +253,22 @@ static const struct yaml_schema fault_schema = {
     .fields = fault_fields,
     .field_count = ARRAY_COUNT(fault_fields),
     .name_offset = offsetof(struct raw_described_fault, name),
+};
+
+#define STRUCT raw_described_parameter
+static const struct yaml_field parameter_fields[] = {
+    {"number", YAML_INT, true, AT(number), .min = 0, .max = UINT32_MAX,
+     .mark_offset = AT(number_mark)},
+    {"field", YAML_MAP, true, AT(field), .schema = &field_schema},
+};
+#undef STRUCT
+static const struct raw_described_parameter parameter_defaults = {.field = {.scale = 1.0}};
+static const struct yaml_schema parameter_schema = {
+    .what = "a parameter",
+    .size = sizeof(struct raw_described_parameter),
+    .fields = parameter_fields,
+    .field_count = ARRAY_COUNT(parameter_fields),
+    .defaults = &parameter_defaults,
 };
 
 #define STRUCT raw_described_gains
@@ -266,12 +311,14 @@ static const struct yaml_field described_fields[] = {
     {"description", YAML_STRING, false, AT(description), .min = 1, .max = 1000},
     {"axes", YAML_INT, false, AT(axes), .min = 1, .max = DESCRIBED_AXES},
     {"address_max", YAML_INT, false, AT(address_max), .min = 1, .max = DESCRIBED_ADDRESS_MAX},
-    {"command_timeout_s", YAML_REAL, false, AT(command_timeout_s), .min = 0.0, .max = 60.0},
+    {"command_timeout_s", YAML_REAL, false, AT(command_timeout_s), .min = 0.0, .max = 60.0,
+     .given_offset = AT(command_timeout_given)},
     {"on_timeout", YAML_STRING, false, AT(timeout_state), .min = 1, .max = 31,
      .mark_offset = AT(timeout_state_mark)},
     {"states", YAML_LIST, true, AT(state), AT(nstate), .schema = &state_schema},
     {"laws", YAML_LIST, false, AT(law), AT(nlaw), .schema = &state_schema},
     {"faults", YAML_DICT, false, AT(fault), AT(nfault), .schema = &fault_schema},
+    {"parameters", YAML_LIST, false, AT(parameter), AT(nparameter), .schema = &parameter_schema},
     {"gains", YAML_MAP, false, AT(gains), .schema = &gains_schema},
     {"frames", YAML_LIST, true, AT(frame), AT(nframe), .schema = &frame_schema},
     {"host", YAML_MAP, false, AT(host), .schema = &host_schema},

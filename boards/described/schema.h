@@ -26,13 +26,14 @@ struct raw_described_field {
 
 struct raw_described_frame {
     struct yaml_mark mark, id_mark, length_mark, payload_mark, reply_mark, enter_mark, of_mark,
-        period_mark, repeat_mark, step_mark, brs_mark, id_fields_mark;
+        period_mark, repeat_mark, step_mark, brs_mark, id_fields_mark, lengths_mark;
     const char *name, *payload, *reply, *enter;
     int from, by, of;
     int64_t id, step, length, repeat;
-    bool remote, telemetry, on_change, on_restart, zero, extended, fd, brs;
-    bool step_given, length_given, payload_given, of_given, period_given, brs_given;
-    double period_s, spread_s;
+    bool remote, telemetry, on_change, on_restart, zero, extended, fd, brs, stop, clear, restart,
+        or_empty;
+    bool lengths_given, step_given, length_given, payload_given, of_given, period_given, brs_given;
+    double period_s, spread_s, lengths[2];
     struct raw_described_field *field, *id_field;
     size_t nfield, nid_field;
 };
@@ -40,7 +41,7 @@ struct raw_described_frame {
 struct raw_described_state {
     struct yaml_mark mark, value_mark;
     const char *name;
-    int64_t value;
+    int64_t value, result;
     int law;
     double set_point_scale;
 };
@@ -49,6 +50,12 @@ struct raw_described_fault {
     struct yaml_mark mark;
     const char *name;
     int64_t bit;
+};
+
+struct raw_described_parameter {
+    struct yaml_mark mark, number_mark;
+    int64_t number;
+    struct raw_described_field field;
 };
 
 struct raw_described_gains {
@@ -68,19 +75,22 @@ struct raw_described {
     const char *name, *description, *timeout_state;
     int64_t axes, address_max;
     double command_timeout_s;
+    bool command_timeout_given;
     struct raw_described_frame *frame;
     size_t nframe;
     struct raw_described_state *state, *law;
     size_t nstate, nlaw;
     struct raw_described_fault *fault;
     size_t nfault;
+    struct raw_described_parameter *parameter;
+    size_t nparameter;
     struct raw_described_gains gains;
     struct raw_described_host host;
 };
 
 enum { RAW_DESCRIBED_UNSIGNED, RAW_DESCRIBED_SIGNED, RAW_DESCRIBED_FLOAT };
 
-/* The schema of a whole file: fills a struct raw_described. */
+/* Schema of a whole file: fills a struct raw_described. */
 extern const struct yaml_schema described_file_schema;
 
 #endif

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Force-torque and inertial boards of a described protocol: channels, each in its unit. What has no
- * reading is held, and the fault says so. */
+/* Force-torque and inertial boards of a described protocol: channels, each in its unit. A
+ * channel without a reading keeps its value, and a fault reports it. */
 #include "boards/described/private.h"
-#include "boards/inertial.h"
+#include "boards/sensing/inertial.h"
 
 #include <math.h>
 #include <string.h>
@@ -16,11 +16,13 @@ struct described_sensor {
     uint32_t faults;
 };
 
+/* Returns the sensor board of a board. */
 static struct described_sensor *described_sensor_of(const struct board *board)
 {
     return container_of(board, struct described_sensor, node.board);
 }
 
+/* Powers up a sensor board (struct board_ops). */
 static void described_sensor_power_up(struct board *board)
 {
     struct described_sensor *sensor = described_sensor_of(board);
@@ -31,6 +33,7 @@ static void described_sensor_power_up(struct board *board)
     sensor->faults = 0;
 }
 
+/* Notes the faults of a sample: saturation, missing readings, lost frames. */
 static void described_sensor_note(struct described_sensor *sensor, bool bad,
                                   enum described_fault fault)
 {
@@ -40,6 +43,7 @@ static void described_sensor_note(struct described_sensor *sensor, bool bad,
                      (uint32_t)bad << fault | (uint32_t)board->lost_in_status << DESCRIBED_OVERFLOW;
 }
 
+/* Takes a force or a moment, within its full scale; bad: no reading. */
 static void described_ft_convert(struct described_sensor *sensor, int channel, double value,
                                  bool *bad)
 {
@@ -56,6 +60,7 @@ static void described_ft_convert(struct described_sensor *sensor, int channel, d
     sensor->channel[channel] = value;
 }
 
+/* Reads a force-torque sensor (struct board_ops). */
 static void described_ft_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct described_sensor *sensor = described_sensor_of(board);
@@ -71,6 +76,7 @@ static void described_ft_sample(struct board *board, const struct plant_sensors 
     described_sensor_note(sensor, bad, DESCRIBED_TORQUE_SENSOR);
 }
 
+/* Takes count values in channels from first on; bad: no reading. */
 static void described_inertial_convert(struct described_sensor *sensor,
                                        enum described_meaning first, int count, const double *value,
                                        bool *bad)
@@ -84,6 +90,7 @@ static void described_inertial_convert(struct described_sensor *sensor,
     }
 }
 
+/* Reads the inertial sensor (struct board_ops). */
 static void described_inertial_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct described_sensor *sensor = described_sensor_of(board);
@@ -101,6 +108,7 @@ static void described_inertial_sample(struct board *board, const struct plant_se
     described_sensor_note(sensor, bad, DESCRIBED_INERTIAL_SENSOR);
 }
 
+/* Computes what a field of a sensor carries (struct described_node_ops). */
 static bool described_sensor_source(const struct described_node *node, unsigned axis,
                                     const struct described_field *field, double *value,
                                     int64_t *count)
@@ -116,12 +124,14 @@ static bool described_sensor_source(const struct described_node *node, unsigned 
     return true;
 }
 
+/* Returns the faults of a sensor (struct described_node_ops). */
 static uint32_t described_sensor_faults(const struct described_node *node, unsigned axis)
 {
     (void)axis;
     return described_sensor_of(&node->board)->faults;
 }
 
+/* Returns the state of a sensor, which is off (struct described_node_ops). */
 static int described_sensor_state(const struct described_node *node, unsigned axis)
 {
     (void)axis;
@@ -158,6 +168,7 @@ static const struct described_node_ops described_inertial_node_ops = {
     .state = described_sensor_state,
 };
 
+/* Creates a sensor board of a kind. Returns NULL without memory. */
 static struct board *described_sensor_create(struct arena *arena, const struct board_ops *ops,
                                              const struct described_node_ops *node_ops)
 {

@@ -34,6 +34,7 @@ void foc_board_set_mode(struct board *board, uint8_t mode)
     foc->target_ns = board->boards->now_ns;
 }
 
+/* Latches faults, with an event for new ones, and enters hardware fault. */
 static void foc_board_raise_faults(struct board *board, uint32_t faults)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -48,6 +49,7 @@ static void foc_board_raise_faults(struct board *board, uint32_t faults)
     }
 }
 
+/* Resets the board to the firmware's defaults, not configured (struct board_ops). */
 static void foc_board_power_up(struct board *board)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -70,13 +72,14 @@ static void foc_board_power_up(struct board *board)
 
 /* ---- sensors ---- */
 
-/* Encoder ticks a rotor revolution. */
+/* Returns the encoder ticks of a rotor revolution. */
 static double foc_ticks_per_rev(const struct board_axis_config *axis)
 {
     return axis->motor_ticks_per_rad * 2.0 * M_PI / axis->gear;
 }
 
-/* The rotor encoder is quantized and becomes icubdeg; its speed is a running mean a millisecond. */
+/* Takes the sensors. The rotor encoder is quantized and becomes icubdeg; its speed is a running
+ * mean over milliseconds. */
 static void foc_board_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -121,6 +124,7 @@ static void foc_board_sample(struct board *board, const struct plant_sensors *se
     foc->turn = turn;
 }
 
+/* Returns the measured current, mA. */
 static int64_t foc_board_current_ma(const struct foc_board *foc)
 {
     int32_t value = 0;
@@ -131,7 +135,7 @@ static int64_t foc_board_current_ma(const struct foc_board *foc)
 
 /* ---- faults ---- */
 
-/* The I2t law of the firmware, once a millisecond: at the peak current an axis trips after
+/* Steps the I2t law of the firmware, once a millisecond: at the peak current an axis trips after
  * 10.24 s. */
 static void foc_board_watch_i2t(struct board *board)
 {
@@ -149,6 +153,7 @@ static void foc_board_watch_i2t(struct board *board)
     }
 }
 
+/* Checks set-point, current, supply, encoder and winding of a running motor and raises faults. */
 static void foc_board_watch_faults(struct board *board)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -192,6 +197,7 @@ static void foc_board_watch_faults(struct board *board)
 
 /* ---- control laws, once a millisecond ---- */
 
+/* Returns the current reference of the speed loop, mA (incremental PI). */
 static int64_t foc_board_speed_law(struct foc_board *foc)
 {
     int64_t error = foc->target - foc->velocity;
@@ -202,13 +208,14 @@ static int64_t foc_board_speed_law(struct foc_board *foc)
     return foc->speed_ma;
 }
 
-/* What the current limiter leaves of a voltage. */
+/* Returns what the current limiter leaves of a voltage. */
 static int64_t foc_board_limit_current(struct foc_board *foc, int64_t vq)
 {
     return foc_limiter_step(&foc->limiter, &foc->current, vq, foc_board_current_ma(foc),
                             foc->peak_ma);
 }
 
+/* Computes the voltage of this millisecond by the law of the mode. */
 static void foc_board_step_laws(struct foc_board *foc)
 {
     int64_t vq;
@@ -238,6 +245,7 @@ static void foc_board_step_laws(struct foc_board *foc)
     foc->vq = control_clamp(vq, -FOC_VQ_MAX, FOC_VQ_MAX);
 }
 
+/* Writes bridge and voltage into the plant's command. */
 static void foc_board_drive_bridge(const struct board *board, struct plant_command *command)
 {
     const struct foc_board *foc = foc_board_of(board);
@@ -250,6 +258,7 @@ static void foc_board_drive_bridge(const struct board *board, struct plant_comma
     }
 }
 
+/* Runs one tick: faults, laws, bridge (struct board_ops). */
 static void foc_board_control(struct board *board, struct ms_span span,
                               struct plant_command *command)
 {
@@ -261,6 +270,7 @@ static void foc_board_control(struct board *board, struct ms_span span,
     foc_board_drive_bridge(board, command);
 }
 
+/* Switches the motor off (struct board_ops). */
 static void foc_board_shut_down(struct board *board, struct plant_command *command)
 {
     if (foc_runs(foc_board_of(board)->mode)) {
@@ -269,11 +279,13 @@ static void foc_board_shut_down(struct board *board, struct plant_command *comma
     foc_board_drive_bridge(board, command);
 }
 
+/* Returns whether the board is in hardware fault (struct board_ops). */
 static bool foc_board_is_faulty(const struct board *board)
 {
     return foc_board_of(board)->mode == ICUB_MODE_HARDWARE_FAULT;
 }
 
+/* Returns the mode (struct board_ops). */
 static uint8_t foc_board_mode(const struct board *board, unsigned axis)
 {
     (void)axis; /* there is one */
@@ -282,6 +294,7 @@ static uint8_t foc_board_mode(const struct board *board, unsigned axis)
 
 /* ---- frames ---- */
 
+/* Builds a periodic frame from its row and sends it. */
 static void foc_board_send_frame(struct board *board, struct frame_sink *sink, enum foc_type type,
                                  const int64_t *values)
 {
@@ -292,7 +305,7 @@ static void foc_board_send_frame(struct board *board, struct frame_sink *sink, e
                foc_frames[type].length, data);
 }
 
-/* What the CAN controller is in; none of it stops the motor. */
+/* Returns the fault bits for the state of the CAN controller; none of them stops the motor. */
 static uint32_t foc_board_can_faults(const struct board *board)
 {
     const struct board_can_state *can = &board->can;
@@ -303,7 +316,7 @@ static uint32_t foc_board_can_faults(const struct board *board)
            (can->tec >= BOARD_CAN_PASSIVE ? FOC_FAULT_CAN_TX_PASSIVE : 0);
 }
 
-/* Those bits that stay until the faults are cleared. */
+/* Latches those bits that stay until the faults are cleared. */
 static void foc_board_latch_can_faults(struct foc_board *foc, uint32_t now)
 {
     foc->faults |=
@@ -313,6 +326,7 @@ static void foc_board_latch_can_faults(struct foc_board *foc, uint32_t now)
         (now & FOC_FAULT_CAN_TX_PASSIVE ? FOC_FAULT_CAN_TX_WAS_PASSIVE : 0);
 }
 
+/* Sends FOC and STATUS for each DESIRED_TARGETS, and ADDITIONAL_STATUS (struct board_ops). */
 static void foc_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -320,11 +334,13 @@ static void foc_board_transmit(struct board *board, struct ms_span span, struct 
     int64_t period_ms = board->config.status_period_ns / MS;
     int64_t additional_ms = foc_additional_status_ms(board->address);
 
+    /* Frames that were lost, and errors of the CAN controller */
     if (board->lost_in_status) {
         foc->faults |= FOC_FAULT_CAN_OVERRUN;
         board->lost_in_status = board->lost_in_overflow = false;
     }
     foc_board_latch_can_faults(foc, can);
+    /* An answer to each DESIRED_TARGETS, STATUS no more often than the rig says */
     for (; foc->answers > 0; foc->answers--) {
         foc_board_send_frame(
             board, sink, FOC_FEEDBACK,

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A 2FOC board is created; its bus is an iCub one (boards/icub/board.h). NULL without memory; the
+ * Creates a 2FOC board; its bus is an iCub one (boards/icub/board.h). NULL without memory; the
  * configuration has been checked (boards/check.c). Memory is the arena's. Not RT-safe.
  */
 #ifndef BOARDS_FOC_BOARD_H

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a 2FOC board does on each command of class 0 and on DESIRED_TARGETS. */
+/* Obeys each command of class 0 and DESIRED_TARGETS on a 2FOC board. */
 #include "boards/foc/private.h"
 #include "boards/motor_control.h"
 
@@ -8,8 +8,9 @@
 #include <math.h>
 #include <string.h>
 
-enum { TOLERANCE = 36 }; /* of the encoder, 0.1 deg */
+enum { TOLERANCE = 36 }; /* tolerance of the encoder, 0.1 deg */
 
+/* Returns whether a mode drives the motor. */
 static bool foc_is_control_mode(int64_t mode)
 {
     return mode == ICUB_MODE_CURRENT || mode == ICUB_MODE_SPEED_VOLTAGE ||
@@ -17,6 +18,7 @@ static bool foc_is_control_mode(int64_t mode)
            mode == ICUB_MODE_POSITION;
 }
 
+/* Obeys SET_CONTROL_MODE. Returns false when there is no such mode. */
 static bool foc_board_command_mode(struct board *board, int64_t mode)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -27,6 +29,7 @@ static bool foc_board_command_mode(struct board *board, int64_t mode)
     if (!stop && (!foc_is_control_mode(mode) || (current && board->config.axis[0].valve))) {
         return false;
     }
+    /* Not configured: ignored; in fault: only FORCE_IDLE, which clears it */
     if (foc->mode == ICUB_MODE_NOT_CONFIGURED) {
         return true;
     }
@@ -42,6 +45,7 @@ static bool foc_board_command_mode(struct board *board, int64_t mode)
     return true;
 }
 
+/* Returns a little-endian float32. */
 static float foc_get_float(const uint8_t *data)
 {
     uint32_t bits = get_u32_le(data);
@@ -51,6 +55,7 @@ static float foc_get_float(const uint8_t *data)
     return value;
 }
 
+/* Obeys SET_CURRENT_PID or SET_VELOCITY_PID: one gain as a float, or all as integers. */
 static bool foc_board_command_law(struct foc_board *foc, const struct bus_frame *frame,
                                   const int64_t *request)
 {
@@ -70,6 +75,7 @@ static bool foc_board_command_law(struct foc_board *foc, const struct bus_frame 
     return true;
 }
 
+/* Obeys SET_PID: one parameter of a loop as a float. */
 static bool foc_board_command_pid(struct foc_board *foc, const struct bus_frame *frame,
                                   const int64_t *request)
 {
@@ -96,6 +102,7 @@ static bool foc_board_command_pid(struct foc_board *foc, const struct bus_frame 
     }
 }
 
+/* Obeys SET_CURRENT_LIMIT: nominal, peak and overload, or the peak alone. */
 static bool foc_board_command_limit(struct foc_board *foc, const struct bus_frame *frame,
                                     const int64_t *request)
 {
@@ -113,6 +120,7 @@ static bool foc_board_command_limit(struct foc_board *foc, const struct bus_fram
     return true;
 }
 
+/* Obeys SET_MOTOR_CONFIG: which sensors the motor has, resolution, poles. */
 static void foc_board_configure_motor(struct foc_board *foc, const struct bus_frame *frame,
                                       const int64_t *request)
 {
@@ -123,6 +131,7 @@ static void foc_board_configure_motor(struct foc_board *foc, const struct bus_fr
     foc->tolerance = frame->len == 8 ? request[4] : TOLERANCE;
     foc->motor_set = true;
     foc->encoder &= (uint8_t)~FOC_QE_NOT_CALIBRATED;
+    /* With Hall sensors there is no index; with an index the encoder waits for its pulse */
     if (foc->flags & FOC_HAS_HALL) {
         foc->flags &= (uint8_t) ~(FOC_HAS_INDEX | FOC_HAS_TEMPERATURE);
     }
@@ -131,6 +140,7 @@ static void foc_board_configure_motor(struct foc_board *foc, const struct bus_fr
     }
 }
 
+/* Obeys a command that configures. Returns false when it is refused. */
 static bool foc_board_configure(struct foc_board *foc, const struct bus_frame *frame,
                                 const int64_t *request)
 {
@@ -161,6 +171,7 @@ static bool foc_board_configure(struct foc_board *foc, const struct bus_frame *f
     }
 }
 
+/* Takes a target in the units of the mode, within its limits. */
 static void foc_board_set_target(struct foc_board *foc, int64_t target)
 {
     switch (foc->mode) {
@@ -179,6 +190,7 @@ static void foc_board_set_target(struct foc_board *foc, int64_t target)
     }
 }
 
+/* Answers a command that asks; returns false when it is not one of them. */
 static bool foc_board_answer(struct board *board, unsigned code, const int64_t *request,
                              int64_t *reply)
 {
@@ -210,6 +222,7 @@ static bool foc_board_answer(struct board *board, unsigned code, const int64_t *
     }
 }
 
+/* Enters idle when all that configures has come. */
 static void foc_board_idle_when_configured(struct board *board)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -265,7 +278,8 @@ bool foc_board_command(struct icub_board *icub, const struct bus_frame *frame,
     return obeyed;
 }
 
-/* Any such frame feeds the watchdog; one too short for this board's target gets no answer. */
+/* Obeys DESIRED_TARGETS. Any such frame feeds the watchdog; one too short for this board's
+ * target gets no answer. */
 bool foc_board_targets(struct icub_board *icub, const struct bus_frame *frame)
 {
     struct board *board = &icub->board;

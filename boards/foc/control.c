@@ -6,6 +6,7 @@
 
 #include <math.h>
 
+/* Sets the integer gains of a law; half of ki is used. */
 static void foc_law_set_mantissas(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift)
 {
     law->kp = kp;
@@ -82,6 +83,7 @@ void foc_position_reset(struct foc_position_law *law)
     law->integral = law->error = 0.0;
 }
 
+/* Returns a value within +-limit. */
 static double foc_clamp(double value, double limit)
 {
     return fmax(fmin(value, limit), -limit);

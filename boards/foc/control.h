@@ -31,7 +31,7 @@ struct foc_law {
     int64_t v, error;
 };
 
-/* Of ki, as it is on the bus, half is used. */
+/* Sets the integer gains as they are on the bus; half of ki is used. */
 void foc_law_set(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift);
 
 /* Sets one gain (enum foc_law_gain) from a float; false when there is no such gain or it is too

@@ -12,11 +12,13 @@
 
 /* ---- boards ---- */
 
+/* Creates a board of the configured kind (struct protocol). */
 static struct board *foc_make_board(const struct board_config *config, struct arena *arena)
 {
     return config->kind == BOARD_MOTOR ? foc_board_create(arena) : icub_make_sensor(config, arena);
 }
 
+/* Checks that a motor has a gear (struct protocol). */
 static enum error_code foc_check_board(const struct boards_bus_config *bus,
                                        const struct board_config *board, struct error *error)
 {
@@ -32,6 +34,7 @@ static enum error_code foc_check_board(const struct boards_bus_config *bus,
 
 /* ---- messages ---- */
 
+/* Returns the cycle of a class 1 frame. */
 static uint32_t foc_cycle_ns(const struct board_config *board, unsigned type)
 {
     return type == FOC_ADDITIONAL_STATUS ? foc_additional_status_ms(board->address) * (uint32_t)MS
@@ -39,7 +42,7 @@ static uint32_t foc_cycle_ns(const struct board_config *board, unsigned type)
                                                                 : (uint32_t)MS;
 }
 
-/* DISCOVER, and DESIRED_TARGETS, which has a target for each of four addresses. */
+/* Visits DISCOVER, and DESIRED_TARGETS, which has a target for each of four addresses. */
 static void foc_visit_broadcasts(struct message_walk *walk)
 {
     const struct message targets = {
@@ -62,6 +65,7 @@ static void foc_visit_broadcasts(struct message_walk *walk)
     message_visit(walk, &targets);
 }
 
+/* Visits the messages of a board (struct protocol). */
 static void foc_visit_board(struct message_walk *walk, int board, unsigned first_slot)
 {
     static const struct icub_dialect dialect = {
@@ -76,7 +80,7 @@ static void foc_visit_board(struct message_walk *walk, int board, unsigned first
     icub_visit_messages(walk, board, &dialect);
 }
 
-/* The axis of the motor board at an address of a bus; NULL: none. */
+/* Returns the axis of the motor board at an address of a bus; NULL when there is none. */
 static const struct board_axis_config *foc_find_axis(const struct boards_config *config, int bus,
                                                      int address)
 {
@@ -90,12 +94,14 @@ static const struct board_axis_config *foc_find_axis(const struct boards_config 
     return NULL;
 }
 
+/* Describes a field: the axis or channel that it is about, and its unit (struct protocol). */
 static void foc_describe_field(const struct boards_config *config, int bus,
                                const struct message_field *field, struct field_subject *subject)
 {
     const struct board_config *board = icub_message_board(config, field->message);
     double rotor;
 
+    /* A field of DESIRED_TARGETS is about an address, others about the board's own motor */
     if (!board) {
         subject->axis = foc_find_axis(config, bus, field->index + 1);
     } else if (board->kind == BOARD_MOTOR && field->message->id >> 8 != ICUB_MANAGEMENT) {
@@ -119,6 +125,7 @@ static void foc_describe_field(const struct boards_config *config, int bus,
 
 /* ---- load ---- */
 
+/* Visits the frames that a board sends again and again (struct protocol). */
 static void foc_visit_board_load(struct load_walk *walk, const struct board_config *board)
 {
     double period_s = load_period_s(walk, 0); /* of DESIRED_TARGETS */
@@ -132,6 +139,7 @@ static void foc_visit_board_load(struct load_walk *walk, const struct board_conf
     load_visit(walk, FOC_ADDITIONAL_STATUS_LENGTH, foc_additional_status_ms(board->address) * 1e-3);
 }
 
+/* Visits DESIRED_TARGETS, once a tick (struct protocol). */
 static void foc_visit_command_load(struct load_walk *walk)
 {
     if (load_bus_axes(walk) > 0) {

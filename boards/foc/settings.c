@@ -30,6 +30,7 @@ static const struct {
     {"current_peak", PEAK_CURRENT, 0},
 };
 
+/* Describes a setting: name, unit, range (struct board_settings). */
 static void foc_setting_describe(const struct board *board, unsigned axis, size_t index,
                                  struct board_setting *setting)
 {
@@ -48,6 +49,7 @@ static void foc_setting_describe(const struct board *board, unsigned axis, size_
     };
 }
 
+/* Returns the value of a setting (struct board_settings). */
 static double foc_setting_get(const struct board *board, unsigned axis, size_t index)
 {
     const struct foc_board *foc = foc_board_of(board);
@@ -68,6 +70,7 @@ static double foc_setting_get(const struct board *board, unsigned axis, size_t i
     return 0.0;
 }
 
+/* Writes a setting (struct board_settings). */
 static bool foc_setting_set(struct board *board, unsigned axis, size_t index, double value)
 {
     struct foc_board *foc = foc_board_of(board);

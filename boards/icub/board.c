@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What every iCub board does: class 7, and a command's way through the rows of its table. */
+/* Functions of every iCub board: class 7, and a command's way through the rows of its table. */
 #include "boards/icub/board.h"
 
 #include "canbus/frame.h"
@@ -41,6 +41,7 @@ void icub_board_report_firmware(const struct board *board, unsigned major, unsig
     reply[6] = acknowledged;
 }
 
+/* Answers discovery. */
 static void icub_board_discover(struct icub_board *icub, uint32_t reply_id)
 {
     struct board *board = &icub->board;
@@ -60,14 +61,15 @@ static void icub_board_discover(struct icub_board *icub, uint32_t reply_id)
 
 /* ---- the bootloader ---- */
 
+/* Queues the acknowledgment of a command of the bootloader. */
 static void icub_loader_acknowledge(struct icub_board *icub, const struct bus_frame *frame)
 {
     board_queue(&icub->board, icub_id(ICUB_MANAGEMENT, icub->board.address, frame->id >> 4), 2,
                 (const uint8_t[]){frame->data[0], 1});
 }
 
-/* START: the application resets into the bootloader, which waits as after any reset; in the
- * bootloader it ends that wait. */
+/* Obeys START: the application resets into the bootloader, which waits as after any reset; in
+ * the bootloader it ends that wait. */
 static void icub_board_start_update(struct icub_board *icub)
 {
     struct board *board = &icub->board;
@@ -81,7 +83,14 @@ static void icub_board_start_update(struct icub_board *icub)
     icub_loader_start(&icub->loader);
 }
 
-/* ADDRESS, DATA and RUN of a download; false: refused, and not acknowledged. */
+bool icub_board_is_downloading(const struct icub_board *icub)
+{
+    return icub->board.in_bootloader && icub->loader.downloading &&
+           icub->loader.boot == icub->board.boots;
+}
+
+/* Obeys ADDRESS, DATA and RUN of a download; returns false when they are refused, and not
+ * acknowledged. */
 static bool icub_board_download(struct icub_board *icub, const struct bus_frame *frame,
                                 const int64_t *request)
 {
@@ -91,7 +100,7 @@ static bool icub_board_download(struct icub_board *icub, const struct bus_frame 
     if (!icub->board.in_bootloader) {
         return true; /* the application ignores them */
     }
-    if (!loader->downloading || loader->boot != icub->board.boots) {
+    if (!icub_board_is_downloading(icub)) {
         return false;
     }
     icub->board.application_ns = INT64_MAX;
@@ -109,13 +118,13 @@ static bool icub_board_download(struct icub_board *icub, const struct bus_frame 
     return line != ICUB_LINE_REFUSED;
 }
 
-/* END leads to the application; there it is a ping. */
+/* Obeys END, which leads to the application; there it is a ping. */
 static void icub_board_end_update(struct icub_board *icub)
 {
     struct icub_loader *loader = &icub->loader;
 
     if (icub->board.in_bootloader) {
-        if (loader->downloading && loader->boot == icub->board.boots && loader->lines > 0) {
+        if (icub_board_is_downloading(icub) && loader->lines > 0) {
             board_event(&icub->board, BOARD_EVENT_FIRMWARE, 0, loader->bytes, loader->crc);
         }
         loader->downloading = false;
@@ -125,7 +134,7 @@ static void icub_board_end_update(struct icub_board *icub)
 
 /* ---- commands ---- */
 
-/* Obeys a command of class 7; false: refused. */
+/* Obeys a command of class 7; returns false when it is refused. */
 static bool icub_board_manage(struct icub_board *icub, const struct bus_frame *frame,
                               const int64_t *request)
 {
@@ -165,6 +174,7 @@ static bool icub_board_manage(struct icub_board *icub, const struct bus_frame *f
     return false;
 }
 
+/* Returns the row of a command; NULL when there is none. */
 static const struct icub_command *icub_board_find_command(const struct icub_board *board,
                                                           enum icub_class cls, uint8_t first)
 {
@@ -177,7 +187,7 @@ static const struct icub_command *icub_board_find_command(const struct icub_boar
     return code < ops->command_count && ops->commands[code].kind ? &ops->commands[code] : NULL;
 }
 
-/* Obeys a command of the application and queues its answer; false: refused. */
+/* Obeys a command of the application and queues its answer; returns false when it is refused. */
 static bool icub_board_obey(struct icub_board *icub, const struct bus_frame *frame,
                             const struct icub_command *command, const int64_t *request)
 {

@@ -71,18 +71,21 @@ struct board *motor_board_create(struct arena *arena);
 struct board *strain_board_create(enum board_kind kind, struct arena *arena);
 struct board *inertial_board_create(struct arena *arena);
 
-/* What other boards on the bus hear of a STRAIN frame of six bytes of data. */
+/* Records what other boards on the bus hear of a STRAIN frame of six bytes of data. */
 void icub_bus_hear_strain(struct board_bus *bus, uint8_t address, enum icub_analog_type type,
                           const uint8_t *data, int64_t time_ns);
 
-/* A command of class 0, 2 or 7 that is addressed to the board. */
+/* Returns whether the bootloader runs and has had the START of a download since it was entered. */
+bool icub_board_is_downloading(const struct icub_board *board);
+
+/* Receives a command of class 0, 2 or 7 that is addressed to the board. */
 enum board_verdict icub_board_receive(struct icub_board *board, const struct bus_frame *frame);
 
 /* Queues the eight frames of additional information in the class of id; sets a part of it. */
 void icub_board_queue_info(struct icub_board *board, uint32_t id);
 void icub_board_set_info(struct icub_board *board, const int64_t *part);
 
-/* The answer to GET_FIRMWARE_VERSION of a board that speaks protocol major.minor. */
+/* Fills the answer to GET_FIRMWARE_VERSION of a board that speaks protocol major.minor. */
 void icub_board_report_firmware(const struct board *board, unsigned major, unsigned minor,
                                 bool acknowledged, int64_t *reply);
 

@@ -1,24 +1,47 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Buses with iCub boards: which boards a frame is for, and the torques that go from one to
- * another. */
+/* Buses with iCub boards: dispatches each frame to the boards that it is for, and the torques
+ * from one board to another. */
 #include "boards/icub/board.h"
 
 #include "canbus/frame.h"
 
 #include <string.h>
 
+/* Returns whether a management command to everyone is one for this board: discovery always, and
+ * what follows the START of a download while the bootloader runs that has had one. A loader
+ * program addresses START to each board and the lines of the file to all of them at once. */
+static bool icub_board_takes_broadcast(const struct icub_board *board,
+                                       const struct bus_frame *frame)
+{
+    if (frame->len == 0) {
+        return false;
+    }
+    switch (frame->data[0]) {
+    case ICUB_DISCOVER:
+        return true;
+    case ICUB_UPDATE_ADDRESS:
+    case ICUB_UPDATE_RUN:
+    case ICUB_UPDATE_DATA:
+        return icub_board_is_downloading(board);
+    case ICUB_UPDATE_END:
+        return board->board.in_bootloader;
+    default:
+        return false;
+    }
+}
+
+/* Returns whether a command is one for this board, by class and address. */
 static bool icub_board_is_addressed(const struct icub_board *board, const struct bus_frame *frame)
 {
     enum icub_class cls = (enum icub_class)(frame->id >> 8);
-    bool everyone = (frame->id & 0xf) == ICUB_EVERYONE;
 
     if (cls == ICUB_MANAGEMENT) {
-        /* Of the management commands only discovery may go to everyone */
-        return !everyone || (frame->len > 0 && frame->data[0] == ICUB_DISCOVER);
+        return (frame->id & 0xf) != ICUB_EVERYONE || icub_board_takes_broadcast(board, frame);
     }
     return cls == board->ops->command_class;
 }
 
+/* Hands a command to the board, or to all boards, that it is addressed to. */
 static void icub_bus_receive_command(struct boards *boards, struct board_bus *bus,
                                      const struct bus_frame *frame)
 {
@@ -46,7 +69,7 @@ static void icub_bus_receive_command(struct boards *boards, struct board_bus *bu
     boards_count_frame(boards, listener, worst, frame);
 }
 
-/* The one frame of class 1 that a host sends, and to everyone: DESIRED_TARGETS (boards/foc) */
+/* Hands DESIRED_TARGETS (boards/foc) to all boards: the one frame of class 1 that a host sends. */
 static void icub_bus_receive_targets(struct boards *boards, struct board_bus *bus,
                                      const struct bus_frame *frame)
 {
@@ -84,7 +107,8 @@ void icub_bus_hear_strain(struct board_bus *bus, uint8_t address, enum icub_anal
     source->heard = true;
 }
 
-/* A STRAIN board that is not ours: hardware on the bus, whose torques a motor board may use. */
+/* Takes a frame of a STRAIN board that is not ours: hardware on the bus, whose torques a motor
+ * board may use. */
 static void icub_bus_receive_strain(struct boards *boards, struct board_bus *bus,
                                     const struct bus_frame *frame)
 {
@@ -99,6 +123,7 @@ static void icub_bus_receive_strain(struct boards *boards, struct board_bus *bus
     }
 }
 
+/* Dispatches a frame by its class (struct board_bus_ops). */
 static void icub_bus_receive(struct boards *boards, struct board_bus *bus,
                              const struct bus_frame *frame)
 {
@@ -120,7 +145,7 @@ static void icub_bus_receive(struct boards *boards, struct board_bus *bus,
     }
 }
 
-/* The additional information of a new board is its name. */
+/* Gives a new board its name as additional information. */
 static void icub_bus_add_board(struct board_bus *bus, struct board *board)
 {
     struct icub_board *icub = icub_board_of(board);

@@ -9,7 +9,7 @@
  * are all 0, as from a sensor chip in that mode. Neither mask nor period survive a restart.
  */
 #include "boards/icub/board.h"
-#include "boards/inertial.h"
+#include "boards/sensing/inertial.h"
 #include "boards/motor_control.h"
 
 #include "canbus/frame.h"
@@ -38,12 +38,14 @@ static struct inertial_board *inertial_board_of(const struct board *board)
     return container_of(board, struct inertial_board, icub.board);
 }
 
+/* Sets the telemetry period, from now on; 0 stops it. */
 static void inertial_board_set_period(struct inertial_board *inertial, int64_t period_ns)
 {
     inertial->period_ns = period_ns;
     inertial->next_ns = inertial->icub.board.boards->now_ns + period_ns;
 }
 
+/* Resets the board (struct board_ops). */
 static void inertial_board_power_up(struct board *board)
 {
     struct inertial_board *inertial = inertial_board_of(board);
@@ -58,6 +60,8 @@ static void inertial_board_power_up(struct board *board)
 
 /* ---- values ---- */
 
+/* Converts the values of a sensor to counts; notes those without a number and those that were
+ * cut. */
 static void inertial_board_convert(struct inertial_board *inertial, unsigned sensor,
                                    const double *value, int count, double worth)
 {
@@ -70,7 +74,7 @@ static void inertial_board_convert(struct inertial_board *inertial, unsigned sen
     inertial->cut = (uint16_t)(inertial->cut | !whole << sensor);
 }
 
-/* The status: two bits a part of the chip, 3 = calibrated, as the chip has them. */
+/* Fills the status: two bits for each part of the chip, 3 = calibrated, as the chip has them. */
 static void inertial_board_report(struct inertial_board *inertial, bool oriented)
 {
     const struct {
@@ -86,6 +90,7 @@ static void inertial_board_report(struct inertial_board *inertial, bool oriented
     status[2] = inertial->bad;
 }
 
+/* Converts the values of all sensors (struct board_ops). */
 static void inertial_board_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct inertial_board *inertial = inertial_board_of(board);
@@ -109,6 +114,7 @@ static void inertial_board_sample(struct board *board, const struct plant_sensor
 
 /* ---- commands ---- */
 
+/* Obeys a command of class 2 (struct icub_board_ops). */
 static bool inertial_board_command(struct icub_board *icub, const struct bus_frame *frame,
                                    const int64_t *request, int64_t *reply, bool *answer)
 {
@@ -149,6 +155,7 @@ static bool inertial_board_command(struct icub_board *icub, const struct bus_fra
 
 /* ---- periodic frames ---- */
 
+/* Returns whether frames are due, and plans the next ones. */
 static bool inertial_board_is_due(struct inertial_board *inertial)
 {
     int64_t late = inertial->icub.board.boards->now_ns - inertial->next_ns;
@@ -160,6 +167,7 @@ static bool inertial_board_is_due(struct inertial_board *inertial)
     return true;
 }
 
+/* Sends the frame of a sensor. */
 static void inertial_board_send_frame(struct board *board, struct frame_sink *sink, unsigned sensor)
 {
     const struct inertial_board *inertial = inertial_board_of(board);
@@ -174,6 +182,7 @@ static void inertial_board_send_frame(struct board *board, struct frame_sink *si
                data);
 }
 
+/* Sends a frame for each sensor of the mask when they are due (struct board_ops). */
 static void inertial_board_transmit(struct board *board, struct ms_span span,
                                     struct frame_sink *sink)
 {

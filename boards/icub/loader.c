@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-/* CRC-32 of IEEE 802.3, bit by bit: a line is short. */
+/* Returns the CRC-32 of IEEE 802.3 with more bytes, bit by bit: a line is short. */
 static uint32_t crc32_add(uint32_t crc, const uint8_t *data, size_t size)
 {
     crc = ~crc;
@@ -37,6 +37,7 @@ void icub_loader_open_line(struct icub_loader *loader, uint8_t length, uint16_t 
     loader->memory = memory;
 }
 
+/* Adds a complete line to counts, checksum and image. */
 static void icub_loader_keep_line(struct icub_loader *loader)
 {
     const uint8_t head[] = {(uint8_t)loader->address, (uint8_t)(loader->address >> 8),

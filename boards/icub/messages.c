@@ -29,6 +29,7 @@ const char *const icub_sections[] = {
 
 /* ---- commands ---- */
 
+/* Returns the section of the page that a command belongs to. */
 static uint8_t command_section(enum icub_class cls, const struct board_config *board)
 {
     return cls == ICUB_MANAGEMENT          ? SECTION_MANAGEMENT
@@ -63,6 +64,7 @@ static void visit_command(struct message_walk *walk, int index, enum icub_class 
         .slot = -1,
     };
 
+    /* The request; the answer is the same with sender and receiver exchanged */
     message_visit(walk, &message);
     if (row->reply_length) {
         message.id = icub_id(cls, board->address, ICUB_HOST);
@@ -79,6 +81,7 @@ static void visit_command(struct message_walk *walk, int index, enum icub_class 
     }
 }
 
+/* Visits the commands of a class. */
 static void visit_commands(struct message_walk *walk, int board, enum icub_class cls,
                            const struct icub_command *rows, unsigned count, bool axis_bit)
 {
@@ -89,6 +92,7 @@ static void visit_commands(struct message_walk *walk, int board, enum icub_class
     }
 }
 
+/* Visits the commands of class 7 but discovery. */
 static void visit_management(struct message_walk *walk, int board)
 {
     for (unsigned code = 0; code < 256; code++) {
@@ -125,6 +129,7 @@ void icub_visit_discovery(struct message_walk *walk)
     message_visit(walk, &discover);
 }
 
+/* Visits a board's answer to discovery. */
 static void visit_discovery_reply(struct message_walk *walk, int index)
 {
     const struct icub_command *row = icub_management_command(ICUB_DISCOVER);
@@ -152,6 +157,7 @@ static void visit_discovery_reply(struct message_walk *walk, int index)
 
 /* ---- periodic frames ---- */
 
+/* Returns the cycle of a frame of a sensor board, 0 where it has none. */
 static uint32_t sensor_cycle_ns(const struct board_config *board, unsigned type)
 {
     int64_t period_ns = board->period_ns > 0 ? board->period_ns : MS;
@@ -161,6 +167,7 @@ static uint32_t sensor_cycle_ns(const struct board_config *board, unsigned type)
                : 0;
 }
 
+/* Visits the periodic frames of a board. */
 static void visit_frames(struct message_walk *walk, int index, const struct icub_dialect *dialect)
 {
     const struct board_config *board = &walk->config->board[index];
@@ -172,6 +179,7 @@ static void visit_frames(struct message_walk *walk, int index, const struct icub
                                          : inertial ? icub_inertial_frames
                                                     : icub_analog_frames;
 
+    /* A frame for each type that the board's table has */
     for (unsigned type = 0; type < 16; type++) {
         struct message message = {
             .name = rows[type].name,

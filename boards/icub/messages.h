@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the protocols with iCub motor boards (icub, foc) have in common for others: their messages,
+ * Functions that the protocols with iCub motor boards (icub, foc) have in common: their messages,
  * the STRAIN and inertial boards beside the motors, words and identifiers. Not RT-safe.
  */
 #ifndef BOARDS_ICUB_MESSAGES_H
@@ -27,21 +27,21 @@ void icub_visit_messages(struct message_walk *walk, int board, const struct icub
 enum { ICUB_SECTION_TELEMETRY };
 extern const char *const icub_sections[];
 
-/* The board that a message is from or for; NULL: all. */
+/* Returns the board that a message is from or for; NULL: all. */
 const struct board_config *icub_message_board(const struct boards_config *config,
                                               const struct message *message);
 
-/* Channels of the STRAIN boards: their unit and scale, by the full scale. */
+/* Describes channels of the STRAIN boards: their unit and scale, by the full scale. */
 void icub_describe_channel(const struct boards_config *config, const struct message_field *field,
                            struct field_subject *subject);
 
-/* The frames of a STRAIN or an inertial board that come again and again. */
+/* Visits the frames of a STRAIN or an inertial board that come again and again. */
 void icub_visit_sensor_load(struct load_walk *walk, const struct board_config *board);
 
 bool icub_claims_id(const struct boards_bus_config *bus, uint32_t id, char *text, size_t size);
 const char *icub_mode_name(uint32_t mode);
 
-/* A STRAIN or an inertial board; NULL without memory. */
+/* Creates a STRAIN or an inertial board; NULL without memory. */
 struct board *icub_make_sensor(const struct board_config *config, struct arena *arena);
 bool icub_firmware(const struct board *board, struct board_firmware *firmware);
 

@@ -8,14 +8,17 @@
  * in counts of the torque source (0x8000 = its full scale). Bridges are on in every running mode
  * but calibration, and off in idle and after a fault.
  *
- * How references become PWM, once a millisecond: - voltage (open loop): the reference itself; -
- * current: PID (SET_CURRENT_PID) on mA; the reference is SET_DESIRED_TORQUE, read as mA; - torque:
- * PID (SET_TORQUE_PID) + offset on torque counts; - position: PID (SET_POSITION_PID) + offset +
- * stiction while a move is under way, on ticks; the
- *   reference moves by the trajectory generator (POSITION_MOVE), in velocity mode by the velocity
- *   reference, in mixed mode by both, in direct mode it jumps;
- * - impedance (its two modes, or any position-like mode when the interaction mode is compliant):
- *   torque reference = stiffness * error + damping * change of error + offset, then as torque.
+ * The references become PWM once a millisecond:
+ *
+ *   voltage (open loop): the reference itself
+ *   current: PID (SET_CURRENT_PID) on mA; the reference is SET_DESIRED_TORQUE, read as mA
+ *   torque: PID (SET_TORQUE_PID) + offset on torque counts
+ *   position: PID (SET_POSITION_PID) + offset + stiction while a move is under way, on ticks; the
+ *     reference moves by the trajectory generator (POSITION_MOVE), in velocity mode by the velocity
+ *     reference, in mixed mode by both; in direct mode it jumps
+ *   impedance (its two modes, or any position-like mode when the interaction mode is compliant):
+ *     torque reference = stiffness * error + damping * change of error + offset, then as torque
+ *
  * Each PID is cut to its own limit, everything to the PWM limit and the full scale. Gains are zero
  * at power-up, so that a board holds nothing before the host has configured it.
  *
@@ -73,6 +76,7 @@ void motor_board_print(struct board *board, const char *text)
 
 /* ---- power-up ---- */
 
+/* Fills the parameters of an axis at power-up: gains 0, limits of the rig. */
 static void motor_axis_set_defaults(const struct board *board, struct motor_axis *axis)
 {
     const struct board_axis_config *config = motor_axis_config(board, axis);
@@ -91,6 +95,7 @@ static void motor_axis_set_defaults(const struct board *board, struct motor_axis
     if (config->joint < 0) {
         return;
     }
+    /* Limits of the rig, rounded outward to ticks */
     control_quantize(floor(config->lower_rad * config->joint_ticks_per_rad), &limit);
     p[ICUB_P_MIN_POSITION] = limit;
     control_quantize(ceil(config->upper_rad * config->joint_ticks_per_rad), &limit);
@@ -101,6 +106,7 @@ static void motor_axis_set_defaults(const struct board *board, struct motor_axis
     p[ICUB_P_TEMPERATURE_LIMIT] = control_clamp(limit, 0, INT16_MAX);
 }
 
+/* Resets board and axes (struct board_ops). */
 static void motor_board_power_up(struct board *board)
 {
     struct motor_board *motor = motor_board_of(board);
@@ -131,6 +137,7 @@ static void motor_board_power_up(struct board *board)
     motor->started = false; /* speed estimation restarts */
 }
 
+/* Switches all axes off. */
 static void motor_board_switch_off(struct board *board)
 {
     for (int i = 0; i < MOTOR_AXES; i++) {
@@ -140,6 +147,7 @@ static void motor_board_switch_off(struct board *board)
     }
 }
 
+/* Stops motors and telemetry on discovery, where the rig asks for that (struct icub_board_ops). */
 static void motor_board_discovered(struct icub_board *icub)
 {
     struct board *board = &icub->board;
@@ -152,6 +160,7 @@ static void motor_board_discovered(struct icub_board *icub)
 
 /* ---- sensors ---- */
 
+/* Takes the sensors of an axis; values without a number are a fault and change nothing. */
 static void motor_axis_sample(struct motor_axis *axis, const struct board_axis_config *config,
                               const struct plant_sensors *sensors)
 {
@@ -175,7 +184,8 @@ static void motor_axis_sample(struct motor_axis *axis, const struct board_axis_c
         !control_quantize(sense->winding_c / ICUB_TEMPERATURE_C, &axis->temperature);
 }
 
-/* Encoders are quantized; their speeds are estimated from a sample a millisecond. */
+/* Samples both axes (struct board_ops). Encoders are quantized; their speeds are estimated from
+ * a sample a millisecond. */
 static void motor_board_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct motor_board *motor = motor_board_of(board);
@@ -206,6 +216,7 @@ static void motor_board_sample(struct board *board, const struct plant_sensors *
 
 /* ---- the tick ---- */
 
+/* Writes bridge and voltage of an axis into the plant's command. */
 static void motor_axis_drive_bridge(const struct board *board, const struct motor_axis *axis,
                                     struct plant_command *command)
 {
@@ -219,6 +230,7 @@ static void motor_axis_drive_bridge(const struct board *board, const struct moto
     }
 }
 
+/* Runs one tick: faults and time-outs, laws, bridges (struct board_ops). */
 static void motor_board_control(struct board *board, struct ms_span span,
                                 struct plant_command *command)
 {
@@ -233,6 +245,7 @@ static void motor_board_control(struct board *board, struct ms_span span,
     }
 }
 
+/* Returns whether an axis is in hardware fault (struct board_ops). */
 static bool motor_board_is_faulty(const struct board *board)
 {
     for (int i = 0; i < MOTOR_AXES; i++) {
@@ -243,11 +256,13 @@ static bool motor_board_is_faulty(const struct board *board)
     return false;
 }
 
+/* Returns the mode of an axis (struct board_ops). */
 static uint8_t motor_board_mode(const struct board *board, unsigned axis)
 {
     return motor_board_of(board)->axis[axis].mode;
 }
 
+/* Switches all axes off (struct board_ops). */
 static void motor_board_shut_down(struct board *board, struct plant_command *command)
 {
     motor_board_switch_off(board);

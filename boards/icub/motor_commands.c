@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a motor board does on each command of class 0. */
+/* Obeys each command of class 0 on a motor board. */
 #include "boards/icub/motor_private.h"
 
 #include "canbus/frame.h"
 
 #include <string.h>
 
-enum { CALIBRATION_MS = 100 }; /* how long CALIBRATE_ENCODER takes */
+enum { CALIBRATION_MS = 100 }; /* duration of CALIBRATE_ENCODER */
 
+/* Returns a position within the limits, ticks. */
 static int64_t motor_axis_clamp_position(const struct motor_axis *axis, int64_t position)
 {
     const int64_t *p = axis->parameter;
@@ -17,6 +18,7 @@ static int64_t motor_axis_clamp_position(const struct motor_axis *axis, int64_t 
                                                : position;
 }
 
+/* Starts a trajectory to a target, in modes that have a generator. */
 static void motor_axis_start_move(struct motor_axis *axis, int64_t target, int64_t speed)
 {
     if (!motor_axis_moves(axis)) {
@@ -28,6 +30,7 @@ static void motor_axis_start_move(struct motor_axis *axis, int64_t target, int64
     trajectory_start(&axis->trajectory, (int32_t)target, speed);
 }
 
+/* Takes a velocity reference, in modes that have one. */
 static void motor_axis_start_velocity(struct board *board, struct motor_axis *axis,
                                       const int64_t *request)
 {
@@ -38,6 +41,7 @@ static void motor_axis_start_velocity(struct board *board, struct motor_axis *ax
     }
 }
 
+/* Stops the motion where the axis is. */
 static void motor_axis_stop_move(struct motor_axis *axis)
 {
     if (motor_axis_moves(axis) || motor_axis_has_velocity(axis)) {
@@ -58,6 +62,7 @@ static void motor_axis_set_encoder(struct motor_axis *axis, int64_t value)
     trajectory_stop(&axis->trajectory, axis->desired);
 }
 
+/* Obeys CALIBRATE_ENCODER. Returns false when the type is another than absolute. */
 static bool motor_axis_calibrate(struct board *board, struct motor_axis *axis,
                                  const int64_t *request)
 {
@@ -76,7 +81,7 @@ static bool motor_axis_calibrate(struct board *board, struct motor_axis *axis,
     return true;
 }
 
-/* The parameters of the position PID that a command sets, as bits of motor_axis's pids. */
+/* Returns the parameters of the position PID that a command sets, as bits of motor_axis's pids. */
 static uint8_t motor_axis_pid_bits(unsigned code)
 {
     switch (code) {
@@ -103,7 +108,7 @@ static uint8_t motor_axis_pid_bits(unsigned code)
     }
 }
 
-/* What follows from a parameter's new value, beyond its being kept. */
+/* Does what follows from a parameter's new value, beyond storing it. */
 static void motor_axis_parameter_changed(struct board *board, struct motor_axis *axis,
                                          unsigned code)
 {
@@ -128,7 +133,7 @@ static void motor_axis_parameter_changed(struct board *board, struct motor_axis 
     }
 }
 
-/* Commands that ask for the state of an axis; false: not one of them. */
+/* Answers commands that ask for the state of an axis; returns false when it is not one of them. */
 static bool motor_axis_answer(const struct board *board, const struct motor_axis *axis,
                               unsigned code, int64_t *reply)
 {
@@ -176,7 +181,8 @@ static bool motor_axis_answer(const struct board *board, const struct motor_axis
     }
 }
 
-/* Commands that make an axis do something; false: not one of them, or refused. */
+/* Obeys commands that make an axis do something; returns false when it is not one of them, or
+ * refused. */
 static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigned code,
                            const int64_t *request)
 {
@@ -225,7 +231,7 @@ static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigne
     }
 }
 
-/* Commands that are for the board, whatever their axis bit. */
+/* Obeys commands that are for the board, whatever their axis bit. */
 static bool motor_board_obey(struct motor_board *motor, const struct bus_frame *frame,
                              unsigned code, const int64_t *request, int64_t *reply, bool *answer)
 {

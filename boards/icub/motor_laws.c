@@ -3,6 +3,7 @@
  * which). */
 #include "boards/icub/motor_private.h"
 
+/* Returns a PWM value within a limit and the full scale. */
 static int64_t pwm_clamp(int64_t value, int64_t limit)
 {
     int64_t most = control_clamp(limit, 0, ICUB_PWM_FULL_SCALE);
@@ -10,7 +11,7 @@ static int64_t pwm_clamp(int64_t value, int64_t limit)
     return control_clamp(value, -most, most);
 }
 
-/* By how many ticks the velocity reference moves in this millisecond. */
+/* Returns by how many ticks the velocity reference moves in this millisecond. */
 static int64_t motor_axis_velocity_step(struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
@@ -51,6 +52,7 @@ static void motor_axis_advance_reference(struct motor_axis *axis)
     axis->desired = (int32_t)control_clamp(desired, INT32_MIN, INT32_MAX);
 }
 
+/* Returns the PWM of the position PID with offset and, during a move, stiction. */
 static int64_t motor_axis_position_law(struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
@@ -68,6 +70,7 @@ static int64_t motor_axis_position_law(struct motor_axis *axis)
     return pwm_clamp(pwm, p[ICUB_P_POSITION_LIMIT]);
 }
 
+/* Returns the PWM of the torque PID with offset. */
 static int64_t motor_axis_torque_law(struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
@@ -78,6 +81,7 @@ static int64_t motor_axis_torque_law(struct motor_axis *axis)
     return pwm_clamp(pwm + p[ICUB_P_TORQUE_OFFSET], p[ICUB_P_TORQUE_LIMIT]);
 }
 
+/* Returns the PWM of the current PID. */
 static int64_t motor_axis_current_law(struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
@@ -88,6 +92,8 @@ static int64_t motor_axis_current_law(struct motor_axis *axis)
                     p[ICUB_P_DESIRED_TORQUE] - motor_axis_current_ma(axis));
 }
 
+/* Returns the PWM of the impedance: a torque reference by stiffness and damping, then the torque
+ * law. */
 static int64_t motor_axis_impedance_law(struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
@@ -99,6 +105,8 @@ static int64_t motor_axis_impedance_law(struct motor_axis *axis)
     return motor_axis_torque_law(axis);
 }
 
+/* Returns the torque, in counts, of the axis's source: a STRAIN board on the bus or its own
+ * sensor. */
 static int64_t motor_axis_measured_torque(const struct board *board, const struct motor_axis *axis)
 {
     const struct board_axis_config *config = motor_axis_config(board, axis);
@@ -117,7 +125,7 @@ static int64_t motor_axis_measured_torque(const struct board *board, const struc
     return control_clamp(counts, INT16_MIN, INT16_MAX);
 }
 
-/* Torque feedback, then the law of the mode, then the limits of the PWM. */
+/* Runs one millisecond: torque feedback, then the law of the mode, then the limits of the PWM. */
 void motor_axis_step(const struct board *board, struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The control modes of a motor board: how an axis comes into each, gently or strictly. */
+/* The control modes of a motor board: how an axis enters each, leniently or strictly. */
 #include "boards/icub/motor_private.h"
 
 #include <stdio.h>
@@ -39,6 +39,7 @@ void motor_axis_set_mode(struct board *board, struct motor_axis *axis, uint8_t m
     motor_axis_reset_references(board, axis);
 }
 
+/* Returns whether a mode drives the motor. */
 static bool motor_is_control_mode(int64_t mode)
 {
     switch (mode) {
@@ -57,7 +58,7 @@ static bool motor_is_control_mode(int64_t mode)
     }
 }
 
-/* Tells the host's log a text and a number. */
+/* Writes a text and a number to the host's log. */
 static void motor_board_print_number(struct board *board, const char *text, unsigned number)
 {
     char line[32];
@@ -66,7 +67,8 @@ static void motor_board_print_number(struct board *board, const char *text, unsi
     motor_board_print(board, line);
 }
 
-/* A new mode of a strict axis; the present one again changes nothing, its references neither. */
+/* Switches the mode of a strict axis; the present one again changes nothing, its references
+ * neither. */
 static void motor_axis_switch_strictly(struct board *board, struct motor_axis *axis, int64_t mode)
 {
     bool known = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_HARDWARE_FAULT ||
@@ -103,7 +105,7 @@ bool motor_axis_is_owed_nothing(struct board *board, struct motor_axis *axis, bo
     return false;
 }
 
-/* SET_CONTROL_MODE as the firmware obeys it, oddities included (motor_board.c). */
+/* Obeys SET_CONTROL_MODE as the firmware does, oddities included (motor_board.c). */
 static void motor_axis_command_mode_strictly(struct board *board, struct motor_axis *axis,
                                              int64_t mode)
 {
@@ -138,6 +140,7 @@ bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64
                   (mode == ICUB_MODE_CURRENT && motor_axis_config(board, axis)->valve))) {
         return false;
     }
+    /* From idle into a mode; out of a fault by FORCE_IDLE only; else from mode to mode */
     if (axis->mode == ICUB_MODE_IDLE) {
         if (!stop) {
             motor_axis_set_mode(board, axis, (uint8_t)mode);

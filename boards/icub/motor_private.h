@@ -112,18 +112,18 @@ void motor_board_print(struct board *board, const char *text);
 /* Modes (motor_modes.c). A new mode or the present one again; references are reset. */
 void motor_axis_set_mode(struct board *board, struct motor_axis *axis, uint8_t mode);
 
-/* Whether the host has done what a strict board asks for before it switches an axis on: stated its
- * protocol, set the position PID, calibrated. If not the axis is in hardware fault. */
+/* Checks whether the host has done what a strict board asks for before it switches an axis on:
+ * stated its protocol, set the position PID, calibrated. If not the axis enters hardware fault. */
 bool motor_axis_is_owed_nothing(struct board *board, struct motor_axis *axis, bool calibrated);
 
-/* SET_CONTROL_MODE; false: there is no such mode. */
+/* Obeys SET_CONTROL_MODE; returns false when there is no such mode. */
 bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64_t mode);
 
-/* The position reference is where the axis is; the second resets all other references, too. */
+/* Set the position reference to where the axis is; the second resets all other references, too. */
 void motor_axis_hold_position(struct motor_axis *axis);
 void motor_axis_reset_references(struct board *board, struct motor_axis *axis);
 
-/* What the mode has: a trajectory generator, a velocity reference, an impedance law. */
+/* Return whether the mode has a trajectory generator, a velocity reference, an impedance law. */
 bool motor_axis_moves(const struct motor_axis *axis);
 bool motor_axis_has_velocity(const struct motor_axis *axis);
 bool motor_axis_is_impedance(const struct motor_axis *axis);
@@ -132,19 +132,19 @@ bool motor_axis_is_impedance(const struct motor_axis *axis);
 bool motor_board_command(struct icub_board *icub, const struct bus_frame *frame,
                          const int64_t *request, int64_t *reply, bool *answer);
 
-/* What may be set beside the bus (motor_settings.c). */
+/* Settings that may be changed beside the bus (motor_settings.c). */
 extern const struct board_settings motor_settings;
 
-/* Faults, limits and time-outs of a tick (motor_watch.c). */
+/* Watches faults, limits and time-outs in a tick (motor_watch.c). */
 void motor_board_watch(struct board *board);
 
-/* What the CAN controller is in, as STATUS byte 4 has it. */
+/* Returns the state of the CAN controller, as STATUS byte 4 has it. */
 uint8_t motor_board_can_status(const struct board *board);
 
-/* One millisecond of an axis's control law (motor_laws.c). */
+/* Runs one millisecond of an axis's control law (motor_laws.c). */
 void motor_axis_step(const struct board *board, struct motor_axis *axis);
 
-/* The periodic frames (motor_telemetry.c). */
+/* Sends the periodic frames (motor_telemetry.c). */
 void motor_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
 
 #endif

@@ -35,16 +35,19 @@ static const struct {
     {"max_velocity", ICUB_SET_MAX_VELOCITY, 0},
 };
 
+/* Returns the field of the command that sets a setting. */
 static const struct field *motor_setting_field(size_t index)
 {
     return &icub_motor_commands[rows[index].code].request[rows[index].field];
 }
 
+/* Returns the parameter of a setting. */
 static unsigned motor_setting_parameter(size_t index)
 {
     return (unsigned)icub_motor_commands[rows[index].code].parameter + rows[index].field;
 }
 
+/* Describes a setting: name, unit, range (struct board_settings). */
 static void motor_setting_describe(const struct board *board, unsigned axis, size_t index,
                                    struct board_setting *setting)
 {
@@ -62,11 +65,13 @@ static void motor_setting_describe(const struct board *board, unsigned axis, siz
     };
 }
 
+/* Returns the value of a setting (struct board_settings). */
 static double motor_setting_get(const struct board *board, unsigned axis, size_t index)
 {
     return (double)motor_board_of(board)->axis[axis].parameter[motor_setting_parameter(index)];
 }
 
+/* Writes a setting (struct board_settings). */
 static bool motor_setting_set(struct board *board, unsigned axis, size_t index, double value)
 {
     motor_board_of(board)->axis[axis].parameter[motor_setting_parameter(index)] = (int64_t)value;

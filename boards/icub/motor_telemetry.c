@@ -1,12 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The periodic frames of a motor board in their slots. */
+/* Sends the periodic frames of a motor board in their slots. */
 #include "boards/icub/motor_private.h"
 
+/* Returns whether the policy asks for a type of frame. */
 static bool motor_board_broadcasts(const struct motor_board *motor, enum icub_motor_type type)
 {
     return motor->policy >> (type - 1) & 1;
 }
 
+/* Builds a frame from its row and sends it. */
 static void motor_board_send_frame(struct board *board, struct frame_sink *sink,
                                    enum icub_motor_type type, const int64_t *values)
 {
@@ -17,6 +19,7 @@ static void motor_board_send_frame(struct board *board, struct frame_sink *sink,
     board_send(board, sink, icub_id(ICUB_PERIODIC_MOTOR, board->address, type), row->length, data);
 }
 
+/* Sends a frame of up to four values if the policy asks for it. */
 static void motor_board_send_if_wanted(struct board *board, struct frame_sink *sink,
                                        enum icub_motor_type type, int64_t v0, int64_t v1,
                                        int64_t v2, int64_t v3)
@@ -26,7 +29,8 @@ static void motor_board_send_if_wanted(struct board *board, struct frame_sink *s
     }
 }
 
-/* An error counter as STATUS has it: its change since the last one, as far as a byte goes. */
+/* Returns an error counter as STATUS has it: its change since the last one, as far as a byte
+ * goes. */
 static int64_t can_counter_change(unsigned counter, int *reported)
 {
     int64_t change = control_clamp((int64_t)counter - *reported, INT8_MIN, INT8_MAX);
@@ -35,6 +39,7 @@ static int64_t can_counter_change(unsigned counter, int *reported)
     return change & 0xff;
 }
 
+/* Sends STATUS and forgets what is reported once. */
 static void motor_board_send_status(struct board *board, struct frame_sink *sink)
 {
     struct motor_board *motor = motor_board_of(board);
@@ -54,6 +59,8 @@ static void motor_board_send_status(struct board *board, struct frame_sink *sink
     motor->status_due = board->lost_in_status = false;
 }
 
+/* Sends STATUS and ADDITIONAL_STATUS when they are due: periodically, on changes, while a fault
+ * lasts. */
 static void motor_board_transmit_status(struct board *board, struct frame_sink *sink,
                                         int64_t now_ms)
 {
@@ -79,6 +86,7 @@ static void motor_board_transmit_status(struct board *board, struct frame_sink *
     }
 }
 
+/* Sends speeds and accelerations of the joints. */
 static void motor_board_send_joint_speeds(struct board *board, struct frame_sink *sink)
 {
     const struct motor_axis *a = &motor_board_of(board)->axis[0],
@@ -94,6 +102,7 @@ static void motor_board_send_joint_speeds(struct board *board, struct frame_sink
                                q[ICUB_P_JOINT_SPEED_SHIFT] + q[ICUB_P_JOINT_ACCELERATION_SHIFT]));
 }
 
+/* Sends speeds and accelerations of the motors. */
 static void motor_board_send_motor_speeds(struct board *board, struct frame_sink *sink)
 {
     const struct motor_axis *a = &motor_board_of(board)->axis[0],
@@ -110,6 +119,7 @@ static void motor_board_send_motor_speeds(struct board *board, struct frame_sink
                                q[ICUB_P_MOTOR_SPEED_SHIFT] + q[ICUB_P_MOTOR_ACCELERATION_SHIFT]));
 }
 
+/* Sends the frames of slot 3, as far as the policy asks for them. */
 static void motor_board_transmit_slot_3(struct board *board, struct frame_sink *sink)
 {
     const struct motor_axis *a = &motor_board_of(board)->axis[0],

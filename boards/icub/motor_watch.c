@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a motor board watches: faults of its hardware, its limits and its time-outs. */
+/* Watches faults of a motor board's hardware, its limits and its time-outs. */
 #include "boards/icub/motor_private.h"
 
 #include <math.h>
 
 enum { OVERLOAD_MS = 10 }; /* budget of over-current, see motor_board.c */
 
+/* Updates the I2t overload of an axis; returns whether it trips. */
 static bool motor_axis_is_over_current(const struct board *board, struct motor_axis *axis)
 {
     double limit = (double)axis->parameter[ICUB_P_CURRENT_LIMIT] * 1e-3;
@@ -23,6 +24,7 @@ static bool motor_axis_is_over_current(const struct board *board, struct motor_a
     return axis->overload > OVERLOAD_MS;
 }
 
+/* Checks supply, encoders and current; a fault stops a running axis. */
 static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis)
 {
     double supply_v = motor_board_of(board)->supply_v;
@@ -34,6 +36,7 @@ static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis
     bool over_current = motor_axis_is_over_current(board, axis);
 
     axis->faults = faults;
+    /* Over-current is reported once, the others as long as they last */
     if (over_current) {
         axis->faults_once |= ICUB_FAULT_OVER_CURRENT;
         risen |= ICUB_FAULT_OVER_CURRENT;
@@ -49,6 +52,7 @@ static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis
     }
 }
 
+/* Checks the winding's temperature; above its limit a running axis stops. */
 static void motor_axis_watch_temperature(struct board *board, struct motor_axis *axis)
 {
     int64_t limit = axis->parameter[ICUB_P_TEMPERATURE_LIMIT];
@@ -71,7 +75,7 @@ static void motor_axis_watch_temperature(struct board *board, struct motor_axis 
     }
 }
 
-/* What the CAN controller is in, as STATUS byte 4 has it. */
+/* Returns the state of the CAN controller, as STATUS byte 4 has it. */
 uint8_t motor_board_can_status(const struct board *board)
 {
     const struct board_can_state *can = &board->can;
@@ -82,6 +86,7 @@ uint8_t motor_board_can_status(const struct board *board)
                      (can->rec >= BOARD_CAN_WARNING ? ICUB_CAN_RX_WARNING : 0));
 }
 
+/* Notes new states of the CAN controller for the next STATUS. */
 static void motor_board_watch_can(struct board *board)
 {
     struct motor_board *motor = motor_board_of(board);
@@ -94,6 +99,7 @@ static void motor_board_watch_can(struct board *board)
     motor->can |= now & (uint8_t)~motor->can_reported;
 }
 
+/* Sets a reference to 0 that was not refreshed, with an event. */
 static void motor_axis_reference_timed_out(struct board *board, struct motor_axis *axis,
                                            enum icub_parameter reference)
 {
@@ -102,7 +108,8 @@ static void motor_axis_reference_timed_out(struct board *board, struct motor_axi
     board_event(board, BOARD_EVENT_TIMEOUT, motor_axis_index(board, axis), axis->mode, 0);
 }
 
-/* The command time-out of this simulator, a safety that the firmware (a strict board) lacks. */
+/* Checks the command time-out of this simulator, a safety that the firmware (a strict board)
+ * lacks. */
 static void motor_axis_watch_references(struct board *board, struct motor_axis *axis)
 {
     bool voltage = axis->mode == ICUB_MODE_OPEN_LOOP;
@@ -117,6 +124,7 @@ static void motor_axis_watch_references(struct board *board, struct motor_axis *
     }
 }
 
+/* Checks the time-out of the velocity reference, as the firmware has it. */
 static void motor_axis_watch_velocity(struct board *board, struct motor_axis *axis)
 {
     int64_t age = board->boards->now_ns - axis->velocity_ns;
@@ -128,6 +136,7 @@ static void motor_axis_watch_velocity(struct board *board, struct motor_axis *ax
     }
 }
 
+/* Returns whether the torque source of an axis has been heard lately. */
 static bool motor_axis_source_is_alive(const struct board *board, const struct motor_axis *axis)
 {
     int64_t address = axis->parameter[ICUB_P_TORQUE_SOURCE];
@@ -143,6 +152,7 @@ static bool motor_axis_source_is_alive(const struct board *board, const struct m
     return board->boards->now_ns - since <= (int64_t)ICUB_STRAIN_SAFE_MS * MS;
 }
 
+/* Switches an axis off whose torque loop has lost its source. */
 static void motor_axis_watch_source(struct board *board, struct motor_axis *axis)
 {
     if ((axis->mode == ICUB_MODE_TORQUE || motor_axis_is_impedance(axis)) &&
@@ -155,7 +165,7 @@ static void motor_axis_watch_source(struct board *board, struct motor_axis *axis
     }
 }
 
-/* Beyond a limit the firmware refuses any voltage, even one that would lead back. */
+/* Refuses any voltage beyond a limit, even one that would lead back, as the firmware does. */
 static void motor_axis_watch_limits(struct board *board, struct motor_axis *axis)
 {
     int32_t position = motor_axis_position(axis);
@@ -175,6 +185,7 @@ static void motor_axis_watch_limits(struct board *board, struct motor_axis *axis
     }
 }
 
+/* Ends a calibration when its time is over: the offset makes the position that was named zero. */
 static void motor_axis_watch_calibration(struct board *board, struct motor_axis *axis)
 {
     if (axis->mode == ICUB_MODE_CALIBRATION && board->boards->now_ns >= axis->calibrated_ns) {

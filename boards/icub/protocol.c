@@ -9,7 +9,7 @@
 
 /* ---- boards ---- */
 
-/* Whether there is memory for what is downloaded. */
+/* Allocates the image of what is downloaded; returns false without memory. */
 static bool icub_keep_firmware(struct board *board, struct arena *arena)
 {
     uint16_t **image = &icub_board_of(board)->loader.image;
@@ -18,6 +18,7 @@ static bool icub_keep_firmware(struct board *board, struct arena *arena)
     return *image;
 }
 
+/* Creates a board of the configured kind (struct protocol). */
 static struct board *icub_make_board(const struct board_config *config, struct arena *arena)
 {
     struct board *board;
@@ -31,6 +32,7 @@ static struct board *icub_make_board(const struct board_config *config, struct a
 
 /* ---- messages ---- */
 
+/* Returns the cycle of a class 1 frame, 0 where it has none. */
 static uint32_t icub_cycle_ns(const struct board_config *board, unsigned type)
 {
     (void)board;
@@ -40,6 +42,7 @@ static uint32_t icub_cycle_ns(const struct board_config *board, unsigned type)
                : (uint32_t)(ICUB_SLOTS * MS);
 }
 
+/* Visits the messages of a board (struct protocol). */
 static void icub_visit_board(struct message_walk *walk, int board, unsigned first_slot)
 {
     static const struct icub_dialect dialect = {
@@ -55,8 +58,8 @@ static void icub_visit_board(struct message_walk *walk, int board, unsigned firs
     icub_visit_messages(walk, board, &dialect);
 }
 
-/* The axis of a motor board that a field is about; NULL: none. In telemetry it is the digit that
- * ends the field's name; characters of a text are c and a digit. */
+/* Returns the axis of a motor board that a field is about; NULL when there is none. In telemetry
+ * it is the digit that ends the field's name; characters of a text are c and a digit. */
 static const struct board_axis_config *icub_field_axis(const struct board_config *board,
                                                        const struct message_field *field)
 {
@@ -72,6 +75,7 @@ static const struct board_axis_config *icub_field_axis(const struct board_config
     return size > 2 && (last == '0' || last == '1') ? &board->axis[last - '0'] : NULL;
 }
 
+/* Describes a field: the axis or channel that it is about, and its unit (struct protocol). */
 static void icub_describe_field(const struct boards_config *config, int bus,
                                 const struct message_field *field, struct field_subject *subject)
 {
@@ -101,7 +105,8 @@ static void icub_describe_field(const struct boards_config *config, int bus,
 
 /* ---- load ---- */
 
-/* POSITION, PID_VAL, CURRENT and VELOCITY, one in each slot; STATUS. */
+/* Visits the frames that a board sends again and again: POSITION, PID_VAL, CURRENT and VELOCITY,
+ * one in each slot; STATUS. */
 static void icub_visit_board_load(struct load_walk *walk, const struct board_config *board)
 {
     if (board->kind != BOARD_MOTOR) {
@@ -114,7 +119,7 @@ static void icub_visit_board_load(struct load_walk *walk, const struct board_con
     load_visit(walk, 8, ICUB_STATUS_PERIOD_MS * 1e-3);
 }
 
-/* A voltage for each axis. */
+/* Visits the host's frames: a voltage for each axis. */
 static void icub_visit_command_load(struct load_walk *walk)
 {
     for (unsigned i = load_bus_axes(walk); i > 0; i--) {

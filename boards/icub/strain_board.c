@@ -44,6 +44,7 @@ static struct strain_board *strain_board_of(const struct board *board)
     return container_of(board, struct strain_board, icub.board);
 }
 
+/* Fills the EEPROM of a new board: serial number, identity matrix, full scales of the rig. */
 static void strain_board_set_up_eeprom(const struct board *board)
 {
     struct strain_board *strain = strain_board_of(board);
@@ -62,6 +63,7 @@ static void strain_board_set_up_eeprom(const struct board *board)
     strain->saved = true;
 }
 
+/* Resets what is lost with the power (struct board_ops). */
 static void strain_board_power_up(struct board *board)
 {
     struct strain_board *strain = strain_board_of(board);
@@ -79,12 +81,14 @@ static void strain_board_power_up(struct board *board)
 
 /* ---- values ---- */
 
+/* Returns a channel with its calibration tare, counts. */
 static int32_t strain_board_uncalibrated(const struct strain_board *strain, int channel)
 {
     return (int32_t)control_clamp(strain->adc[channel] + strain->calibration_tare[channel],
                                   INT16_MIN, INT16_MAX);
 }
 
+/* Reads all channels with their calibration tares. */
 static void strain_board_read_uncalibrated(const struct strain_board *strain,
                                            int32_t counts[BOARD_CHANNELS])
 {
@@ -93,6 +97,7 @@ static void strain_board_read_uncalibrated(const struct strain_board *strain,
     }
 }
 
+/* Returns a row of the calibration matrix times the counts. */
 static int32_t strain_board_apply_matrix(const struct strain_board *strain,
                                          const int32_t counts[BOARD_CHANNELS], int channel)
 {
@@ -104,7 +109,7 @@ static int32_t strain_board_apply_matrix(const struct strain_board *strain,
     return (int32_t)control_clamp(sum / MATRIX_ONE, INT16_MIN, INT16_MAX);
 }
 
-/* Before the current tare. */
+/* Returns a calibrated channel before the current tare. */
 static int32_t strain_board_calibrate(const struct strain_board *strain, int channel)
 {
     int32_t counts[BOARD_CHANNELS];
@@ -113,16 +118,20 @@ static int32_t strain_board_calibrate(const struct strain_board *strain, int cha
     return strain_board_apply_matrix(strain, counts, channel);
 }
 
+/* Returns a value with the current tare of a channel. */
 static int32_t strain_board_add_tare(const struct strain_board *strain, int32_t value, int channel)
 {
     return (int32_t)control_clamp(value + strain->current_tare[channel], INT16_MIN, INT16_MAX);
 }
 
+/* Returns a calibrated channel with the current tare. */
 static int32_t strain_board_calibrated(const struct strain_board *strain, int channel)
 {
     return strain_board_add_tare(strain, strain_board_calibrate(strain, channel), channel);
 }
 
+/* Converts a channel to counts and notes whether it is saturated; a value without a number keeps
+ * the one before. */
 static void strain_board_convert(struct board *board, int channel, double value)
 {
     struct strain_board *strain = strain_board_of(board);
@@ -139,6 +148,7 @@ static void strain_board_convert(struct board *board, int channel, double value)
                                                           : SATURATED_NOT;
 }
 
+/* Returns whether a channel is saturated. */
 static bool strain_board_is_saturated(const struct strain_board *strain)
 {
     for (int i = 0; i < BOARD_CHANNELS; i++) {
@@ -149,6 +159,7 @@ static bool strain_board_is_saturated(const struct strain_board *strain)
     return false;
 }
 
+/* Updates the calibrated values unless a channel is saturated. */
 static void strain_board_hold_good_values(struct strain_board *strain)
 {
     int32_t counts[BOARD_CHANNELS];
@@ -163,6 +174,7 @@ static void strain_board_hold_good_values(struct strain_board *strain)
     }
 }
 
+/* Converts the channels of a force-torque sensor (struct board_ops). */
 static void strain_board_sample_ft(struct board *board, const struct plant_sensors *sensors)
 {
     const struct ft_sense *sense = &sensors->ft[board->config.ft];
@@ -173,6 +185,7 @@ static void strain_board_sample_ft(struct board *board, const struct plant_senso
     }
 }
 
+/* Converts the torques of joints (struct board_ops). */
 static void strain_board_sample_torque(struct board *board, const struct plant_sensors *sensors)
 {
     for (int i = 0; i < BOARD_CHANNELS; i++) {
@@ -186,15 +199,16 @@ static void strain_board_sample_torque(struct board *board, const struct plant_s
 
 /* ---- commands ---- */
 
-/* The low half of a channel or row byte selects it; the high half is the regulation set, of which
- * this board has one. */
+/* Finds the channel or row that a byte selects by its low half; the high half is the regulation
+ * set, of which this board has one. */
 static bool strain_board_split_channel(int64_t byte, unsigned *channel)
 {
     *channel = byte & 0xf;
     return *channel < BOARD_CHANNELS;
 }
 
-/* Sets one tare, or all of them by what value shows; false: no such channel. */
+/* Sets one tare, or all of them by what value returns; returns false when there is no such
+ * channel. */
 static bool strain_board_set_tare(const struct strain_board *strain, int16_t *tare,
                                   const int64_t *request,
                                   int32_t (*value)(const struct strain_board *strain, int channel))
@@ -216,11 +230,13 @@ static bool strain_board_set_tare(const struct strain_board *strain, int16_t *ta
     return true;
 }
 
+/* Returns the reading of a channel, counts from zero. */
 static int32_t strain_board_reading(const struct strain_board *strain, int channel)
 {
     return strain->adc[channel];
 }
 
+/* Obeys the commands that set a tare. */
 static bool strain_board_command_tare(struct strain_board *strain, const struct bus_frame *frame,
                                       const int64_t *request)
 {
@@ -241,6 +257,7 @@ static bool strain_board_command_tare(struct strain_board *strain, const struct 
            strain_board_set_tare(strain, strain->current_tare, request, strain_board_calibrate);
 }
 
+/* Obeys SET_MATRIX and GET_MATRIX: one element. */
 static bool strain_board_command_matrix(struct strain_board *strain, unsigned code,
                                         const int64_t *request, int64_t *reply)
 {
@@ -260,7 +277,7 @@ static bool strain_board_command_matrix(struct strain_board *strain, unsigned co
     return true;
 }
 
-/* SET and GET of what the EEPROM keeps of each channel, for the host. */
+/* Obeys SET and GET of what the EEPROM keeps of each channel, for the host. */
 static bool strain_board_command_channel(struct strain_board *strain, unsigned code,
                                          const int64_t *request, int64_t *reply)
 {
@@ -292,7 +309,7 @@ static bool strain_board_command_channel(struct strain_board *strain, unsigned c
     return true;
 }
 
-/* Commands that set something; false: not one of them. */
+/* Obeys commands that set something; returns false when it is not one of them. */
 static bool strain_board_set(struct board *board, unsigned code, const int64_t *request)
 {
     struct strain_board *strain = strain_board_of(board);
@@ -330,7 +347,7 @@ static bool strain_board_set(struct board *board, unsigned code, const int64_t *
     return true;
 }
 
-/* Commands that are answered; false: not one of them. */
+/* Answers commands; returns false when it is not one of them. */
 static bool strain_board_get(struct board *board, unsigned code, const int64_t *request,
                              int64_t *reply)
 {
@@ -379,6 +396,7 @@ static bool strain_board_get(struct board *board, unsigned code, const int64_t *
     }
 }
 
+/* Obeys a command of class 2 (struct icub_board_ops). */
 static bool strain_board_command(struct icub_board *icub, const struct bus_frame *frame,
                                  const int64_t *request, int64_t *reply, bool *answer)
 {
@@ -407,7 +425,8 @@ static bool strain_board_command(struct icub_board *icub, const struct bus_frame
 
 /* ---- periodic frames ---- */
 
-/* Three channels from first on; saturation in a seventh byte: any, then two bits a channel. */
+/* Sends three channels from first on; saturation is in a seventh byte: any, then two bits a
+ * channel. */
 static void strain_board_send_frame(struct board *board, struct frame_sink *sink,
                                     enum icub_analog_type type, const int32_t *counts, int first)
 {
@@ -428,7 +447,8 @@ static void strain_board_send_frame(struct board *board, struct frame_sink *sink
     board_send(board, sink, icub_id(ICUB_PERIODIC_ANALOG, board->address, type), len, data);
 }
 
-/* Motor boards on the bus take the torques of their loops from these frames. */
+/* Hands a sent frame to the motor boards on the bus, which take the torques of their loops from
+ * it (struct board_ops). */
 static void strain_board_sent(struct board *board, const struct bus_frame *frame)
 {
     enum icub_analog_type type = (enum icub_analog_type)(frame->id & 0xf);
@@ -438,6 +458,7 @@ static void strain_board_sent(struct board *board, const struct bus_frame *frame
     }
 }
 
+/* Returns whether frames are due, and plans the next ones. */
 static bool strain_board_is_due(struct board *board)
 {
     struct strain_board *strain = strain_board_of(board);
@@ -450,6 +471,7 @@ static bool strain_board_is_due(struct board *board)
     return true;
 }
 
+/* Sends the frames of the transmit mode when they are due (struct board_ops). */
 static void strain_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
     struct strain_board *strain = strain_board_of(board);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The bits of a frame: counted by tables of eight bits at a time, or written out one by one. */
+/* Counts the bits of a frame with their stuff bits, eight at a time by tables, and writes them
+ * out one by one where a fault needs them (ISO 11898-1). */
 #include "canbus/wire/bits.h"
 
 enum {
@@ -13,6 +14,7 @@ enum {
 
 /* ---- fields ---- */
 
+/* Returns the data length code of a frame. */
 static inline unsigned wire_dlc(const struct bus_frame *frame)
 {
     if (frame->len <= 8) {
@@ -21,22 +23,24 @@ static inline unsigned wire_dlc(const struct bus_frame *frame)
     return frame->len <= 24 ? 9u + (frame->len - 12u) / 4u : 11u + frame->len / 16u;
 }
 
-/* SOF to DLC without stuff bits, right-aligned. */
+/* The bits from SOF to DLC without stuff bits, right-aligned; SOF is the leading 0. */
 struct wire_header {
     uint64_t bits;
     unsigned count;
     unsigned arbitration; /* bits behind SOF that decide the arbitration */
 };
 
+/* Makes the header of a frame: SOF, arbitration field and control field. */
 static inline struct wire_header wire_make_header(const struct bus_frame *frame, bool extended,
                                                   bool fd)
 {
     const uint64_t remote = frame->flags & FRAME_REMOTE ? 1 : 0;
     struct wire_header header;
 
-    /* The arbitration field, with IDE in it or behind it */
+    /* The arbitration field; IDE belongs to it in the extended format and follows it in the
+     * standard one */
     if (extended) {
-        /* Base, SRR = 1, IDE = 1, the other 18 bits, RTR (RRS = 0) */
+        /* Base identifier, SRR = 1, IDE = 1, identifier extension (18 bits), RTR (FD: RRS = 0) */
         header.bits = (uint64_t)(frame->id >> 18) << 21 | UINT64_C(3) << 19 |
                       (uint64_t)(frame->id & 0x3FFFF) << 1 | remote;
         header.arbitration = 32;
@@ -57,7 +61,7 @@ static inline struct wire_header wire_make_header(const struct bus_frame *frame,
                       (frame->flags & FRAME_ESI ? 1u : 0u);
         header.count += 4;
     } else {
-        /* r0 = 0, with a 29-bit identifier r1 before it */
+        /* r0 = 0; an extended frame has r1 before it */
         header.bits <<= extended ? 2 : 1;
         header.count += extended ? 2 : 1;
     }
@@ -66,18 +70,19 @@ static inline struct wire_header wire_make_header(const struct bus_frame *frame,
     return header;
 }
 
+/* Returns how many data bytes are on the wire: none in a remote frame. */
 static unsigned wire_data_bytes(const struct bus_frame *frame)
 {
     return frame->flags & FRAME_REMOTE ? 0 : frame->len;
 }
 
-/* Stuff count and CRC of an FD frame */
+/* Returns the bits of stuff count and CRC of an FD frame, without fixed stuff bits. */
 static unsigned wire_fd_check_bits(uint8_t len)
 {
     return 4 + (len <= CRC17_LAST ? 17 : 21);
 }
 
-/* With the fixed stuff bits: one before each four bits */
+/* Returns the same with the fixed stuff bits: one before each four bits. */
 static unsigned wire_fd_check_field_bits(uint8_t len)
 {
     unsigned bits = wire_fd_check_bits(len);
@@ -97,17 +102,19 @@ uint32_t wire_priority(const struct bus_frame *frame)
 
 /* ---- counting ---- */
 
-/* A run of equal bits: the bit and how often it has stood, 1 to 4, as one of 8 states. */
+/* Numbers a run of equal bits by the value of the bit and the length of the run (1 to 4): one of
+ * 8 states. */
 static unsigned wire_run_state(unsigned bit, unsigned length)
 {
     return bit * 4 + length - 1;
 }
 
-/* An entry of the table, where the next byte finds its own at (entry & ENTRY_STATE) | byte: bits
- * 8-10 the next state, 11 whether the last stuff bit stands behind the last of the eight bits, 12
- * and up how many there are. */
+/* Bits of a stuff table entry. The next byte finds its entry at (entry & ENTRY_STATE) | byte.
+ * Bits 8 to 10 hold the next state, bit 11 whether a stuff bit follows the last of the eight
+ * bits, bits 12 and up the number of stuff bits. */
 enum { ENTRY_STATE = 7 << 8, ENTRY_LAST = 1 << 11, ENTRY_STUFFED = 12 };
 
+/* Computes the stuff table entry of a byte that follows a run of equal bits. */
 static uint16_t wire_make_stuff_entry(unsigned state, unsigned byte)
 {
     unsigned bit = state / 4, length = state % 4 + 1, stuffed = 0, last = 0;
@@ -149,14 +156,16 @@ struct wire_counting {
     unsigned stuffed;
 };
 
+/* Counts the stuff bits of the next byte. */
 static inline void wire_count_byte(struct wire_counting *counting, unsigned byte)
 {
     counting->entry = counting->tables->stuff[(counting->entry & ENTRY_STATE) | byte];
     counting->stuffed += counting->entry >> ENTRY_STUFFED;
 }
 
-/* Counts right-aligned bits. They are filled up to whole bytes on the left with bits that alternate
- * and end with 1, before which nothing stands and after which SOF begins a run. */
+/* Counts the stuff bits of right-aligned bits. They are filled up to whole bytes on the left
+ * with alternating bits that end with 1, which need no stuff bit and after which SOF begins a
+ * run. */
 static inline struct wire_counting wire_count_header(const struct wire_tables *tables,
                                                      uint64_t bits, unsigned count)
 {
@@ -167,7 +176,7 @@ static inline struct wire_counting wire_count_header(const struct wire_tables *t
         unsigned fill = whole - count;
 
         bits |= (uint64_t)(0x55u & ((1u << fill) - 1)) << count;
-        /* The run before the first bit is of the other value */
+        /* The run before the first fill bit has the other value */
         counting.entry = wire_run_state(fill % 2 ? 0 : 1, 1) << 8;
     }
     for (unsigned shift = whole; shift > 0; shift -= 8) {
@@ -176,13 +185,15 @@ static inline struct wire_counting wire_count_header(const struct wire_tables *t
     return counting;
 }
 
+/* Returns the CRC-15 after one more byte. */
 static unsigned wire_crc15_byte(const struct wire_tables *tables, unsigned crc, unsigned byte)
 {
     return (crc << 8 ^ tables->crc15[(crc >> 7 ^ byte) & 0xFF]) & 0x7FFF;
 }
 
-/* The inner loop of wire mode: inlined for each format, so that the loops over the header's bytes
- * have a known end, and everything stays in registers. */
+/* Computes the length of a classic frame with its stuff bits. This is the inner loop of wire
+ * mode: inlined for each format, so that the loops over the header's bytes have a known end and
+ * everything stays in registers. */
 static inline struct wire_length wire_classic_length(const struct wire_tables *tables,
                                                      const struct bus_frame *frame, bool extended)
     __attribute__((always_inline));
@@ -195,10 +206,11 @@ static inline struct wire_length wire_classic_length(const struct wire_tables *t
     const struct wire_counting counted = wire_count_header(tables, header.bits, header.count);
     unsigned crc = 0, entry = counted.entry, stuffed = counted.stuffed;
 
-    /* Leading zeros do not change this CRC */
+    /* CRC-15 of the header; its leading zeros do not change it, as the register starts at 0 */
     for (unsigned shift = (header.count + 7) / 8 * 8; shift > 0; shift -= 8) {
         crc = wire_crc15_byte(tables, crc, header.bits >> (shift - 8) & 0xFF);
     }
+    /* Data: CRC and stuff bits in one pass */
     for (unsigned i = 0; i < bytes; i++) {
         const unsigned byte = frame->data[i];
 
@@ -217,12 +229,14 @@ static inline struct wire_length wire_classic_length(const struct wire_tables *t
     };
 }
 
-/* ESI, DLC, data, stuff count, CRC and its delimiter */
+/* Returns the bits at the data rate without dynamic stuff bits: ESI, DLC, data, stuff count, CRC
+ * and its delimiter. */
 static unsigned wire_fd_fast_bits(uint8_t len)
 {
     return 5 + 8u * len + wire_fd_check_field_bits(len) + 1;
 }
 
+/* Computes the length of an FD frame, split into bits at the nominal and at the data rate. */
 static struct wire_length wire_fd_length(const struct wire_tables *tables,
                                          const struct bus_frame *frame)
 {
@@ -235,12 +249,13 @@ static struct wire_length wire_fd_length(const struct wire_tables *tables,
     for (unsigned i = 0; i < frame->len; i++) {
         wire_count_byte(&counting, frame->data[i]);
     }
-    /* Behind the last bit stands the first fixed stuff bit, and no other */
+    /* A stuff bit behind the last data bit is replaced by the first fixed stuff bit */
     counting.stuffed -= counting.entry & ENTRY_LAST ? 1 : 0;
     if (!(frame->flags & FRAME_BRS)) {
         return (struct wire_length){.nominal = (uint16_t)(slow + fast + counting.stuffed)};
     }
-    /* SOF to BRS; BRS is the first bit of its value, no stuff bit follows it */
+    /* Stuff bits at the nominal rate: SOF to BRS. BRS begins a run of its own, so none follows
+     * it */
     early = wire_count_header(tables, header.bits >> 5, header.count - 5).stuffed;
     return (struct wire_length){
         .nominal = (uint16_t)(slow + early),
@@ -266,6 +281,7 @@ struct wire_length wire_worst_length(uint8_t flags, uint8_t len)
     const unsigned bytes = wire_data_bytes(&frame);
     unsigned bits, stuffed, early, slow;
 
+    /* At worst a stuff bit follows the fifth bit and then every fourth */
     if (!(flags & FRAME_FD)) {
         bits = header.count + 8 * bytes + 15;
         return (struct wire_length){.nominal = (uint16_t)(bits + (bits - 1) / 4 + TRAILER_BITS)};
@@ -282,6 +298,7 @@ struct wire_length wire_worst_length(uint8_t flags, uint8_t len)
     };
 }
 
+/* Returns the time of a number of bits, rounded to whole ns. */
 static int64_t wire_rounded_ns(int64_t bits, int64_t bitrate)
 {
     return (bits * 1000000000 + bitrate / 2) / bitrate;
@@ -295,18 +312,20 @@ int64_t wire_length_ns(struct wire_length length, int64_t bitrate, int64_t data_
 
 /* ---- writing ---- */
 
-/* Appends a bit and, in the stuffed part of the frame, the stuff bit that becomes due. */
+/* State while the bits of a frame are written out. */
 struct wire_writing {
     struct wire_bits *bits;
     unsigned run;     /* equal bits at the end */
     unsigned stuffed; /* so far */
 };
 
+/* Appends a bit without stuffing. */
 static void wire_put_bit(struct wire_writing *writing, unsigned bit)
 {
     writing->bits->bit[writing->bits->count++] = (uint8_t)bit;
 }
 
+/* Appends a bit, after the stuff bit that five equal bits before it demand. */
 static void wire_put_stuffed_bit(struct wire_writing *writing, unsigned bit)
 {
     struct wire_bits *bits = writing->bits;
@@ -320,6 +339,7 @@ static void wire_put_stuffed_bit(struct wire_writing *writing, unsigned bit)
     wire_put_bit(writing, bit);
 }
 
+/* Returns a CRC of `width` bits after one more bit. */
 static uint32_t wire_crc_bit(uint32_t crc, unsigned bit, unsigned width, uint32_t polynomial)
 {
     const uint32_t top = crc >> (width - 1) & 1;
@@ -328,7 +348,7 @@ static uint32_t wire_crc_bit(uint32_t crc, unsigned bit, unsigned width, uint32_
     return top ^ bit ? crc ^ polynomial : crc;
 }
 
-/* Of the bits before stuffing */
+/* Computes the CRC-15 over header and data before stuffing. */
 static uint32_t wire_frame_crc15(const struct wire_header *header, const struct bus_frame *frame)
 {
     uint32_t crc = 0;
@@ -342,6 +362,7 @@ static uint32_t wire_frame_crc15(const struct wire_header *header, const struct 
     return crc;
 }
 
+/* Appends the CRC-15 with its stuff bits, one behind its last bit included. */
 static void wire_put_crc15(struct wire_writing *writing, uint32_t crc)
 {
     for (int i = 14; i >= 0; i--) {
@@ -352,8 +373,9 @@ static void wire_put_crc15(struct wire_writing *writing, uint32_t crc)
     }
 }
 
-/* Stuff count modulo 8 as a Gray code with even parity, then the CRC over all bits so far, stuff
- * bits included, and over the stuff count; a fixed stuff bit before each four bits. */
+/* Appends the check field of an FD frame: the stuff count modulo 8 as a Gray code with even
+ * parity, then the CRC over all bits so far (stuff bits included) and the stuff count, with a
+ * fixed stuff bit before each four bits. */
 static void wire_put_fd_check(struct wire_writing *writing, uint8_t len)
 {
     const bool crc17 = len <= CRC17_LAST;
@@ -365,12 +387,14 @@ static void wire_put_fd_check(struct wire_writing *writing, uint8_t len)
     uint32_t crc = 1u << (width - 1);
     uint64_t check;
 
+    /* The CRC, which starts with its top bit set */
     for (size_t i = 0; i < bits->count; i++) {
         crc = wire_crc_bit(crc, bits->bit[i], width, polynomial);
     }
     for (int i = 3; i >= 0; i--) {
         crc = wire_crc_bit(crc, count >> i & 1, width, polynomial);
     }
+    /* Both with fixed stuff bits, each the opposite of the bit before it */
     check = (uint64_t)count << width | crc;
     for (unsigned i = 0; i < width + 4; i++) {
         if (i % 4 == 0) {

@@ -31,7 +31,8 @@ struct wire_length {
     uint16_t nominal, data; /* at the nominal and at the data bit rate */
 };
 
-/* CRC-15 a byte at a time; stuff bits of eight bits after a run, and the run that they leave. */
+/* Tables for a byte at a time: CRC-15; the stuff bits of eight bits after a run, and the run
+ * that they leave. */
 struct wire_tables {
     uint16_t crc15[256];
     uint16_t stuff[8 * 256];
@@ -39,17 +40,17 @@ struct wire_tables {
 
 void wire_tables_make(struct wire_tables *tables);
 
-/* Exact length of a valid data or remote frame. */
+/* Computes the exact length of a valid data or remote frame. */
 struct wire_length wire_frame_length(const struct wire_tables *tables,
                                      const struct bus_frame *frame);
 
-/* The longest that a frame of this format, length and any identifier and data can be: a stuff bit
- * after the first five bits and after every four from there on, and, for FD, the one bit of the ACK
- * field that a receiver's delay may add. 8 bytes: 132 bits, with the intermission 135; 29-bit
- * identifier 157 and 160. */
+/* Computes the greatest length of a frame of this format and data length over all identifiers
+ * and data: a stuff bit after the first five bits and after every four from there on, and, for
+ * FD, the one bit of the ACK field that a receiver's delay may add. 8 bytes: 132 bits, with the
+ * intermission 135; 29-bit identifier 157 and 160. */
 struct wire_length wire_worst_length(uint8_t flags, uint8_t len);
 
-/* Duration, rounded to the nanosecond. */
+/* Returns the duration of a length in ns, each part rounded to the nanosecond. */
 int64_t wire_length_ns(struct wire_length length, int64_t bitrate, int64_t data_bitrate);
 
 /* Where the parts of an encoded frame begin, as indices of bits. */
@@ -65,9 +66,9 @@ struct wire_bits {
 /* Writes every bit of a valid data or remote frame. */
 void wire_frame_encode(const struct bus_frame *frame, struct wire_bits *bits);
 
-/* What decides the arbitration, as a number: the lower one wins. 11 bits of base identifier, RTR or
- * SRR, IDE, 18 bits of identifier, RTR: so a data frame beats the remote frame of the same
- * identifier, and a standard frame the extended ones of the same base. */
+/* Returns what decides the arbitration, as a number; the lower one wins. 11 bits of base
+ * identifier, RTR or SRR, IDE, 18 bits of identifier, RTR: so a data frame beats the remote
+ * frame of the same identifier, and a standard frame the extended ones of the same base. */
 uint32_t wire_priority(const struct bus_frame *frame);
 
 #endif

@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Creating a wire: its configuration is checked, its memory laid out in one piece. */
+/* Creates a wire: checks its configuration and lays out its memory in one piece. */
 #include "canbus/wire/private.h"
 
 enum { QUEUE_MAX = 4096, FOREIGN_QUEUE = 1 };
 
+/* Window over which the load is measured, ns. */
 #define WINDOW_DEFAULT_NS 100000000
 
+/* Checks the ranges of a wire's configuration. */
 static enum error_code wire_check_config(const struct wire_config *config, struct error *error)
 {
     if (config->nodes < 1 || config->nodes > WIRE_NODES_MAX) {
@@ -33,6 +35,7 @@ static enum error_code wire_check_config(const struct wire_config *config, struc
     return ERROR_NONE;
 }
 
+/* Allocates the transmit queue of a node, all slots free; false = no memory. */
 static bool wire_create_node(struct wire_node *node, size_t queue, struct arena *arena)
 {
     node->slot = arena_alloc(arena, queue, sizeof *node->slot);

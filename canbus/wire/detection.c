@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * Where in a frame an error is detected, by whom, and how long the error flags of all nodes
- * overlap. The frame's bits are written out in wire->bits[0]; a position is the index of a bit.
- */
+/* Finds where in a frame an error is detected, by whom, and how long the error flags of all
+ * nodes overlap. The frame's bits are written out in wire->bits[0]; a position is the index of a
+ * bit. */
 #include "canbus/wire/private.h"
 
 enum {
@@ -42,8 +41,8 @@ bool wire_any_error_active(const struct wire *wire, uint64_t nodes)
 
 /* ---- overlapping flags ---- */
 
-/* The number of bits equal to `value` that end with the one at `at`, which is read as `seen`; at
- * most 6. */
+/* Returns the length of the run of bits equal to `value` that ends at `at`, whose own bit is
+ * read as `seen`; at most 6. */
 static unsigned wire_run_of_bits(const struct wire_bits *bits, size_t at, unsigned seen,
                                  unsigned value)
 {
@@ -55,8 +54,9 @@ static unsigned wire_run_of_bits(const struct wire_bits *bits, size_t at, unsign
     return length;
 }
 
-/* The sender finds an error at a bit and sends its flag; the others answer when they have read six
- * equal bits, the first of which may have been part of the frame. */
+/* Returns the bits of all error flags together when a sender finds an error at a bit and sends
+ * its flag: the others answer once they have read six equal bits, the first of which may belong
+ * to the frame. */
 static unsigned wire_flag_bits_by_sender(const struct wire *wire, const struct wire_bits *bits,
                                          size_t at, unsigned seen)
 {
@@ -64,16 +64,17 @@ static unsigned wire_flag_bits_by_sender(const struct wire *wire, const struct w
     const unsigned run = wire_run_of_bits(bits, at, seen, active ? 0 : 1);
 
     if (wire_run_of_bits(bits, at, seen, seen) == STUFF_ERROR) {
-        /* A stuff bit was hit: everybody has found it at once */
+        /* A stuff bit was hit: all nodes find the error at once */
         return FLAG;
     }
-    /* Without an active receiver nobody answers; a passive flag ends after six equal bits only */
+    /* Without an error active receiver nobody answers; a passive flag ends only after six equal
+     * bits */
     return active && !wire_any_error_active(wire, wire_listeners(wire)) ? FLAG : 2 * FLAG - run;
 }
 
-/* A receiver finds an error at a bit; the sender answers after the first recessive bit that it
- * cannot send, the other receivers after six dominant ones. Behind the ACK field all answer at
- * once. */
+/* Returns the bits of all error flags together when a receiver finds an error at a bit: the
+ * sender answers after the first recessive bit that it cannot send, the other receivers after
+ * six dominant ones. Behind the ACK field all answer at once. */
 static unsigned wire_flag_bits_by_receiver(const struct wire_bits *bits, size_t at)
 {
     unsigned sender = 0, others;
@@ -99,6 +100,7 @@ struct wire_detection wire_detect_by_sender(const struct wire *wire, size_t at, 
     };
 }
 
+/* Describes an error that a receiver finds at a bit: behind the ACK field it is one of form. */
 static struct wire_detection wire_detect_by_receiver(const struct wire *wire, size_t at,
                                                      size_t receiver)
 {
@@ -122,8 +124,8 @@ struct wire_detection wire_detect_missing_ack(const struct wire *wire)
     };
 }
 
-/* Where a receiver that reads one bit wrong notices it: six equal bits, else the CRC, which is
- * judged behind the ACK field. */
+/* Finds where a receiver that reads one bit wrong notices it: at six equal bits, else by the
+ * CRC, which is judged behind the ACK field. */
 size_t wire_misread_detected_at(struct wire_bits *bits, size_t wrong)
 {
     size_t found = bits->ack + 1;
@@ -141,8 +143,8 @@ size_t wire_misread_detected_at(struct wire_bits *bits, size_t wrong)
     return found;
 }
 
-/* A receiver of another bit rate samples at 80 % of its own bits, from the edge of SOF on, without
- * resynchronizing. */
+/* Finds where a receiver of another bit rate detects an error. It samples at 80 % of its own
+ * bits, from the edge of SOF on, without resynchronizing. */
 size_t wire_mismatch_detected_at(const struct wire *wire, const struct wire_bits *bits,
                                  int64_t bitrate)
 {
@@ -168,8 +170,8 @@ size_t wire_mismatch_detected_at(const struct wire *wire, const struct wire_bits
     }
 }
 
-/* A sender of another bit rate: bits of the bus until its receivers have read six equal ones;
- * behind its frame the line is recessive. */
+/* Returns after how many bits of the bus the receivers of a sender of another bit rate have read
+ * six equal ones; behind its frame the line is recessive. */
 int64_t wire_foreign_rate_detected_after(const struct wire *wire, const struct wire_bits *bits,
                                          int64_t bitrate)
 {
@@ -188,7 +190,8 @@ int64_t wire_foreign_rate_detected_after(const struct wire *wire, const struct w
     }
 }
 
-/* A receiver reads a bit wrong. */
+/* Applies a receiver's wrong reading: an error active one destroys the frame, a passive one only
+ * misses it. */
 void wire_misread_by_receiver(struct wire *wire, size_t receiver, size_t found_at,
                               struct wire_detection *kept)
 {

@@ -1,9 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * Frames that do not go well. When a frame starts and something may happen to it, its bits are
- * written out and every error that some node would detect is looked for (detection.c); the earliest
- * one ends the frame.
- */
+/* Decides what ends a disturbed frame. When a frame starts and something may happen to it, its
+ * bits are written out and every error that a node would detect is searched (detection.c); the
+ * earliest one ends the frame. */
 #include "canbus/wire/private.h"
 
 enum {
@@ -14,7 +12,7 @@ enum {
 
 /* ---- collisions ---- */
 
-/* The first bit in which two encoded frames differ; false when they are the same. */
+/* Finds the first bit in which two encoded frames differ; false = they are the same. */
 static bool wire_first_difference(const struct wire_bits *a, const struct wire_bits *b, size_t *at)
 {
     size_t count = a->count < b->count ? a->count : b->count;
@@ -28,7 +26,7 @@ static bool wire_first_difference(const struct wire_bits *a, const struct wire_b
     return false;
 }
 
-/* The senders whose bit at a position is recessive. */
+/* Returns the senders whose bit at a position is recessive, as a mask. */
 static uint64_t wire_recessive_senders(struct wire *wire, size_t at)
 {
     uint64_t recessive = 0;
@@ -42,9 +40,10 @@ static uint64_t wire_recessive_senders(struct wire *wire, size_t at)
     return recessive;
 }
 
-/* Several nodes have won the arbitration with the same identifier. At the first bit that differs a
- * node that sends recessive reads dominant: its error flag ends the frame, unless it is passive and
- * only drops out. Leaves the bits of the frame that stays in bits[0]. */
+/* Resolves the collision of several nodes that have won the arbitration with the same
+ * identifier. At the first bit that differs, a node that sends recessive reads dominant: its
+ * error flag ends the frame, unless it is error passive and only drops out. Leaves the bits of
+ * the remaining frame in bits[0]. */
 static void wire_resolve_collision(struct wire *wire, struct wire_detection *kept)
 {
     struct wire_flight *flight = &wire->flight;
@@ -68,8 +67,8 @@ static void wire_resolve_collision(struct wire *wire, struct wire_detection *kep
             return;
         }
 
-        /* An error active one among the recessive ends the frame; passive ones drop out, and the
-         * rest is compared anew */
+        /* An error active node among the recessive ones ends the frame; passive ones drop out,
+         * and the rest is compared anew */
         recessive = wire_recessive_senders(wire, at);
         if (wire_any_error_active(wire, recessive)) {
             struct wire_detection found = wire_detect_by_sender(wire, at, 0);
@@ -84,7 +83,8 @@ static void wire_resolve_collision(struct wire *wire, struct wire_detection *kep
 
 /* ---- bit rates ---- */
 
-/* A sender of another bit rate: active receivers destroy its frame, passive ones only miss it. */
+/* Applies a sender of another bit rate: error active receivers destroy its frame, passive ones
+ * only miss it. */
 static void wire_mismatch_sender(struct wire *wire, size_t sender, struct wire_detection *kept)
 {
     const uint64_t listeners = wire_listeners(wire);
@@ -107,7 +107,7 @@ static void wire_mismatch_sender(struct wire *wire, size_t sender, struct wire_d
     wire_keep_earliest(kept, &found);
 }
 
-/* What nodes of another bit rate do to the frame, as its senders and as its receivers. */
+/* Applies what nodes of another bit rate do to the frame, as its senders and as its receivers. */
 static void wire_apply_mismatch(struct wire *wire, struct wire_detection *kept)
 {
     const uint64_t on = wire->mismatched & ~(wire->off | wire->unplugged);
@@ -144,7 +144,7 @@ void wire_disturb(struct wire *wire)
         wire_keep_earliest(&kept, &found);
     }
 
-    /* None: the frame goes to its end */
+    /* No error: the frame goes to its end */
     flight->end_ns =
         flight->start_ns + wire_time_of_bits(wire, &wire->bits[0], wire->bits[0].count);
     flight->rest = (struct wire_rest){0};
@@ -152,7 +152,7 @@ void wire_disturb(struct wire *wire)
         return;
     }
 
-    /* One: the frame ends behind the error delimiter */
+    /* An error: the frame ends behind the error delimiter */
     flight->failed = true;
     flight->repeat = false;
     flight->error = kept.error;
@@ -162,7 +162,7 @@ void wire_disturb(struct wire *wire)
                      wire_bits_ns(wire, (int64_t)kept.flag_bits + WIRE_DELIMITER_BITS);
 }
 
-/* The error counters of a node that sent, and its event. */
+/* Counts a failed transmission of a node (TEC + 8, or none when `spare`) and reports it. */
 static void wire_fail_sender(struct wire *wire, size_t index, enum wire_error error, bool spare)
 {
     struct wire_node *node = &wire->node[index];

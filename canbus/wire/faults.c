@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Faults that a test injects: which frames they hit, and what they do to them. */
+/* Injects faults: decides which frames they hit, and what they do to them. */
 #include "canbus/wire/private.h"
 
 /* ---- hitting frames ---- */
 
-/* Whether a fault hits the frame that starts. */
+/* Checks whether a fault hits the frame that starts: armed, in its time, its sender and
+ * identifier, and by chance. */
 static bool wire_fault_matches(struct wire *wire, struct wire_armed *armed)
 {
     const struct wire_fault *fault = &armed->fault;
@@ -23,7 +24,8 @@ static bool wire_fault_matches(struct wire *wire, struct wire_armed *armed)
            random_uniform(&wire->random) < fault->probability;
 }
 
-/* The foreign node sends the same identifier with other data; false when it cannot. */
+/* Lets the foreign node (index config.nodes) send the same identifier with other data at the
+ * same time; false = it cannot. */
 static bool wire_add_foreign_sender(struct wire *wire)
 {
     const size_t index = wire->config.nodes;
@@ -34,14 +36,14 @@ static bool wire_add_foreign_sender(struct wire *wire)
         !foreign->nspare) {
         return false;
     }
-    /* Its frame is the sender's */
+    /* Its frame is a copy of the sender's */
     foreign->flying = foreign->spare[--foreign->nspare];
     foreign->stats.queued++;
     wire->stats.queued++;
     slot = &foreign->slot[foreign->flying];
     *slot = *wire_flying(wire, (size_t)__builtin_ctzll(wire->flight.senders));
 
-    /* With other data, or another length where there are none */
+    /* It differs in its data, or in its length where there are none */
     if (slot->frame.len && !(slot->frame.flags & FRAME_REMOTE)) {
         for (size_t i = 0; i < slot->frame.len; i++) {
             slot->frame.data[i] ^= 0xFF;
@@ -70,7 +72,7 @@ void wire_apply_collisions(struct wire *wire)
     }
 }
 
-/* A bit between the arbitration field and the CRC delimiter. */
+/* Returns a random bit between the arbitration field and the CRC delimiter. */
 static size_t wire_random_bit(struct wire *wire)
 {
     const struct wire_bits *bits = &wire->bits[0];
@@ -78,12 +80,13 @@ static size_t wire_random_bit(struct wire *wire)
     return bits->control + random_bits(&wire->random) % (bits->crc_end - bits->control);
 }
 
+/* Returns the receivers that a fault concerns, as a mask. */
 static uint64_t wire_fault_receivers(const struct wire_fault *fault)
 {
     return fault->receiver == WIRE_ANY ? UINT64_MAX : WIRE_BIT(fault->receiver);
 }
 
-/* Does what a fault does to the frame; false when it has nothing to act on. */
+/* Applies a fault to the frame; false = it has nothing to act on. */
 static bool wire_apply_fault(struct wire *wire, const struct wire_fault *fault,
                              struct wire_detection *kept)
 {
@@ -108,7 +111,7 @@ static bool wire_apply_fault(struct wire *wire, const struct wire_fault *fault,
                                  kept);
         return true;
     case WIRE_FAULT_LOSS:
-        /* The bus carries the frame; what becomes of it is decided at its end */
+        /* The bus carries the frame; which receivers miss it is decided at its end */
         flight->lost |= wire_fault_receivers(fault);
         return true;
     case WIRE_FAULT_LATE:

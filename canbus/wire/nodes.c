@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The nodes' controllers: error counters, the states that follow from them, bus-off and recovery,
- * plugs and bit rates. */
+/* Follows the nodes' controllers: error counters, the states that follow from them, bus-off and
+ * recovery, plugs and bit rates. */
 #include "canbus/wire/private.h"
 
+/* Returns the state that follows from a node's error counters (ISO 11898-1: 96, 128 and 256). */
 static enum wire_state wire_node_state(const struct wire_node *node)
 {
     if (node->stats.tec >= WIRE_BUS_OFF_FROM) {
@@ -16,6 +17,7 @@ static enum wire_state wire_node_state(const struct wire_node *node)
                : WIRE_ERROR_ACTIVE;
 }
 
+/* Takes a node off the bus: drops its queue and sets when its recovery begins. */
 static void wire_enter_bus_off(struct wire *wire, size_t index, int64_t time_ns)
 {
     struct wire_node *node = &wire->node[index];
@@ -39,7 +41,7 @@ void wire_count_errors(struct wire *wire, size_t index, int64_t time_ns, int tec
     struct wire_node_stats *stats = &node->stats;
     enum wire_state before = stats->state;
 
-    /* The counters: a received frame brings a passive receiver back to the limit at once */
+    /* The counters; a received frame brings a passive receiver back below the limit at once */
     stats->tec = tec < 0 && !stats->tec ? 0 : (unsigned)((int)stats->tec + tec);
     if (rec < 0) {
         stats->rec =
@@ -59,7 +61,7 @@ void wire_count_errors(struct wire *wire, size_t index, int64_t time_ns, int tec
         return;
     }
 
-    /* What a change of it entails */
+    /* A change of state: bus-off, and an event */
     if (stats->state == WIRE_BUS_OFF) {
         wire_enter_bus_off(wire, index, time_ns);
     }
@@ -99,8 +101,7 @@ void wire_connect(struct wire *wire, size_t node, bool connected)
 {
     if (connected && wire->unplugged & WIRE_BIT(node)) {
         wire->unplugged &= ~WIRE_BIT(node);
-        /* It joins in after eleven recessive bits, which at the very beginning everybody has
-         * seen */
+        /* It joins in after eleven recessive bits, which at time 0 have passed already */
         wire->node[node].hold_ns =
             wire->now_ns > 0 ? wire->now_ns + wire_bits_ns(wire, WIRE_RUN_BITS) : 0;
     } else if (!connected && !(wire->unplugged & WIRE_BIT(node))) {
@@ -125,6 +126,7 @@ int64_t wire_recovery_end(const struct wire *wire, const struct wire_node *node)
     if (node->recovery_ns == WIRE_NEVER) {
         return WIRE_NEVER;
     }
+    /* Runs of eleven recessive bits still to be seen */
     return from + wire_bits_ns(wire, (int64_t)(WIRE_RECOVERY_RUNS - node->runs) * WIRE_RUN_BITS);
 }
 

@@ -46,8 +46,8 @@ struct wire_node {
     struct wire_node_stats stats;
 };
 
-/* What whole nanoseconds leave of an exact time, each less than half a nanosecond: in ns / bit/s of
- * the nominal and of the data bit rate. All 0 where both divide 1 GHz. */
+/* The rest of an exact time behind its whole nanoseconds, each less than half a nanosecond: in
+ * ns / bit/s of the nominal and of the data bit rate. All 0 where both divide 1 GHz. */
 struct wire_rest {
     int64_t nominal, data;
 };
@@ -124,7 +124,7 @@ struct wire {
     size_t nid;
 };
 
-/* Calls work with `node` for each bit of a mask. */
+/* Runs the following block with `node` as the index of each bit that is set in a mask. */
 #define WIRE_FOR_EACH(node, mask)                                                                  \
     for (uint64_t left_ = (mask), bit_;                                                            \
          left_ && ((node) = (size_t)__builtin_ctzll(left_), bit_ = left_ & -left_, true);          \
@@ -135,7 +135,8 @@ static inline int64_t wire_bits_ns(const struct wire *wire, int64_t bits)
     return (bits * 1000000000 + wire->config.bitrate / 2) / wire->config.bitrate;
 }
 
-/* Duration of bits that begin *rest behind a whole nanosecond; *rest becomes that of their end. */
+/* Returns the duration in ns of bits that begin *rest behind a whole nanosecond; *rest becomes
+ * that of their end. */
 static inline int64_t wire_span_ns(int64_t bits, int64_t bitrate, int64_t *rest)
 {
     const int64_t exact = bits * 1000000000 + *rest;
@@ -150,7 +151,7 @@ static inline bool wire_is_passive(const struct wire_node *node)
     return node->stats.tec >= WIRE_PASSIVE_FROM || node->stats.rec >= WIRE_PASSIVE_FROM;
 }
 
-/* Nodes that read the frame on the wire and would acknowledge it. */
+/* Returns the nodes that read the frame on the wire and would acknowledge it, as a mask. */
 static inline uint64_t wire_listeners(const struct wire *wire)
 {
     return wire->all & ~(wire->off | wire->unplugged | wire->mismatched | wire->flight.senders |
@@ -181,8 +182,8 @@ void wire_notify(const struct wire *wire, const struct wire_event *event);
  * queue. */
 void wire_count_errors(struct wire *wire, size_t node, int64_t time_ns, int tec, int rec);
 
-/* Ends bus-off; when that will be if the bus stays idle; counts the recessive bits that nodes in
- * bus-off have seen when a frame starts. */
+/* Ends bus-off; returns when that will be if the bus stays idle; counts the recessive bits that
+ * nodes in bus-off have seen when a frame starts. */
 void wire_recover(struct wire *wire, size_t index, int64_t time_ns);
 int64_t wire_recovery_end(const struct wire *wire, const struct wire_node *node);
 void wire_count_runs(struct wire *wire, int64_t start_ns);
@@ -201,24 +202,26 @@ struct wire_detection {
     bool unacknowledged;
 };
 
-/* Keeps the earlier of two. */
+/* Keeps the earlier of two detections. */
 void wire_keep_earliest(struct wire_detection *kept, const struct wire_detection *other);
 
-/* Duration of the first n bits. */
+/* Returns the duration of the first n bits in ns. */
 int64_t wire_time_of_bits(const struct wire *wire, const struct wire_bits *bits, size_t n);
 bool wire_any_error_active(const struct wire *wire, uint64_t nodes);
 
-/* The sender reads `seen` at a bit where it sends the other value. */
+/* Describe the error of a sender that reads `seen` at a bit where it sends the other value, or
+ * that no node acknowledges. */
 struct wire_detection wire_detect_by_sender(const struct wire *wire, size_t at, unsigned seen);
 struct wire_detection wire_detect_missing_ack(const struct wire *wire);
 
-/* A receiver detects at a bit that it has read one wrong: an error active one ends the frame, a
- * passive one only misses it. */
+/* Applies a receiver that detects at a bit that it has read one wrong: an error active one ends
+ * the frame, a passive one only misses it. */
 void wire_misread_by_receiver(struct wire *wire, size_t receiver, size_t at,
                               struct wire_detection *kept);
 
-/* The bit at which a receiver detects that it has read bit `wrong` wrong, or that its bit rate is
- * another; bits of the bus until receivers detect a sender of another bit rate. */
+/* Return the bit at which a receiver detects that it has read bit `wrong` wrong, or that its bit
+ * rate differs; and how many bits of the bus pass until receivers detect a sender of another bit
+ * rate. */
 size_t wire_misread_detected_at(struct wire_bits *bits, size_t wrong);
 size_t wire_mismatch_detected_at(const struct wire *wire, const struct wire_bits *bits,
                                  int64_t bitrate);

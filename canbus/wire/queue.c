@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The transmit queues of the nodes: binary heaps of slots. */
+/* Transmit queues of the nodes: binary heaps of slots, by priority or by age. */
 #include "canbus/wire/private.h"
 
+/* Checks whether a frame is sent before another: by priority when so configured, then by age. */
 static bool wire_slot_goes_before(const struct wire *wire, const struct wire_slot *a,
                                   const struct wire_slot *b)
 {
@@ -15,6 +16,7 @@ void wire_queue_push(const struct wire *wire, struct wire_node *node, uint16_t s
 {
     size_t at = node->waiting++;
 
+    /* Sift up: the new slot rises above those that come later */
     while (at > 0) {
         size_t parent = (at - 1) / 2;
 
@@ -32,6 +34,7 @@ uint16_t wire_queue_pop(const struct wire *wire, struct wire_node *node)
     const uint16_t first = node->heap[0], moved = node->heap[--node->waiting];
     size_t at = 0, child;
 
+    /* Sift down: the last slot sinks from the root to its place */
     while ((child = 2 * at + 1) < node->waiting) {
         if (child + 1 < node->waiting &&
             wire_slot_goes_before(wire, &node->slot[node->heap[child + 1]],
@@ -54,6 +57,7 @@ void wire_count_drop(struct wire *wire, size_t node, enum wire_drop drop)
     wire->stats.dropped[drop]++;
 }
 
+/* Counts a frame into a queue and keeps the peaks. */
 static void wire_count_queued(struct wire *wire, struct wire_node *node)
 {
     node->stats.queued++;
@@ -85,6 +89,7 @@ bool wire_transmit(struct wire *wire, size_t index, const struct bus_frame *fram
         wire_count_drop(wire, index, WIRE_DROP_QUEUE_FULL);
         return false;
     }
+    /* The frame becomes ready now */
     free_slot = node->spare[--node->nspare];
     slot = &node->slot[free_slot];
     slot->frame = *frame;

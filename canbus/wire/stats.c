@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the wire counts: load by windows of time, latency by identifier. */
+/* Keeps the wire's statistics: load by windows of time, latency by identifier. */
 #include "canbus/wire/private.h"
 
 const char *wire_error_name(enum wire_error error)
@@ -26,6 +26,8 @@ const char *wire_drop_name(enum wire_drop drop)
 
 /* ---- load ---- */
 
+/* Closes the windows of the load that end up to time_ns; windows without traffic have a load of
+ * 0. */
 static void wire_close_windows(struct wire_load *load, int64_t window_ns, int64_t time_ns)
 {
     int64_t skipped;
@@ -44,7 +46,8 @@ static void wire_close_windows(struct wire_load *load, int64_t window_ns, int64_
     }
 }
 
-/* Something is on the wire from from_ns, not before what was added last, to to_ns. */
+/* Adds the time from from_ns (not before what was added last) to to_ns to the load, window by
+ * window. */
 void wire_load_add(struct wire_load *load, int64_t window_ns, int64_t from_ns, int64_t to_ns)
 {
     wire_close_windows(load, window_ns, from_ns);
@@ -60,6 +63,8 @@ void wire_load_add(struct wire_load *load, int64_t window_ns, int64_t from_ns, i
 
 /* ---- latency ---- */
 
+/* Returns the latency entry of an identifier (open addressing), or the common one when the table
+ * is full. */
 static struct wire_latency *wire_latency_of(struct wire *wire, const struct bus_frame *frame)
 {
     const bool extended = frame->flags & FRAME_EXTENDED;
@@ -126,7 +131,7 @@ struct wire_latency wire_worst_latency(const struct wire *wire)
 
 /* ---- looking ---- */
 
-/* What is on the wire now counts up to now. */
+/* Copies the statistics; a frame that is on the wire counts up to now. */
 void wire_stats(const struct wire *wire, struct wire_stats *stats)
 {
     struct wire_load load = wire->load;

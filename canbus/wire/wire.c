@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The course of time on the wire: arbitration, frames that go well, and what happens beside
- * them. */
+/* Advances time on the wire: arbitration, frames that arrive, and what happens beside them. */
 #include "canbus/wire/private.h"
 
 #include <string.h>
@@ -25,7 +24,7 @@ void wire_notify(const struct wire *wire, const struct wire_event *event)
 
 /* ---- arbitration ---- */
 
-/* The earliest time at which a node with waiting frames may start one. */
+/* Returns the earliest time at which a node with waiting frames may start one, ns. */
 static inline int64_t wire_node_may_start(const struct wire *wire, size_t index)
 {
     const struct wire_node *node = &wire->node[index];
@@ -35,13 +34,15 @@ static inline int64_t wire_node_may_start(const struct wire *wire, size_t index)
     return node->hold_ns > at ? node->hold_ns : at;
 }
 
-/* Which nodes start next. */
+/* The nodes that start next. */
 struct wire_arbitration {
-    int64_t at_ns;   /* WIRE_NEVER: nobody */
-    uint64_t winner; /* those with the frame of the lowest priority number */
+    int64_t at_ns;   /* WIRE_NEVER = no node has a frame */
+    uint64_t winner; /* nodes with the frame of the lowest priority number */
     uint64_t loser;  /* the others that start at that time */
 };
 
+/* Finds the next arbitration: the earliest start, and among the nodes that start then the lowest
+ * priority number. */
 static inline struct wire_arbitration wire_next_arbitration(const struct wire *wire)
 {
     struct wire_arbitration next = {.at_ns = WIRE_NEVER};
@@ -73,6 +74,7 @@ static inline struct wire_arbitration wire_next_arbitration(const struct wire *w
     return next;
 }
 
+/* Counts and reports the nodes that have lost an arbitration. */
 static void wire_notify_losers(struct wire *wire, uint64_t losers, const struct bus_frame *frame)
 {
     size_t index;
@@ -107,7 +109,7 @@ static void wire_take_from_queue(struct wire *wire, size_t index)
     }
 }
 
-/* Starts the frame that has won an arbitration; all that will become of it is decided now. */
+/* Starts the frame that has won an arbitration, and decides all that will become of it. */
 static void wire_start_frame(struct wire *wire, const struct wire_arbitration *arbitration)
 {
     struct wire_flight *flight = &wire->flight;
@@ -116,7 +118,8 @@ static void wire_start_frame(struct wire *wire, const struct wire_arbitration *a
     struct bus_frame *frame;
     size_t index;
 
-    /* One that follows another begins where that exactly ended, so that no rounding adds up */
+    /* A frame that follows another begins where that one exactly ended (rest), so that no
+     * rounding adds up */
     *flight =
         (struct wire_flight){.busy = true, .start_ns = time_ns, .senders = arbitration->winner};
     if (time_ns == wire->idle_ns) {
@@ -127,11 +130,12 @@ static void wire_start_frame(struct wire *wire, const struct wire_arbitration *a
         wire_take_from_queue(wire, index);
     }
 
-    /* The idle time before it counts for nodes in bus-off */
+    /* The idle time before the frame counts toward the recovery of nodes in bus-off */
     if (wire->off) {
         wire_count_runs(wire, time_ns);
     }
 
+    /* When it will end, with its stuff bits */
     frame = &wire_flying(wire, (size_t)__builtin_ctzll(flight->senders))->frame;
     frame->time_ns = time_ns;
     wire_notify_losers(wire, arbitration->loser, frame);
@@ -142,7 +146,7 @@ static void wire_start_frame(struct wire *wire, const struct wire_arbitration *a
         flight->end_ns += wire_span_ns(length.data, wire->config.data_bitrate, &flight->rest.data);
     }
 
-    /* Nearly always nothing happens to it, and its length is all there is to know */
+    /* Nearly always nothing disturbs the frame, and its length is all there is to know */
     if (wire->armed || wire->mismatched || (flight->senders & (flight->senders - 1)) ||
         !wire_listeners(wire)) {
         flight->disturbed = true;
@@ -152,6 +156,7 @@ static void wire_start_frame(struct wire *wire, const struct wire_arbitration *a
 
 /* ---- the end of a frame ---- */
 
+/* Reports a received frame to its receivers (a mask). */
 static void wire_deliver_frame(struct wire *wire, size_t sender, const struct bus_frame *frame,
                                uint64_t receivers)
 {
@@ -164,6 +169,7 @@ static void wire_deliver_frame(struct wire *wire, size_t sender, const struct bu
     }
 }
 
+/* Keeps a frame for receivers that are to get it later. */
 static void wire_deliver_late(struct wire *wire, size_t sender, const struct bus_frame *frame,
                               uint64_t receivers)
 {
@@ -180,6 +186,7 @@ static void wire_deliver_late(struct wire *wire, size_t sender, const struct bus
     late->receivers = receivers;
 }
 
+/* Confirms a frame to its sender, counts its latency, and frees its slot. */
 static void wire_confirm_frame(struct wire *wire, size_t index)
 {
     struct wire_node *node = &wire->node[index];
@@ -215,6 +222,7 @@ static void wire_finish_good(struct wire *wire)
     if (receivers & flight->late) {
         wire_deliver_late(wire, sender, frame, receivers & flight->late);
     }
+    /* A duplicate: the sender believes that it failed and sends it again */
     if (flight->repeat) {
         return;
     }
@@ -222,6 +230,7 @@ static void wire_finish_good(struct wire *wire)
     {
         wire_confirm_frame(wire, index);
     }
+    /* Success lowers the error counters of senders and receivers */
     WIRE_FOR_EACH(index, wire->counting & (flight->senders | (listeners & ~flight->blind)))
     {
         bool sent = flight->senders & WIRE_BIT(index);
@@ -251,7 +260,7 @@ static void wire_return_to_queue(struct wire *wire, uint64_t nodes)
     }
 }
 
-/* Ends a frame that something has happened to, or to the nodes that sent it. */
+/* Ends a frame that was disturbed, or whose senders were. */
 static void wire_finish_disturbed(struct wire *wire)
 {
     struct wire_flight *flight = &wire->flight;
@@ -286,6 +295,7 @@ static void wire_finish_disturbed(struct wire *wire)
     }
 }
 
+/* Ends the frame on the wire; the bus is idle after the intermission. */
 static void wire_finish_frame(struct wire *wire)
 {
     struct wire_flight *flight = &wire->flight;
@@ -306,7 +316,8 @@ static void wire_finish_frame(struct wire *wire)
 
 /* ---- what happens beside the frames ---- */
 
-/* When an unplugged node ends its next attempt: nobody acknowledges, its own error flag follows. */
+/* Returns when an unplugged node ends its next attempt to send: nobody acknowledges, and its own
+ * error flag follows. WIRE_NEVER = it waits for nothing or counts no more. */
 static int64_t wire_attempt_end(const struct wire *wire, size_t index)
 {
     const struct wire_node *node = &wire->node[index];
@@ -332,6 +343,7 @@ struct wire_step {
     size_t index;
 };
 
+/* Keeps a step if it comes before the one found so far. */
 static void wire_keep_earlier_step(struct wire_step *step, enum wire_step_kind kind,
                                    int64_t time_ns, size_t index)
 {
@@ -340,7 +352,8 @@ static void wire_keep_earlier_step(struct wire_step *step, enum wire_step_kind k
     }
 }
 
-/* Finds the next step up to and with to_ns; of steps at one time the first in the order below. */
+/* Finds the next step up to and including to_ns; of steps at one time it takes the first in the
+ * order below. */
 static struct wire_step wire_next_step(const struct wire *wire, int64_t to_ns)
 {
     struct wire_step step = {STEP_NONE, to_ns < WIRE_NEVER ? to_ns + 1 : to_ns, 0};
@@ -395,7 +408,7 @@ static bool wire_take_step(struct wire *wire, int64_t to_ns)
         memmove(late, late + 1, (wire->nlate - step.index) * sizeof *late);
         break;
     case STEP_ATTEMPT:
-        /* A sender that is alone counts, until it is passive */
+        /* A sender that is alone counts errors until it is error passive */
         wire->node[step.index].void_ns = step.time_ns;
         wire->node[step.index].stats.errors++;
         wire_count_errors(wire, step.index, step.time_ns, 8, 0);
@@ -408,8 +421,8 @@ static bool wire_take_step(struct wire *wire, int64_t to_ns)
     return true;
 }
 
-/* The same when nothing can happen but frames: no node is off or unplugged, no frame is held
- * back. */
+/* Takes the next step in the fast case: no node is off or unplugged and no frame is held back,
+ * so only frames can happen. */
 static bool wire_take_frame_step(struct wire *wire, int64_t to_ns)
 {
     struct wire_arbitration next;
@@ -437,7 +450,7 @@ void wire_advance(struct wire *wire, int64_t to_ns)
     if (to_ns <= wire->now_ns) {
         return;
     }
-    /* Nearly always there is nothing but frames */
+    /* Nearly always there are only frames */
     while (wire->off | wire->unplugged | wire->nlate ? wire_take_step(wire, to_ns)
                                                      : wire_take_frame_step(wire, to_ns)) {
     }

@@ -46,7 +46,7 @@ enum {
 
 enum wire_order { WIRE_PRIORITY, WIRE_FIFO };
 
-/* Of a node's controller. */
+/* The state of a node's controller (ISO 11898-1). */
 enum wire_state { WIRE_ERROR_ACTIVE, WIRE_ERROR_WARNING, WIRE_ERROR_PASSIVE, WIRE_BUS_OFF };
 
 /* What kind of error a node has found; those of FMI-LS-BUS. */
@@ -104,7 +104,7 @@ struct wire_config {
 
 struct wire;
 
-/* Memory from arena. ERROR_INPUT names what is out of range. Not RT-safe. */
+/* Creates a wire in memory from arena. ERROR_INPUT names what is out of range. Not RT-safe. */
 enum error_code wire_create(const struct wire_config *config, struct arena *arena,
                             struct wire **wire, struct error *error);
 
@@ -116,8 +116,8 @@ void wire_advance(struct wire *wire, int64_t to_ns);
 
 int64_t wire_now(const struct wire *wire);
 
-/* All memory of the wire, with its faults, statistics and random numbers: copied and put back to
- * the same address it restores the wire. */
+/* Returns all memory of the wire, with its faults, statistics and random numbers: copied and put
+ * back to the same address it restores the wire. */
 void *wire_memory(struct wire *wire, size_t *size);
 
 /* ---- faults ---- */
@@ -162,7 +162,7 @@ int wire_inject(struct wire *wire, const struct wire_fault *fault);
 /* Ends a fault; returns how many frames it has hit. */
 uint64_t wire_heal(struct wire *wire, int fault);
 
-/* Hits so far of an armed fault. */
+/* Returns how many frames an armed fault has hit so far. */
 uint64_t wire_fault_hits(const struct wire *wire, int fault);
 
 /* Connects or disconnects one node: disconnected it receives nothing and nobody acknowledges what
@@ -200,7 +200,8 @@ struct wire_stats {
     size_t queued, queued_peak;            /* of all nodes together */
 };
 
-/* From wire_transmit to reception; all identifiers beyond WIRE_IDS_MAX share one entry. */
+/* Latency of an identifier, from wire_transmit to reception; all identifiers beyond WIRE_IDS_MAX
+ * share one entry. */
 struct wire_latency {
     uint32_t id;
     bool extended;
@@ -213,10 +214,10 @@ void wire_stats(const struct wire *wire, struct wire_stats *stats);
 uint64_t wire_dropped(const struct wire *wire); /* of all causes together */
 void wire_node_stats(const struct wire *wire, size_t node, struct wire_node_stats *stats);
 
-/* Copies up to max entries, in no order of use; returns how many there are. */
+/* Copies up to max entries, in no particular order; returns how many there are. */
 size_t wire_latencies(const struct wire *wire, struct wire_latency *latency, size_t max);
 
-/* The entry with the largest max_ns; count is 0 before the first frame. */
+/* Returns the entry with the largest max_ns; its count is 0 before the first frame. */
 struct wire_latency wire_worst_latency(const struct wire *wire);
 
 const char *wire_error_name(enum wire_error error);

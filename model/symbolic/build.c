@@ -1,64 +1,44 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A generated module as a shared library: written, compiled and kept in a cache folder. */
-#include "model/symbolic/build_private.h"
+/* Builds a generated module as a shared library: written, compiled, sealed and found again in a
+ * folder. */
+#include "model/symbolic/symbolic.h"
 
 #include "base/count.h"
 #include "base/instruction_set.h"
-#include "model/symbolic/cache.h"
+#include "model/symbolic/seal.h"
 
 #include <dlfcn.h>
 #include <errno.h>
 #include <inttypes.h>
-#include <signal.h>
 #include <spawn.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
-#include <time.h>
 #include <unistd.h>
 
 extern char **environ;
 
-enum {
-    POLL_NS = 20000000,
-    TELL_NS = 250000000,
-};
+enum { BUILD_PATH = 576 };
 
-/* The files of one build; everything but the library is made in a folder of its own, so that two
- * runs at once do not meet. */
-struct build {
-    struct build_files files;
-    char source[CACHE_PATH + 32], fresh[CACHE_PATH + 32];
-    struct cache_workshop workshop;
-    struct symbolic_report report;
-};
-
-/* Machines of several architectures may share a home folder. */
-static enum error_code name_files(const struct robot *robot, const struct symbolic_options *options,
-                                  const char *folder, struct build_files *files,
-                                  struct error *error)
+/* Writes the path of the library; machines of several architectures may share a home folder. */
+static enum error_code build_name(const struct robot *robot, const struct symbolic_options *options,
+                                  const char *folder, char path[BUILD_PATH], struct error *error)
 {
-    char symbol[SYMBOLIC_SYMBOL], stem[CACHE_PATH - 64];
+    const uint64_t hash = options->inertia_inputs ? robot->massless_hash : robot->hash;
+    char symbol[SYMBOLIC_SYMBOL];
     int used;
 
     symbolic_symbol(robot, symbol);
-    used =
-        snprintf(stem, sizeof stem, "%s/%s-%016" PRIx64 "-g%d-l%d%s-%s%s%s", folder, symbol,
-                 robot->hash, SYMBOLIC_VERSION, options->lanes, options->inertia_inputs ? "-m" : "",
-                 instruction_set_architecture, options->this_cpu ? "-" : "",
-                 options->this_cpu ? instruction_set_names[instruction_set_used()] : "");
-    if (used < 0 || (size_t)used >= sizeof stem) {
-        return error_set(error, ERROR_INPUT, "the folder name %s is too long", folder);
-    }
-    snprintf(files->library, sizeof files->library, "%s.so", stem);
-    snprintf(files->claim, sizeof files->claim, "%s" CACHE_CLAIM, stem);
-    snprintf(files->failure, sizeof files->failure, "%s.failed", stem);
-    return ERROR_NONE;
+    used = snprintf(path, BUILD_PATH, "%s/%s-%016" PRIx64 "-g%d-l%d%s-%s.so", folder, symbol, hash,
+                    SYMBOLIC_VERSION, options->lanes, options->inertia_inputs ? "-m" : "",
+                    instruction_set_architecture);
+    return used > 0 && used < BUILD_PATH
+               ? ERROR_NONE
+               : error_set(error, ERROR_INPUT, "the folder name %s is too long", folder);
 }
 
-/* Code is run from the folder: nobody else may write there. */
-static enum error_code check_folder(const char *folder, struct error *error)
+/* Checks that nobody but this user and root may write to the folder, since code is run from it. */
+static enum error_code build_check_folder(const char *folder, struct error *error)
 {
     struct stat status;
 
@@ -68,156 +48,67 @@ static enum error_code check_folder(const char *folder, struct error *error)
     if (!S_ISDIR(status.st_mode)) {
         return error_set(error, ERROR_INPUT, "%s is not a folder", folder);
     }
-    if (status.st_uid != geteuid() || (status.st_mode & (S_IWGRP | S_IWOTH))) {
+    if ((status.st_uid != geteuid() && status.st_uid != 0) ||
+        (status.st_mode & (S_IWGRP | S_IWOTH))) {
         return error_set(error, ERROR_INPUT,
                          "%s: others may write there, so code from it is not run; it must belong "
-                         "to this user alone (chmod go-w)",
+                         "to this user or root alone (chmod go-w)",
                          folder);
     }
     return ERROR_NONE;
 }
 
-enum error_code build_name_files(const struct robot *robot, const struct symbolic_options *options,
-                                 const char *folder, struct build_files *files, struct error *error)
-{
-    enum error_code code = name_files(robot, options, folder, files, error);
-
-    return code ? code : check_folder(folder, error);
-}
-
-static enum error_code write_source(const struct robot *robot,
-                                    const struct symbolic_options *options, const char *path,
-                                    struct symbolic_report *report, struct error *error)
-{
-    FILE *file = fopen(path, "wx");
-    enum error_code code;
-
-    if (!file) {
-        return error_set_errno(error, errno, "%s", path);
-    }
-    code = symbolic_generate(robot, options, file, report, error);
-    if (fclose(file) && !code) {
-        code = error_set_errno(error, errno, "%s", path);
-    }
-    return code;
-}
-
 /* ---- the compiler ---- */
 
-static int64_t build_clock_ns(void)
+/* Starts the compiler with the source as its standard input, by a name under which the source
+ * can include itself. Returns 0 or an errno. */
+static int build_start_compiler(const char *level, int source, const char *output, pid_t *pid)
 {
-    struct timespec now;
-
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return now.tv_sec * INT64_C(1000000000) + now.tv_nsec;
-}
-
-/* Our environment but for TMPDIR, which is the build's folder: what a compiler that is killed
- * leaves goes with it. The array and its first string are the caller's; NULL without memory. */
-static char **compiler_environment(const struct build *build)
-{
-    static const char name[] = "TMPDIR=";
-    size_t count = 0, kept = 1, size = sizeof name + strlen(build->workshop.path);
-    char **made;
-
-    while (environ[count]) {
-        count++;
-    }
-    made = calloc(count + 2, sizeof *made);
-    if (!made || !(made[0] = malloc(size))) {
-        free(made);
-        return NULL;
-    }
-    snprintf(made[0], size, "%s%s", name, build->workshop.path);
-    for (size_t i = 0; i < count; i++) {
-        if (strncmp(environ[i], name, strlen(name))) {
-            made[kept++] = environ[i];
-        }
-    }
-    return made;
-}
-
-/* Starts it, with a limit in a process group of its own, to be killed with all that it has started.
- * Returns 0 or an errno. */
-static int start_compiler(const struct symbolic_options *options, char *const argv[],
-                          char **environment, pid_t *pid)
-{
-    posix_spawnattr_t attributes;
-    int problem = posix_spawnattr_init(&attributes);
+    const char *const arguments[] = {"cc",
+                                     "-std=gnu11",
+                                     level,
+                                     "-fno-math-errno",
+                                     "-ffp-contract=off",
+                                     "-fPIC",
+                                     "-shared",
+                                     "-o",
+                                     output,
+                                     "-xc",
+                                     "/proc/self/fd/0",
+                                     "-lm",
+                                     NULL};
+    char *argv[ARRAY_COUNT(arguments)];
+    posix_spawn_file_actions_t actions;
+    int problem = posix_spawn_file_actions_init(&actions);
 
     if (problem) {
         return problem;
     }
-    if (options->limit_s > 0.0) {
-        posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+    /* posix_spawnp takes char * but does not write to them */
+    memcpy(argv, arguments, sizeof arguments);
+    problem = posix_spawn_file_actions_adddup2(&actions, source, STDIN_FILENO);
+    if (!problem) {
+        problem = posix_spawnp(pid, argv[0], &actions, NULL, argv, environ);
     }
-    problem = posix_spawnp(pid, argv[0], NULL, &attributes, argv, environment);
-    posix_spawnattr_destroy(&attributes);
+    posix_spawn_file_actions_destroy(&actions);
     return problem;
 }
 
-/* Waits for the compiler, and says a few times a second for how long. */
-static enum error_code wait_for_compiler(pid_t pid, const struct robot *robot,
-                                         const struct symbolic_options *options, int *status,
-                                         struct error *error)
+/* Compiles an open source into a library and waits for the end of it. */
+static enum error_code build_compile(const char *level, int source, const char *output,
+                                     struct error *error)
 {
-    const struct symbolic_progress *progress = &options->progress;
-    int64_t start = build_clock_ns(), told = start;
-    pid_t ended;
-
-    while ((ended = waitpid(pid, status, WNOHANG)) != pid) {
-        int64_t now = build_clock_ns();
-
-        if (ended < 0 && errno != EINTR) {
-            return error_set_errno(error, errno, "the compiler cannot be waited for");
-        }
-        if (options->limit_s > 0.0 && (double)(now - start) * 1e-9 > options->limit_s) {
-            kill(-pid, SIGKILL);
-            waitpid(pid, status, 0);
-            return error_set(error, ERROR_UNSUPPORTED,
-                             "the compiler (cc) was ended: it ran for more than %.0f s",
-                             options->limit_s);
-        }
-        if (progress->tell && now - told >= TELL_NS) {
-            told = now;
-            progress->tell(progress->context, robot->name, (double)(now - start) * 1e-9);
-        }
-        nanosleep(&(struct timespec){.tv_nsec = POLL_NS}, NULL);
-    }
-    return ERROR_NONE;
-}
-
-static enum error_code compile_module(const struct robot *robot,
-                                      const struct symbolic_options *options,
-                                      const struct build *build, struct error *error)
-{
-    const char *level = options->fast_compile || build->report.large ? "-O1" : "-O2";
-    const char *const arguments[] = {
-        "cc",    "-std=gnu11", level, "-fno-math-errno", "-ffp-contract=off",
-        "-fPIC", "-shared",    "-o",  build->fresh,      build->source,
-        "-lm",   NULL};
-    char *argv[ARRAY_COUNT(arguments)];
-    char **environment = compiler_environment(build);
-    enum error_code code;
-    pid_t pid;
     int status, problem;
+    pid_t pid;
 
-    if (!environment) {
-        return error_set(error, ERROR_MEMORY, "no memory to start the compiler");
-    }
-    /* posix_spawnp takes char * but does not write to them */
-    memcpy(argv, arguments, sizeof arguments);
-    problem = start_compiler(options, argv, environment, &pid);
-    free(environment[0]);
-    free(environment);
+    problem = build_start_compiler(level, source, output, &pid);
     if (problem) {
         return error_set(error, ERROR_UNSUPPORTED, "no C compiler (cc): %s", strerror(problem));
     }
-
-    /* Its status: not started, killed, or not content */
-    code = wait_for_compiler(pid, robot, options, &status, error);
-    if (code) {
-        return code;
+    while (waitpid(pid, &status, 0) < 0) {
+        if (errno != EINTR) {
+            return error_set_errno(error, errno, "the compiler cannot be waited for");
+        }
     }
     if (WIFSIGNALED(status)) {
         return error_set(error, ERROR_UNSUPPORTED, "the compiler (cc) was killed by signal %d",
@@ -226,18 +117,18 @@ static enum error_code compile_module(const struct robot *robot,
     if (WEXITSTATUS(status) == 127) {
         return error_set(error, ERROR_UNSUPPORTED, "no C compiler (cc) could be run");
     }
-    if (WEXITSTATUS(status) != 0) {
-        return error_set(error, ERROR_UNSUPPORTED,
-                         "the compiler (cc) failed with status %d on the generated code",
-                         WEXITSTATUS(status));
-    }
-    return ERROR_NONE;
+    return WEXITSTATUS(status) == 0
+               ? ERROR_NONE
+               : error_set(error, ERROR_UNSUPPORTED,
+                           "the compiler (cc) failed with status %d on the generated code",
+                           WEXITSTATUS(status));
 }
 
 /* ---- the module ---- */
 
-static enum error_code load_module(const struct robot *robot, const char *path,
-                                   struct symbolic_library *library, struct error *error)
+/* Loads a library and finds its module, in the variant for this CPU. */
+static enum error_code build_load(const struct robot *robot, const char *path,
+                                  struct symbolic_library *library, struct error *error)
 {
     const struct dynamics_module *(*entry)(void);
     char symbol[SYMBOLIC_SYMBOL];
@@ -258,74 +149,80 @@ static enum error_code load_module(const struct robot *robot, const char *path,
     return ERROR_NONE;
 }
 
-/* Makes the library; it appears under its name when it is complete. */
-static enum error_code make_library(const struct robot *robot,
-                                    const struct symbolic_options *options, const char *folder,
-                                    struct build *build, struct error *error)
+/* Generates the source, a file without a name, and compiles it. */
+static enum error_code build_make(const struct robot *robot, const struct symbolic_options *options,
+                                  const char *output, struct error *error)
 {
-    enum error_code code = cache_open_workshop(&build->workshop, folder, error);
+    struct symbolic_report report;
+    FILE *source = tmpfile();
+    enum error_code code;
 
-    if (code) {
-        return code;
+    if (!source) {
+        return error_set_errno(error, errno, "cannot make a temporary file");
     }
-    snprintf(build->source, sizeof build->source, "%s/module.c", build->workshop.path);
-    snprintf(build->fresh, sizeof build->fresh, "%s/module.so", build->workshop.path);
-    if (!(code = write_source(robot, options, build->source, &build->report, error)) &&
-        !(code = compile_module(robot, options, build, error)) &&
-        !(code = cache_seal(build->fresh, error))) {
-        code = cache_publish(build->fresh, folder, build->files.library, error);
+    code = symbolic_generate(robot, options, source, &report, error);
+    if (!code && (fflush(source) || fseek(source, 0, SEEK_SET))) {
+        code = error_set_errno(error, errno, "cannot write a temporary file");
     }
     if (!code) {
-        unlink(build->files.failure);
+        code = build_compile(options->fast_compile || report.large ? "-O1" : "-O2", fileno(source),
+                             output, error);
     }
-    unlink(build->source);
-    unlink(build->fresh);
-    cache_close_workshop(&build->workshop);
+    fclose(source);
     return code;
-}
-
-/* library->cached: whether it was there and could be loaded. */
-static void load_cached(const struct robot *robot, const struct build_files *files,
-                        struct symbolic_library *library)
-{
-    library->cached =
-        cache_is_whole(files->library) && !load_module(robot, files->library, library, NULL);
 }
 
 enum error_code symbolic_find(const struct robot *robot, const struct symbolic_options *options,
                               const char *folder, struct symbolic_library *library,
                               struct error *error)
 {
-    struct build_files files;
+    char path[BUILD_PATH];
     enum error_code code;
 
     memset(library, 0, sizeof *library);
-    if ((code = build_name_files(robot, options, folder, &files, error))) {
+    code = build_name(robot, options, folder, path, error);
+    if (code) {
         return code;
     }
-    load_cached(robot, &files, library);
-    return library->cached
-               ? ERROR_NONE
-               : error_set(error, ERROR_UNSUPPORTED, "there is no compiled module in %s", folder);
+    /* It has to exist, in a folder that is safe, and to be as it was left */
+    if (access(path, F_OK)) {
+        return error_set(error, ERROR_UNSUPPORTED, "there is no module of %s in %s", robot->name,
+                         folder);
+    }
+    code = build_check_folder(folder, error);
+    if (code) {
+        return code;
+    }
+    if (!seal_is_whole(path)) {
+        return error_set(error, ERROR_UNSUPPORTED, "%s is damaged", path);
+    }
+    return build_load(robot, path, library, error);
 }
 
 enum error_code symbolic_build(const struct robot *robot, const struct symbolic_options *options,
                                const char *folder, struct symbolic_library *library,
                                struct error *error)
 {
-    struct build build;
+    char path[BUILD_PATH], fresh[BUILD_PATH + 32];
     enum error_code code;
 
     memset(library, 0, sizeof *library);
-    if ((code = build_name_files(robot, options, folder, &build.files, error))) {
+    if ((code = build_name(robot, options, folder, path, error)) ||
+        (code = build_check_folder(folder, error))) {
         return code;
     }
-    load_cached(robot, &build.files, library);
-    if (library->cached) {
-        return ERROR_NONE;
+
+    /* It gets its name when it and its seal are on the disk */
+    snprintf(fresh, sizeof fresh, "%s.%ld.part", path, (long)getpid());
+    if (!(code = build_make(robot, options, fresh, error)) && !(code = seal_write(fresh, error)) &&
+        rename(fresh, path)) {
+        code = error_set_errno(error, errno, "%s", path);
     }
-    code = make_library(robot, options, folder, &build, error);
-    return code ? code : load_module(robot, build.files.library, library, error);
+    if (code) {
+        unlink(fresh);
+        return code;
+    }
+    return build_load(robot, path, library, error);
 }
 
 void symbolic_close(struct symbolic_library *library)

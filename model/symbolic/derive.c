@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* One derivation: its memory, and which equations. */
+/* Runs one derivation: its memory, and which equations. */
 #include "model/symbolic/derive_private.h"
 
 #include <stdlib.h>

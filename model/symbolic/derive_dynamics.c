@@ -15,8 +15,8 @@
 
 #include "model/spatial.h"
 
-/* Gravity less w x v, in the base's working frame: what the components of the base's linear
- * velocity change by when nothing else acts. Minus this is the acceleration to start from. */
+/* Computes gravity less w x v, in the base's working frame: the rate of the components of the
+ * base's linear velocity when nothing else acts. Minus this is the acceleration to start from. */
 static void base_drift(struct derive *d, expr drift[3])
 {
     const struct robot *robot = d->tree->robot;
@@ -43,7 +43,7 @@ static void base_drift(struct derive *d, expr drift[3])
     }
 }
 
-/* G = [alpha] + [w][w] */
+/* Computes G = [alpha] + [w][w]. */
 static void rate_matrix(struct derive *d, struct state *state)
 {
     expr square[3];
@@ -61,7 +61,7 @@ static void rate_matrix(struct derive *d, struct state *state)
     }
 }
 
-/* The parents' velocity and accelerations at the group's origins, in the bodies' axes. */
+/* Computes the parents' velocity and accelerations at the group's origins, in the bodies' axes. */
 static void motion_from_parent(struct derive *d, size_t group)
 {
     struct state *state = &d->state[group];
@@ -77,6 +77,7 @@ static void motion_from_parent(struct derive *d, size_t group)
         for (int n = 0; n < 3; n++) {
             size_t element = STATE(G[0][0]) + (size_t)(3 * m + n) * sizeof(expr);
 
+            /* Acceleration of the origin: a + G r */
             if (r[n] != EXPR_ZERO) {
                 expr G = derive_from_parent(d, group, element);
 
@@ -89,8 +90,8 @@ static void motion_from_parent(struct derive *d, size_t group)
     derive_vector_down(d, group, state->a);
 }
 
-/* Newton-Euler outward: velocity and accelerations from the parents'; given adds the joints' own
- * accelerations. */
+/* Computes velocity and accelerations from the parents' (Newton-Euler, outward); given adds the
+ * joints' own accelerations. */
 static void motion_outward(struct derive *d, size_t group, bool given)
 {
     struct state *state = &d->state[group];
@@ -98,6 +99,7 @@ static void motion_outward(struct derive *d, size_t group, bool given)
     bool prismatic = derive_first_body(d, group)->prismatic;
 
     motion_from_parent(d, group);
+    /* A sliding joint adds its offset and the Coriolis terms, a turning one its rate */
     if (prismatic) {
         expr twice = mul(d, graph_const(d->g, 2.0), state->rate);
 
@@ -150,7 +152,8 @@ static void subtract_given_wrench(struct derive *d, size_t group, expr n[3], exp
     }
 }
 
-/* The force and moment that the bodies' own motion needs. */
+/* Computes the force and moment that the bodies' own motion needs: f = m a + G h, n = h x a +
+ * skew(G K). */
 static void body_force(struct derive *d, size_t group, bool ext)
 {
     struct state *state = &d->state[group];
@@ -178,7 +181,7 @@ static void body_force(struct derive *d, size_t group, bool ext)
     }
 }
 
-/* n and f as they act on the parents, handed to them. */
+/* Adds n and f, as they act on the parents, to the parents'. */
 static void force_inward(struct derive *d, size_t group, expr n[3], expr f[3])
 {
     const struct tree_body *body = derive_first_body(d, group);
@@ -200,8 +203,8 @@ static void force_inward(struct derive *d, size_t group, expr n[3], expr f[3])
     }
 }
 
-/* Takes the joint's own freedom out of inertia A and the bias force in it: D = S^T A S, U = A S,
- * u = tau - S^T p; A - U U^T / D, p + U u / D. */
+/* Eliminates the joint's own motion from inertia A and the bias force in it: D = S^T A S, U = A
+ * S, u = tau - S^T p; A - U U^T / D, p + U u / D. */
 static void eliminate_joint(struct derive *d, size_t group, struct state *A)
 {
     const struct tree_body *body = derive_first_body(d, group);
@@ -243,7 +246,7 @@ static void eliminate_joint(struct derive *d, size_t group, struct state *A)
     }
 }
 
-/* Inertia A, given in the bodies' frames, as it stands in the parents'. */
+/* Transforms inertia A from the bodies' frames to the parents'. */
 static void inertia_up(struct derive *d, size_t group, struct state *A)
 {
     const struct tree_body *body = derive_first_body(d, group);
@@ -264,7 +267,7 @@ static void inertia_up(struct derive *d, size_t group, struct state *A)
     }
 }
 
-/* The group's joints eliminated; what is left is handed to the parents. */
+/* Eliminates the group's joints and adds what is left to the parents. */
 static void articulated_inward(struct derive *d, size_t group)
 {
     struct state A = d->state[group];
@@ -282,7 +285,7 @@ static void articulated_inward(struct derive *d, size_t group)
     force_inward(d, group, A.n, A.f);
 }
 
-/* The floating base's accelerations: A x = -p by elimination, the linear part first. */
+/* Solves for the floating base's accelerations: A x = -p by elimination, the linear part first. */
 static void solve_base(struct derive *d)
 {
     static const int order[6] = {5, 4, 3, 2, 1, 0};
@@ -329,7 +332,7 @@ static void solve_base(struct derive *d)
     }
 }
 
-/* The joints' accelerations and the bodies' from their parents'. Returns the former. */
+/* Computes the joints' accelerations and the bodies' from their parents'. Returns the former. */
 static expr acceleration_outward(struct derive *d, size_t group)
 {
     const struct tree_body *body = derive_first_body(d, group);

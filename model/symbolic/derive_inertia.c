@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Articulated inertias: rigid bodies, turns, shifts. A turn of a 2x2 block costs one number t and
- * four sums, not two matrix products.
+ * Expressions of articulated inertias: rigid bodies, turns, shifts. A turn of a 2x2 block costs one
+ * number t and four sums, not two matrix products.
  */
 #include "model/symbolic/derive_private.h"
 
@@ -26,8 +26,8 @@ void derive_body_inertia(struct derive *d, size_t group)
     }
 }
 
-/* S <- Rot S Rot^T of a symmetric matrix for a turn about k: with t = s (sii - sjj) + 2 c sij,
- * sii' = sii - s t, sjj' = sjj + s t, sij' = c t - sij. */
+/* Rotates a symmetric matrix, S <- Rot S Rot^T, by a turn about k: with t = s (sii - sjj) + 2 c
+ * sij, sii' = sii - s t, sjj' = sjj + s t, sij' = c t - sij. */
 static void turn_symmetric(struct derive *d, int k, expr c, expr s, expr S[3][3])
 {
     int i = (k + 1) % 3, j = (k + 2) % 3;
@@ -45,7 +45,7 @@ static void turn_symmetric(struct derive *d, int k, expr c, expr s, expr S[3][3]
     *upper(S, j, k) = x[j];
 }
 
-/* The same for any matrix: t = s (hii - hjj) + c (hij + hji), hij' = c t - hji. */
+/* Rotates any matrix in the same way: t = s (hii - hjj) + c (hij + hji), hij' = c t - hji. */
 static void turn_matrix(struct derive *d, int k, expr c, expr s, expr H[3][3])
 {
     int i = (k + 1) % 3, j = (k + 2) % 3;
@@ -106,7 +106,7 @@ expr *derive_inertia_element(struct state *A, int a, int b)
     return a < 3 ? &A->H[a][b - 3] : &A->M[a - 3][b - 3];
 }
 
-/* The matrix given for an observed body, as an inertia in its working frame. */
+/* Transforms the matrix given for an observed body into an inertia in its working frame. */
 static void given_inertia(struct derive *d, int body, struct state *A)
 {
     const double *align = d->tree->body[body].align;

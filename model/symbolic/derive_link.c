@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Vectors from body to body, joints, inputs and outputs of the derived functions. */
+/* Expressions of vectors from body to body, joints, inputs and outputs of the derived functions. */
 #include "model/symbolic/derive_private.h"
 
 #include "model/spatial.h"
@@ -36,7 +36,8 @@ void derive_apply(struct derive *d, const double A[9], const expr x[3], expr y[3
     derive_apply_transposed(d, transposed, x, y);
 }
 
-expr derive_body_const(struct derive *d, size_t group, size_t offset)
+/* Returns the constant at offset of each lane's body. */
+static expr derive_body_const(struct derive *d, size_t group, size_t offset)
 {
     const struct tree_group *lanes = &d->tree->group[group];
     double value[TREE_LANES];
@@ -140,7 +141,8 @@ void derive_turn_up(struct derive *d, int k, expr c, expr s, expr x[3])
     x[j] = add(d, mul(d, s, xi), mul(d, c, xj));
 }
 
-void derive_turn_down(struct derive *d, int k, expr c, expr s, expr x[3])
+/* Applies the inverse of derive_turn_up. */
+static void derive_turn_down(struct derive *d, int k, expr c, expr s, expr x[3])
 {
     derive_turn_up(d, k, c, expr_neg(s), x);
 }
@@ -223,6 +225,7 @@ void derive_base_rotation(struct derive *d, expr R[3][3])
         e[m] = graph_input(d->g, DERIVE_Q, 1, &index);
         add_to(d, &square, mul(d, e[m], e[m]));
     }
+    /* With k = 2 / |e|^2 the quaternion may have any length */
     k = mul(d, graph_const(d->g, 2.0), graph_invert(d->g, square));
     for (int m = 0; m < 3; m++) {
         int i = (m + 1) % 3, j = (m + 2) % 3;
@@ -234,6 +237,7 @@ void derive_base_rotation(struct derive *d, expr R[3][3])
         body[i][j] = sub(d, ij, wm);
         body[j][i] = add(d, ij, wm);
     }
+    /* The working frame is turned by align against the body's */
     for (int row = 0; row < 3; row++) {
         derive_apply_transposed(d, d->tree->body[0].align, body[row], R[row]);
     }

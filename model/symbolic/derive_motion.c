@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Kinematics, accelerations and energy in the world frame. */
+/* Expressions of kinematics, accelerations and energy in the world frame. */
 #include "model/symbolic/derive_private.h"
 
-/* Where the parts of a struct body_motion and a struct body_acceleration begin, as doubles. */
+/* Offsets of the parts of a struct body_motion and a struct body_acceleration, in doubles. */
 enum motion_part { MOTION_R = 0, MOTION_P = 9, MOTION_W = 12, MOTION_V = 15, MOTION_COUNT = 18 };
 enum acceleration_part { ACCELERATION_ALPHA = 0, ACCELERATION_A = 3, ACCELERATION_COUNT = 6 };
 
+/* Fills the pose of the base: inputs when it floats, else constants. */
 static void base_pose(struct derive *d)
 {
     struct state *base = &d->state[0];
@@ -25,7 +26,7 @@ static void base_pose(struct derive *d)
     }
 }
 
-/* The parents' place, velocity and acceleration. */
+/* Copies the parents' place, velocity and acceleration. */
 static void world_from_parent(struct derive *d, size_t group)
 {
     struct state *state = &d->state[group];
@@ -45,9 +46,9 @@ static void world_from_parent(struct derive *d, size_t group)
     }
 }
 
-/* Adds what arm (from the parent's origin) and the joint along axis make of the acceleration:
- * a += alpha x arm + w x (w x arm), and for a sliding joint 2 w x slide + axis d''. w and alpha are
- * still the parent's. */
+/* Adds the parts of the acceleration that arm (from the parent's origin) and the joint along
+ * axis make: a += alpha x arm + w x (w x arm), and for a sliding joint 2 w x slide + axis d''. w
+ * and alpha are still the parent's. */
 static void add_acceleration(struct derive *d, size_t group, const expr axis[3], const expr arm[3],
                              const expr slide[3])
 {
@@ -72,7 +73,8 @@ static void add_acceleration(struct derive *d, size_t group, const expr axis[3],
     }
 }
 
-/* Place, velocity and (with vdot) classical acceleration in the world frame, from the parents'. */
+/* Computes place, velocity and (with vdot) classical acceleration in the world frame, from the
+ * parents'. */
 static void world_outward(struct derive *d, size_t group, bool accelerations)
 {
     const struct tree_body *body = derive_first_body(d, group);
@@ -85,6 +87,7 @@ static void world_outward(struct derive *d, size_t group, bool accelerations)
     for (int m = 0; m < 3; m++) {
         derive_vector_down(d, group, state->R[m]);
     }
+    /* The joint's axis in the world; a sliding joint lengthens the arm */
     derive_column_of(state->R, body->axis, axis);
     for (int m = 0; body->prismatic && m < 3; m++) {
         add_to(d, &arm[m], mul(d, axis[m], state->d));
@@ -93,6 +96,7 @@ static void world_outward(struct derive *d, size_t group, bool accelerations)
     if (accelerations) {
         add_acceleration(d, group, axis, arm, slide);
     }
+    /* Velocity and place, after the acceleration, which needs the parent's */
     derive_add_cross(d, state->v, state->w, arm);
     for (int m = 0; m < 3; m++) {
         add_to(d, &state->p[m], arm[m]);
@@ -103,7 +107,7 @@ static void world_outward(struct derive *d, size_t group, bool accelerations)
     }
 }
 
-/* The base's velocity and (with vdot) acceleration in the world frame. */
+/* Computes the base's velocity and (with vdot) acceleration in the world frame. */
 static void base_motion(struct derive *d, bool accelerations)
 {
     struct state *base = &d->state[0];
@@ -128,6 +132,7 @@ static void base_motion(struct derive *d, bool accelerations)
     }
 }
 
+/* Writes three outputs from index on. */
 static void put_vector(struct derive *d, int index, const expr x[3])
 {
     for (int m = 0; m < 3; m++) {
@@ -135,7 +140,7 @@ static void put_vector(struct derive *d, int index, const expr x[3])
     }
 }
 
-/* One lane of what describes a body's motion. */
+/* Extracts one lane of what describes a body's motion. */
 static void lane_state(struct derive *d, const struct state *state, int l, struct state *lane)
 {
     for (int m = 0; m < 3; m++) {
@@ -150,6 +155,7 @@ static void lane_state(struct derive *d, const struct state *state, int l, struc
     }
 }
 
+/* Writes the motion of a body's own frame, moved there from its working frame. */
 static void put_motion(struct derive *d, int body, struct state *lane)
 {
     expr at[3], arm[3], row[3];
@@ -169,6 +175,7 @@ static void put_motion(struct derive *d, int body, struct state *lane)
     put_vector(d, MOTION_COUNT * body + MOTION_V, lane->v);
 }
 
+/* Writes the acceleration of a body's own origin. */
 static void put_acceleration(struct derive *d, int body, struct state *lane)
 {
     expr at[3], arm[3], across[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO};
@@ -195,6 +202,7 @@ void derive_motion(struct derive *d)
             derive_joint_state(d, g);
             world_outward(d, g, accelerations);
         }
+        /* Outputs of the observed bodies of the group */
         for (int l = 0; l < lanes->count; l++) {
             int body = lanes->body[l];
             struct state lane;

@@ -83,9 +83,6 @@ void derive_apply_transposed(struct derive *d, const double A[9], const expr x[3
 /* y = A x for numbers A */
 void derive_apply(struct derive *d, const double A[9], const expr x[3], expr y[3]);
 
-/* The number at offset of each lane's body. */
-expr derive_body_const(struct derive *d, size_t group, size_t offset);
-
 /* A mass property of each lane's body: of enum tree_inertia, the K's in their order. */
 expr derive_inertia(struct derive *d, size_t group, int property);
 
@@ -106,9 +103,6 @@ void derive_to_parent(struct derive *d, size_t group, size_t offset, expr value)
 
 /* x in the axes before a turn by (c, s) about k, given after it. */
 void derive_turn_up(struct derive *d, int k, expr c, expr s, expr x[3]);
-
-/* The inverse of derive_turn_up. */
-void derive_turn_down(struct derive *d, int k, expr c, expr s, expr x[3]);
 
 /* Sine or cosine of the n-th fixed turn between parents and bodies. */
 expr derive_turn_const(struct derive *d, size_t group, int n, bool sine);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Expressions as straight-line C with vector types of GCC and Clang. */
+/* Writes expressions as straight-line C with vector types of GCC and Clang. */
 #include "model/symbolic/emit.h"
 
 #include <math.h>
@@ -16,10 +16,10 @@ struct emission {
     const char *name;
     bool reads[DERIVE_ARRAYS];
     bool *reached;
-    bool *early;  /* an angle is made from it */
-    int *slot;    /* of an angle among the angles, or -1 */
+    bool *early;  /* it is needed for an angle */
+    int *slot;    /* place of an angle among the angles, or -1 */
     int nslot;    /* multiple of TRIG_CHUNK */
-    int *piece;   /* in which it is computed */
+    int *piece;   /* piece in which it is computed */
     int *last;    /* last piece that uses it */
     int *scratch; /* its place in the scratch array, or -1 */
     int *known;   /* the last piece in which it stands in a local */
@@ -36,6 +36,7 @@ const char *emit_array_name(enum derive_array array)
     return array_name[array];
 }
 
+/* Returns the number of operands of a node. */
 static int operand_count(enum graph_op op, int width)
 {
     switch (op) {
@@ -53,7 +54,7 @@ static int operand_count(enum graph_op op, int width)
     }
 }
 
-/* Marks what the outputs need. Operands have lower numbers than what uses them. */
+/* Marks the nodes that the outputs need. Operands have lower numbers than what uses them. */
 static void mark_reached(struct emission *e)
 {
     for (size_t o = 0; o < e->derivation->count; o++) {
@@ -81,6 +82,7 @@ static const char *vector_type_name(int width)
     return width == 1 ? "double" : width == 2 ? "v2" : "v4";
 }
 
+/* Writes a number so that C reads the same double. */
 static void write_number(FILE *file, double value)
 {
     char text[40];
@@ -89,6 +91,7 @@ static void write_number(FILE *file, double value)
     fprintf(file, "%s%s", text, strpbrk(text, ".e") ? "" : ".0");
 }
 
+/* Writes a constant, with braces when it has lanes. */
 static void write_constant(FILE *file, const struct graph_node *node)
 {
     if (node->width == 1) {
@@ -103,6 +106,7 @@ static void write_constant(FILE *file, const struct graph_node *node)
     fprintf(file, "}");
 }
 
+/* Writes an operand: its sign, then a constant or the local of its node. */
 static void write_operand(const struct emission *e, expr value)
 {
     const struct graph_node *node = graph_get(e->graph, value);
@@ -117,7 +121,7 @@ static void write_operand(const struct emission *e, expr value)
     }
 }
 
-/* A place in an array of doubles as a value of some width. */
+/* Writes a place in an array of doubles as a value of some width. */
 static void write_place(FILE *file, bool reading, int width, const char *array, int at)
 {
     if (width == 1) {
@@ -128,6 +132,7 @@ static void write_place(FILE *file, bool reading, int width, const char *array, 
     }
 }
 
+/* Writes an element, or one for each lane, of an argument array. */
 static void write_input(const struct emission *e, const struct graph_node *node)
 {
     const char *name = array_name[node->array];
@@ -144,6 +149,7 @@ static void write_input(const struct emission *e, const struct graph_node *node)
     fprintf(e->file, "}");
 }
 
+/* Writes one-lane expressions side by side. */
 static void write_pack(const struct emission *e, const struct graph_node *node)
 {
     fprintf(e->file, "(%s){", vector_type_name(node->width));
@@ -154,6 +160,7 @@ static void write_pack(const struct emission *e, const struct graph_node *node)
     fprintf(e->file, "}");
 }
 
+/* Writes the place of a sine or cosine that was computed at the start. */
 static void write_trig(const struct emission *e, const struct graph_node *node)
 {
     const char *array = node->op == GRAPH_SIN ? "sine" : "cosine";
@@ -161,16 +168,18 @@ static void write_trig(const struct emission *e, const struct graph_node *node)
     write_place(e->file, true, node->width, array, e->slot[expr_node(node->operand[0])]);
 }
 
-/* The expression of one node. */
+/* Writes the expression of one node. */
 static void write_value(const struct emission *e, const struct graph_node *node)
 {
     switch (node->op) {
+    /* Leaves */
     case GRAPH_CONST:
         write_constant(e->file, node);
         break;
     case GRAPH_INPUT:
         write_input(e, node);
         break;
+    /* Arithmetic */
     case GRAPH_ADD:
     case GRAPH_SUB:
     case GRAPH_MUL:
@@ -182,6 +191,7 @@ static void write_value(const struct emission *e, const struct graph_node *node)
         fprintf(e->file, "1.0 / ");
         write_operand(e, node->operand[0]);
         break;
+    /* Angles and lanes */
     case GRAPH_SIN:
     case GRAPH_COS:
         write_trig(e, node);
@@ -196,7 +206,7 @@ static void write_value(const struct emission *e, const struct graph_node *node)
     }
 }
 
-/* Cheaper to compute once more than to keep. */
+/* Returns whether a node is cheaper to compute once more than to keep. */
 static bool is_cheap(const struct emission *e, uint32_t n)
 {
     enum graph_op op = e->graph->node[n].op;
@@ -205,7 +215,7 @@ static bool is_cheap(const struct emission *e, uint32_t n)
            op == GRAPH_LANE;
 }
 
-/* Makes a node's value stand in a local of this piece. */
+/* Writes what makes a node's value stand in a local of this piece. */
 static void write_node_value(struct emission *e, uint32_t n)
 {
     const struct graph_node *node = &e->graph->node[n];
@@ -215,11 +225,13 @@ static void write_node_value(struct emission *e, uint32_t n)
         return;
     }
     e->known[n] = e->current;
+    /* Operands first; sines and cosines are ready */
     for (int m = 0; here && m < operand_count(node->op, node->width); m++) {
         if (node->op != GRAPH_SIN && node->op != GRAPH_COS) {
             write_node_value(e, expr_node(node->operand[m]));
         }
     }
+    /* Computed here, or read from where an earlier piece has left it */
     fprintf(e->file, "    const %s t%u = ", vector_type_name(node->width), n);
     if (here) {
         write_value(e, node);
@@ -227,6 +239,7 @@ static void write_node_value(struct emission *e, uint32_t n)
         write_place(e->file, true, node->width, "work", e->scratch[n]);
     }
     fprintf(e->file, ";\n");
+    /* Left for later pieces */
     if (here && e->scratch[n] >= 0) {
         fprintf(e->file, "    ");
         write_place(e->file, false, node->width, "work", e->scratch[n]);
@@ -250,9 +263,11 @@ static void place_angles(struct emission *e)
             }
         }
     }
+    /* Whole chunks, for the vector function */
     while (e->nslot % TRIG_CHUNK) {
         e->nslot++;
     }
+    /* Operands of angles are needed early too */
     for (size_t n = e->graph->count; n-- > 0;) {
         const struct graph_node *node = &e->graph->node[n];
 
@@ -262,7 +277,7 @@ static void place_angles(struct emission *e)
     }
 }
 
-/* Whether a node is computed once, in its piece. */
+/* Returns whether a node is computed once, in its piece. */
 static bool is_placed(const struct emission *e, uint32_t n)
 {
     return e->reached[n] && e->graph->node[n].op != GRAPH_CONST && !is_cheap(e, n);
@@ -298,6 +313,7 @@ static void note_use(struct emission *e, uint32_t n, int piece)
     }
 }
 
+/* Finds the last piece that uses each node. */
 static void find_uses(struct emission *e)
 {
     for (uint32_t n = 0; n < e->graph->count; n++) {
@@ -314,8 +330,8 @@ static void find_uses(struct emission *e)
     }
 }
 
-/* Places in the scratch array for what later pieces use; a place is free again after the last of
- * them. unused: scratch of this function, by node. */
+/* Gives places in the scratch array to what later pieces use; a place is free again after the
+ * last of them. unused: scratch of this function, by node. */
 static void place_scratch(struct emission *e, int *unused)
 {
     for (int width = GRAPH_LANES; width >= 1; width /= 2) {
@@ -338,7 +354,7 @@ static void place_scratch(struct emission *e, int *unused)
     }
 }
 
-/* All sines and cosines at once, at the start. */
+/* Writes all sines and cosines at once, at the start. */
 static void write_angles(struct emission *e)
 {
     int used = 0;
@@ -355,6 +371,7 @@ static void write_angles(struct emission *e)
             used += width;
         }
     }
+    /* Fill the last chunk, then call the vector function chunk by chunk */
     for (int s = used; s < e->nslot; s++) {
         fprintf(e->file, "    angle[%d] = 0.0;\n", s);
     }
@@ -363,7 +380,7 @@ static void write_angles(struct emission *e)
     }
 }
 
-/* The operations of one piece and the outputs that are ready with it. */
+/* Writes the operations of one piece and the outputs that are ready with it. */
 static void write_piece(struct emission *e, int piece)
 {
     e->current = piece;
@@ -384,7 +401,7 @@ static void write_piece(struct emission *e, int piece)
     }
 }
 
-/* The arguments with or without their types; inside also those of a piece. */
+/* Writes the arguments with or without their types; inside also those of a piece. */
 static void write_arguments(const struct emission *e, bool types, bool inside)
 {
     const char *input = types ? "const double *restrict " : "";
@@ -403,7 +420,7 @@ static void write_arguments(const struct emission *e, bool types, bool inside)
     fprintf(e->file, "%sout)", types ? "double *restrict " : "");
 }
 
-/* Arguments that a piece may not need. */
+/* Writes casts of arguments that a piece may not need. */
 static void write_unused(const struct emission *e)
 {
     for (int a = 0; a < DERIVE_ARRAYS; a++) {
@@ -458,6 +475,7 @@ void emission_write(struct emission *e, FILE *file)
     fprintf(e->file, "}\n");
 }
 
+/* Adds the operations of a function to count, lanes each. */
 static void count_operations(const struct emission *e, struct symbolic_count *count)
 {
     for (size_t n = 0; n < e->graph->count; n++) {

@@ -27,16 +27,16 @@ void emission_destroy(struct emission *emission);
  * of the file are left to ferror. */
 void emission_write(struct emission *emission, FILE *file);
 
-/* Whether the function reads an argument array; after emission_create. */
+/* Returns whether the function reads an argument array; after emission_create. */
 bool emission_reads(const struct emission *emission, enum derive_array array);
 
-/* What stands once before all variants: vector types and macros. */
+/* Writes what stands once before all variants: vector types and macros. */
 void emit_preamble(FILE *file);
 
-/* Sine and cosine of 8 lanes, of the variant being compiled. */
+/* Writes sine and cosine of 8 lanes, of the variant being compiled. */
 void emit_sincos(FILE *file);
 
-/* What an argument array is called. */
+/* Returns the name of an argument array. */
 const char *emit_array_name(enum derive_array array);
 
 #endif

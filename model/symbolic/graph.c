@@ -43,12 +43,12 @@ int graph_width(const struct graph *graph, expr e)
     return graph->failed ? 1 : graph_get(graph, e)->width;
 }
 
-bool graph_is_const(const struct graph *graph, expr e)
+static bool graph_is_const(const struct graph *graph, expr e)
 {
     return graph->failed || graph_get(graph, e)->op == GRAPH_CONST;
 }
 
-/* What makes a node the node it is. */
+/* Returns the hash of what identifies a node. */
 static uint64_t node_hash(const struct graph_node *node)
 {
     uint64_t hash = HASH_START;
@@ -61,6 +61,7 @@ static uint64_t node_hash(const struct graph_node *node)
     return hash_bytes(hash, node->value, sizeof node->value);
 }
 
+/* Returns whether two nodes are the same expression. */
 static bool node_equal(const struct graph_node *a, const struct graph_node *b)
 {
     return a->op == b->op && a->width == b->width && a->array == b->array &&
@@ -69,7 +70,7 @@ static bool node_equal(const struct graph_node *a, const struct graph_node *b)
            memcmp(a->value, b->value, sizeof a->value) == 0;
 }
 
-/* Doubles the room for nodes and the hash table. */
+/* Doubles the room for nodes and the hash table. Returns false without memory. */
 static bool grow_graph(struct graph *graph)
 {
     size_t capacity = 2 * graph->capacity, nbucket = 2 * graph->nbucket;
@@ -81,6 +82,7 @@ static bool grow_graph(struct graph *graph)
     }
     graph->node = node;
     graph->capacity = capacity;
+    /* A new table, and all nodes hashed anew */
     bucket = calloc(nbucket, sizeof *bucket);
     if (!bucket) {
         return false;
@@ -97,7 +99,7 @@ static bool grow_graph(struct graph *graph)
     return true;
 }
 
-/* The node equal to *wanted, new or old. */
+/* Returns the node equal to *wanted, new or old (hash-consing). */
 static expr intern_node(struct graph *graph, const struct graph_node *wanted)
 {
     size_t slot;
@@ -106,11 +108,13 @@ static expr intern_node(struct graph *graph, const struct graph_node *wanted)
         return EXPR_ZERO;
     }
     slot = node_hash(wanted) % graph->nbucket;
+    /* An equal node is used again */
     for (uint32_t i = graph->bucket[slot]; i; i = graph->node[i].next) {
         if (node_equal(&graph->node[i], wanted)) {
             return (expr)i << 1;
         }
     }
+    /* Else a new one is appended */
     if (graph->count == graph->capacity) {
         if (!grow_graph(graph)) {
             graph->failed = true;
@@ -124,6 +128,7 @@ static expr intern_node(struct graph *graph, const struct graph_node *wanted)
     return (expr)graph->count++ << 1;
 }
 
+/* Returns the node of a op b, as wide as the wider operand. */
 static expr intern_binary(struct graph *graph, enum graph_op op, expr a, expr b)
 {
     int wa = graph_width(graph, a), wb = graph_width(graph, b);
@@ -160,7 +165,7 @@ expr graph_const(struct graph *graph, double value)
     return graph_const_lanes(graph, 1, &value);
 }
 
-/* Lane l of a constant, with its sign. */
+/* Returns lane l of a constant, with its sign. */
 static double const_value(const struct graph *graph, expr e, int l)
 {
     const struct graph_node *node = graph_get(graph, e);
@@ -169,7 +174,7 @@ static double const_value(const struct graph *graph, expr e, int l)
     return expr_negative(e) ? -value : value;
 }
 
-/* Lane by lane a op b of two constants. */
+/* Returns the constant a op b, lane by lane. */
 static expr fold_constants(struct graph *graph, enum graph_op op, expr a, expr b)
 {
     int wa = graph_width(graph, a), wb = graph_width(graph, b), width = wa > wb ? wa : wb;
@@ -183,6 +188,7 @@ static expr fold_constants(struct graph *graph, enum graph_op op, expr a, expr b
     return graph_const_lanes(graph, width, value);
 }
 
+/* Returns whether an expression is a constant of that value in one lane. */
 static bool is_uniform_const(const struct graph *graph, expr e, double value)
 {
     const struct graph_node *node = graph_get(graph, e);
@@ -212,7 +218,7 @@ static void split_const(struct graph *graph, expr e, expr *constant, expr *rest)
     }
 }
 
-/* Whether e is the square of a sine or cosine, and of which angle. */
+/* Returns whether e is the square of a sine or cosine, and of which angle. */
 static bool is_square_of(const struct graph *graph, expr e, enum graph_op op, expr *angle)
 {
     const struct graph_node *node = graph_get(graph, e);
@@ -225,7 +231,7 @@ static bool is_square_of(const struct graph *graph, expr e, enum graph_op op, ex
     return true;
 }
 
-/* Whether the sum is sin^2 + cos^2 of one angle. */
+/* Returns whether the sum is sin^2 + cos^2 of one angle. */
 static bool is_pythagoras(const struct graph *graph, expr a, expr b)
 {
     expr x, y;
@@ -316,6 +322,7 @@ expr graph_mul(struct graph *graph, expr a, expr b)
     return intern_binary(graph, GRAPH_MUL, a, b) ^ sign;
 }
 
+/* Returns the node of an operation with one operand. */
 static expr intern_unary(struct graph *graph, enum graph_op op, expr a)
 {
     struct graph_node node = {.op = op, .width = graph_width(graph, a), .operand = {a}};
@@ -343,7 +350,7 @@ expr graph_invert(struct graph *graph, expr a)
     return intern_unary(graph, GRAPH_INVERT, a & ~1U) ^ (a & 1U);
 }
 
-/* A constant's sine or cosine lane by lane. */
+/* Returns a constant's sine or cosine, lane by lane. */
 static expr fold_trig(struct graph *graph, enum graph_op op, expr a)
 {
     double value[GRAPH_LANES];
@@ -385,6 +392,7 @@ expr graph_lane(struct graph *graph, expr a, int lane)
     if (node->width == 1) {
         return a;
     }
+    /* Lanes that are known without a node of their own */
     if (node->op == GRAPH_CONST) {
         return graph_const(graph, const_value(graph, a, lane));
     }
@@ -401,7 +409,7 @@ expr graph_lane(struct graph *graph, expr a, int lane)
     return intern_node(graph, &wanted) ^ (a & 1U);
 }
 
-/* Whether the lanes are those of one expression in their order, with one sign. */
+/* Returns whether the lanes are those of one expression in their order, with one sign. */
 static bool is_unpacked(const struct graph *graph, int width, const expr *lane, expr *whole)
 {
     for (int l = 0; l < width; l++) {

@@ -77,7 +77,6 @@ void graph_fini(struct graph *graph);
 
 const struct graph_node *graph_get(const struct graph *graph, expr e);
 int graph_width(const struct graph *graph, expr e);
-bool graph_is_const(const struct graph *graph, expr e);
 
 expr graph_const(struct graph *graph, double value);
 

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Limbs into lanes. A limb is a run of bodies without a branch. Limbs are bundled when the joints
- * of the shorter turn about the same axes as the first joints of the longer, and when nobody has to
- * wait for himself: the bundles' groups must still have an order with parents before children.
+ * Assigns limbs to lanes. A limb is a run of bodies without a branch. Limbs are bundled when the
+ * joints of the shorter turn about the same axes as the first joints of the longer, and when no
+ * group would wait for itself: the bundles' groups must still have an order with parents before
+ * children.
  */
 #include "model/symbolic/tree.h"
 
@@ -22,7 +23,7 @@ struct limbs {
     bool *moved; /* scratch, by limb */
 };
 
-/* Same operations, whatever the constants. */
+/* Returns whether two joints take the same operations, whatever the constants. */
 static bool same_joint(const struct tree_body *a, const struct tree_body *b)
 {
     if (a->prismatic != b->prismatic || a->axis != b->axis || a->nturn != b->nturn) {
@@ -36,7 +37,7 @@ static bool same_joint(const struct tree_body *a, const struct tree_body *b)
     return true;
 }
 
-/* Fills next and limb: a body with one child goes on, the base and any other ends its limb. */
+/* Fills next and limb: a body with one child continues its limb, the base and any other ends it. */
 static void find_limbs(struct limbs *limbs)
 {
     const struct tree *tree = limbs->tree;
@@ -74,7 +75,7 @@ static void find_limbs(struct limbs *limbs)
     }
 }
 
-/* Whether the shorter limb's joints match the first ones of the longer. */
+/* Returns whether the shorter limb's joints match the first ones of the longer. */
 static bool limbs_match(const struct limbs *limbs, const struct limb *a, const struct limb *b)
 {
     int x = a->first, y = b->first;
@@ -89,7 +90,7 @@ static bool limbs_match(const struct limbs *limbs, const struct limb *a, const s
     return true;
 }
 
-/* Limbs of a bundle, longest first. */
+/* Lists the limbs of a bundle, longest first. Returns their number. */
 static int bundle_members(const struct limbs *limbs, int bundle, int *member)
 {
     int count = 0;
@@ -108,7 +109,7 @@ static int bundle_members(const struct limbs *limbs, int bundle, int *member)
     return count;
 }
 
-/* The groups that the bundles make, in the order of the bundles' numbers; group 0 is the base. */
+/* Makes the groups of the bundles, in the order of the bundles' numbers; group 0 is the base. */
 static void make_groups(const struct limbs *limbs, struct tree *tree)
 {
     memset(tree->group, 0, tree->nbody * sizeof *tree->group);
@@ -157,7 +158,8 @@ static void make_groups(const struct limbs *limbs, struct tree *tree)
     }
 }
 
-/* Puts parents before children; false when there is no such order. sorted and place: scratch. */
+/* Sorts the groups, parents before children; returns false when there is no such order. sorted
+ * and place: scratch. */
 static bool sort_groups(struct tree *tree, struct tree_group *sorted, int *place)
 {
     size_t done = 0;
@@ -203,7 +205,7 @@ static bool sort_groups(struct tree *tree, struct tree_group *sorted, int *place
     return true;
 }
 
-/* Tries to join the bundles of limbs a and b. */
+/* Joins the bundles of limbs a and b if they fit. */
 static void try_bundle(struct limbs *limbs, struct tree *tree, int lanes, int a, int b,
                        struct tree_group *sorted, int *place)
 {
@@ -246,6 +248,7 @@ static void try_bundle(struct limbs *limbs, struct tree *tree, int lanes, int a,
     }
 }
 
+/* Bundles the limbs, best matches first, and makes the groups. */
 static void bundle_limbs(struct limbs *limbs, struct tree *tree, int lanes,
                          struct tree_group *sorted, int *place)
 {

@@ -15,7 +15,8 @@ _Static_assert(sizeof(struct added_inertia) == 21 * sizeof(double),
 _Static_assert(sizeof(struct body_acceleration) == 6 * sizeof(double),
                "an acceleration is 6 numbers");
 
-/* What struct dynamics keeps: the module, and the robot's mass properties where they are inputs. */
+/* The work of struct dynamics: the module, and the robot's mass properties where they are
+ * inputs. */
 struct generated {
     const struct dynamics_module *module;
     const double *inertia;
@@ -102,8 +103,8 @@ bool dynamics_module_fits(const struct dynamics_module *module, const struct rob
                             : module->robot_hash == robot->hash;
 }
 
-/* Fills in the robot's mass properties as the module wants them: in frames that are chosen by the
- * geometry alone, so found anew here. */
+/* Fills in the robot's mass properties as the module wants them: in frames that are chosen by
+ * the geometry alone, so found anew here. */
 static enum error_code bind_inertia(const struct robot *robot, struct arena *arena,
                                     struct generated *generated, struct error *error)
 {
@@ -138,6 +139,7 @@ enum error_code dynamics_generated(const struct robot *robot, const struct dynam
     struct generated *work;
     enum error_code code;
 
+    /* The module must be of this interface and of this robot */
     if (module->abi != DYNAMICS_MODULE_ABI) {
         return error_set(error, ERROR_UNSUPPORTED,
                          "the generated module has interface %" PRIu32 ", expected %d", module->abi,

@@ -53,7 +53,7 @@ static const char *const module_declaration[] = {
     "#endif",
 };
 
-/* One variant: how it is called, what it needs, how the compiler is told. The simplest first. */
+/* The variants: name, required instruction set, compiler target. The simplest first. */
 static const struct {
     const char *name, *target, *test;
 } variants[] = {
@@ -72,10 +72,10 @@ _Static_assert(INSTRUCTION_SETS == ARRAY_COUNT(variants), "every variant has its
  * chain of 30 joints runs as many instructions within 0.3 %. */
 enum { PIECE = 3000, SHORT_PIECE = 500, LARGE = 40000 };
 
-/* What a generation works on. */
+/* State of a generation. */
 struct generation {
     const struct robot *robot;
-    bool this_cpu, inertia_inputs;
+    bool inertia_inputs;
     int lanes;
     struct tree tree;
     struct graph graph[DERIVE_COUNT];
@@ -104,7 +104,8 @@ void symbolic_symbol(const struct robot *robot, char symbol[SYMBOLIC_SYMBOL])
     memcpy(symbol + n, "_dynamics", sizeof "_dynamics");
 }
 
-/* What the file is, what it costs, and which bodies share lanes. */
+/* Writes the comment at the head of the file: what it is, what it costs, and which bodies share
+ * lanes. */
 static void write_header(const struct generation *g)
 {
     const struct robot *robot = g->robot;
@@ -149,8 +150,8 @@ static void write_lines(FILE *file, const char *const *line, size_t count)
     }
 }
 
-/* The text is read once for each variant, of which plainer (or none) is the one before: the file
- * includes itself. */
+/* Writes the inclusion of the file by itself for a variant, of which plainer (or none) is the
+ * one before. */
 static void write_variant(FILE *file, int variant, int plainer)
 {
     fprintf(file,
@@ -161,37 +162,27 @@ static void write_variant(FILE *file, int variant, int plainer)
             plainer < 0 ? "NULL" : "&module_", plainer < 0 ? "" : variants[plainer].name);
 }
 
-/* The variants that are wanted, and the function that picks one of them. */
+/* Writes the variants, and the function that picks one of them. */
 static void write_variants(const struct generation *g)
 {
-    int only = (int)instruction_set_used();
-
-    if (g->this_cpu) {
-        write_variant(g->file, only, -1);
-    } else {
-        write_variant(g->file, INSTRUCTIONS_PLAIN, -1);
-        fprintf(g->file, "#if defined __x86_64__\n");
-        write_variant(g->file, INSTRUCTIONS_AVX2, INSTRUCTIONS_PLAIN);
-        write_variant(g->file, INSTRUCTIONS_AVX512, INSTRUCTIONS_AVX2);
-        fprintf(g->file, "#endif\n");
-    }
+    write_variant(g->file, INSTRUCTIONS_PLAIN, -1);
+    fprintf(g->file, "#if defined __x86_64__\n");
+    write_variant(g->file, INSTRUCTIONS_AVX2, INSTRUCTIONS_PLAIN);
+    write_variant(g->file, INSTRUCTIONS_AVX512, INSTRUCTIONS_AVX2);
     fprintf(g->file,
-            "\nconst struct dynamics_module *%s(void);\n\n"
-            "const struct dynamics_module *%s(void)\n{\n",
+            "#endif\n\nconst struct dynamics_module *%s(void);\n\n"
+            "const struct dynamics_module *%s(void)\n{\n"
+            "#if defined __x86_64__\n    __builtin_cpu_init();\n",
             g->symbol, g->symbol);
-    if (!g->this_cpu) {
-        fprintf(g->file, "#if defined __x86_64__\n    __builtin_cpu_init();\n");
-        for (int n = INSTRUCTIONS_AVX512; n > INSTRUCTIONS_PLAIN; n--) {
-            fprintf(g->file, "    if (%s) {\n        return &module_%s;\n    }\n", variants[n].test,
-                    variants[n].name);
-        }
-        fprintf(g->file, "#endif\n");
+    for (int n = INSTRUCTIONS_AVX512; n > INSTRUCTIONS_PLAIN; n--) {
+        fprintf(g->file, "    if (%s) {\n        return &module_%s;\n    }\n", variants[n].test,
+                variants[n].name);
     }
-    fprintf(g->file, "    return &module_%s;\n}\n",
-            variants[g->this_cpu ? only : INSTRUCTIONS_PLAIN].name);
+    fprintf(g->file, "#endif\n    return &module_%s;\n}\n", variants[INSTRUCTIONS_PLAIN].name);
 }
 
-/* The arguments that a derived function takes, in the order of its signature. */
+/* Writes the call of a derived function with the arguments that it reads, in the order of its
+ * signature. */
 static void write_call(const struct generation *g, enum derive_function function, const char *ext)
 {
     fprintf(g->file, "NAME(%s)(", function_name[function]);
@@ -205,7 +196,7 @@ static void write_call(const struct generation *g, enum derive_function function
     fprintf(g->file, "out);\n");
 }
 
-/* A function of the module: its parameters, those that it may not use, its call. */
+/* Writes a function of the module: its parameters, those that it may not use, its call. */
 static void write_entry(const struct generation *g, enum derive_function function, const char *name,
                         const enum derive_array *parameter, size_t count)
 {
@@ -222,6 +213,7 @@ static void write_entry(const struct generation *g, enum derive_function functio
             fprintf(g->file, "    (void)%s;\n", emit_array_name(parameter[a]));
         }
     }
+    /* Without external wrenches a cheaper function is called */
     if (function == DERIVE_FORWARD_EXT) {
         fprintf(g->file, "    if (!ext) {\n        ");
         write_call(g, DERIVE_FORWARD, "ext");
@@ -233,7 +225,7 @@ static void write_entry(const struct generation *g, enum derive_function functio
     fprintf(g->file, "}\n");
 }
 
-/* The module: an entry for each of its functions, and the table of them. */
+/* Writes the module: an entry for each of its functions, and the table of them. */
 static void write_dynamics_module(const struct generation *g)
 {
     static const enum derive_array forward[] = {DERIVE_INERTIA, DERIVE_Q, DERIVE_V, DERIVE_TAU,
@@ -274,7 +266,7 @@ static void write_dynamics_module(const struct generation *g)
             g->inertia_inputs ? g->tree.ninertia : 0, g->report.count[DERIVE_FORWARD].operations);
 }
 
-/* Constants that the functions and the table refer to. */
+/* Writes the constants that the functions and the table refer to. */
 static void write_tables(const struct generation *g)
 {
     const struct robot *robot = g->robot;
@@ -298,6 +290,7 @@ static void write_tables(const struct generation *g)
     fprintf(g->file, "\";\n");
 }
 
+/* Writes the whole file, and checks that all of it was written. */
 static enum error_code write_file(const struct generation *g, struct error *error)
 {
     write_header(g);
@@ -310,6 +303,7 @@ static enum error_code write_file(const struct generation *g, struct error *erro
                      "#elif defined __GNUC__\n#pragma GCC optimize(\"fp-contract=off\")\n"
                      "#pragma GCC optimize(\"no-tree-slp-vectorize\")\n"
                      "#endif\n\n");
+    /* Once: declarations and tables; then, for each inclusion, the functions of a variant */
     write_lines(g->file, module_declaration, ARRAY_COUNT(module_declaration));
     fprintf(g->file, "\n");
     emit_preamble(g->file);
@@ -329,7 +323,8 @@ static enum error_code write_file(const struct generation *g, struct error *erro
     return ERROR_NONE;
 }
 
-/* Each function's expressions, then how they are written: in short pieces where there are many. */
+/* Derives each function's expressions and plans how they are written: in short pieces where
+ * there are many. */
 static enum error_code plan_functions(struct generation *g, struct error *error)
 {
     enum error_code code = ERROR_NONE;
@@ -361,7 +356,6 @@ enum error_code symbolic_generate(const struct robot *robot, const struct symbol
         return error_set(error, ERROR_MEMORY, "no memory for the generator");
     }
     g->robot = robot;
-    g->this_cpu = options->this_cpu;
     g->inertia_inputs = options->inertia_inputs;
     g->lanes = options->lanes;
     g->file = file;

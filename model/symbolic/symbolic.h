@@ -16,7 +16,7 @@
 
 enum { SYMBOLIC_FUNCTIONS = 7, SYMBOLIC_SYMBOL = 64 };
 
-/* What a function costs. Lanes count each; sines and cosines stand apart. */
+/* The cost of a function. Lanes count each; sines and cosines are counted apart. */
 struct symbolic_count {
     const char *function;
     size_t add, multiply, divide;
@@ -31,48 +31,36 @@ struct symbolic_report {
     struct symbolic_count count[SYMBOLIC_FUNCTIONS];
 };
 
-/* What is done while symbolic_build waits for the compiler: tell is called a few times a second
- * with the robot's name and for how long it has run, s. NULL = nothing. */
-struct symbolic_progress {
-    void (*tell)(void *context, const char *robot, double elapsed_s);
-    void *context;
-};
-
 struct symbolic_options {
     int lanes;           /* at most so many limbs side by side: 1, 2 or 4; 4 is the fastest */
-    bool this_cpu;       /* only the variant of instruction_set_used(): a third of the compiler's
-                    * work; else all of them */
     bool inertia_inputs; /* mass properties are inputs: for all robots that differ in them alone */
     bool fast_compile;   /* symbolic_build: -O1, for tests */
-    double limit_s;      /* symbolic_build: the compiler is killed after so long; 0 = never */
-    struct symbolic_progress progress; /* symbolic_build */
 };
 
 /* Writes the module's C file: the same bytes for the same robot and options. report may be NULL. */
 enum error_code symbolic_generate(const struct robot *robot, const struct symbolic_options *options,
                                   FILE *file, struct symbolic_report *report, struct error *error);
 
-/* The name of the module's external function. */
+/* Writes the name of the module's external function. */
 void symbolic_symbol(const struct robot *robot, char symbol[SYMBOLIC_SYMBOL]);
 
 /* A module that was compiled apart. */
 struct symbolic_library {
     void *handle;
     const struct dynamics_module *module;
-    bool cached; /* it was found in the folder and not made anew */
 };
 
-/* Generates, compiles with cc and loads robot's module, or loads what an earlier call left in
- * folder, which must exist and belong to this user alone. The file's name holds the robot's hash,
- * the generator's version and, with this_cpu, the variant; one that is not as it was left
- * (truncated, damaged) is made anew. Without a compiler ERROR_UNSUPPORTED. The compiler's time
+/* Generates robot's module, compiles it with cc, which is waited for, leaves it in a folder and
+ * loads it. The folder must exist and belong to this user or root alone. The file's name holds the
+ * robot's hash (with inertia_inputs that without masses) and the generator's version; it appears
+ * when it is complete. ERROR_UNSUPPORTED without a compiler or when it fails. The compiler's time
  * grows linearly with the robot: short functions, and -O1, where there are many joints. */
 enum error_code symbolic_build(const struct robot *robot, const struct symbolic_options *options,
                                const char *folder, struct symbolic_library *library,
                                struct error *error);
 
-/* Loads what symbolic_build has left in folder and compiles nothing; ERROR_UNSUPPORTED where there
- * is no such module. */
+/* Loads what symbolic_build has left in folder; ERROR_UNSUPPORTED where there is no such module or
+ * it is not as it was left (truncated, damaged). */
 enum error_code symbolic_find(const struct robot *robot, const struct symbolic_options *options,
                               const char *folder, struct symbolic_library *library,
                               struct error *error);
@@ -80,15 +68,15 @@ enum error_code symbolic_find(const struct robot *robot, const struct symbolic_o
 /* Unloads; nothing of the module may be in use. Safe on a zeroed library. */
 void symbolic_close(struct symbolic_library *library);
 
-/* Of a module's variants the widest that instruction_set_used() allows. */
+/* Returns the widest of a module's variants that instruction_set_used() allows. */
 const struct dynamics_module *dynamics_module_used(const struct dynamics_module *module);
 
-/* Whether a module computes the dynamics of robot: it was made from it, or takes its mass
- * properties as inputs and was made from one that differs in nothing else. RT-safe. */
+/* Returns whether a module computes the dynamics of robot: it was made from it, or takes its
+ * mass properties as inputs and was made from one that differs in nothing else. RT-safe. */
 bool dynamics_module_fits(const struct dynamics_module *module, const struct robot *robot);
 
-/* The module as an implementation of robot's dynamics; refused when it was made from another robot
- * or by another generator. Memory from arena; the module must outlive it. */
+/* Makes the module an implementation of robot's dynamics; refuses one that was made from another
+ * robot or by another generator. Memory from arena; the module must outlive it. */
 enum error_code dynamics_generated(const struct robot *robot, const struct dynamics_module *module,
                                    struct arena *arena, struct dynamics *out, struct error *error);
 

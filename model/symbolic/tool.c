@@ -1,17 +1,35 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The generator as a program of the build: [--inertia-inputs] ROBOT.yaml FILE.c NAME [VARIANT], for
- * a module function NAME_dynamics. The user's command is coman-hil generate, which itself contains
- * what this program writes.
+ * The generator as a program of the build: [--inertia-inputs] [--fix-base POSE] ROBOT.yaml FILE.c
+ * NAME [VARIANT], for a module function NAME_dynamics; the base is fixed where it is in the pose.
+ * The user's command is coman-hil generate, which itself contains what this program writes.
  */
 #include "model/symbolic/symbolic.h"
 
 #include <stdio.h>
 #include <string.h>
 
+#define USAGE                                                                                      \
+    "usage: generate_dynamics [--inertia-inputs] [--fix-base POSE] ROBOT.yaml FILE.c NAME "        \
+    "[VARIANT]\n"
+
+/* Fixes the base of a robot where it is in one of its poses. */
+static enum error_code tool_fix_base(struct robot *robot, const char *name, struct error *error)
+{
+    for (size_t p = 0; p < robot->npose; p++) {
+        const struct robot_pose *pose = &robot->pose[p];
+
+        if (strcmp(pose->name, name) == 0) {
+            return robot_fix_base(robot, pose->base_position, pose->base_quaternion, error);
+        }
+    }
+    return error_set(error, ERROR_INPUT, "%s: found no pose %s", robot->file, name);
+}
+
 int main(int argc, char **argv)
 {
     struct symbolic_options options = {.lanes = 4};
+    const char *pose = NULL;
     const struct robot *robot;
     struct robot *named;
     enum error_code code;
@@ -24,14 +42,18 @@ int main(int argc, char **argv)
         argv++;
         argc--;
     }
+    if (argc > 2 && strcmp(argv[1], "--fix-base") == 0) {
+        pose = argv[2];
+        argv += 2;
+        argc -= 2;
+    }
     if (argc != 4 && argc != 5) {
-        fprintf(stderr, "usage: generate_dynamics [--inertia-inputs] ROBOT.yaml FILE.c NAME "
-                        "[VARIANT]\n");
+        fputs(USAGE, stderr);
         return 2;
     }
     if (arena_init(&arena, (size_t)64 << 20, &error) ||
         robot_load(argv[1], argc == 5 ? argv[4] : NULL, &arena, &robot, &error) ||
-        robot_copy(robot, &arena, &named, &error)) {
+        robot_copy(robot, &arena, &named, &error) || (pose && tool_fix_base(named, pose, &error))) {
         fprintf(stderr, "%s\n", error.text);
         return 2;
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Working frames and lumped mass properties. */
+/* Chooses working frames and lumps mass properties. */
 #include "model/symbolic/tree.h"
 
 #include "base/count.h"
@@ -10,10 +10,10 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Rounding of a rotated unit vector. Smaller components are taken for zero. */
+/* Rounding error of a rotated unit vector. Smaller components count as zero. */
 #define ROUNDING 4e-16
 
-/* What the choice of frames weighs, in floating-point operations. */
+/* Costs by which frames are chosen, in floating-point operations. */
 #define COST_TURN 90.0
 #define COST_SHIFT 35.0
 #define COST_ALIGN 30.0
@@ -27,7 +27,7 @@ struct placement {
     struct tree_turn turn[TREE_TURNS];
 };
 
-/* Components of a vector that are nothing but rounding become zero. */
+/* Sets components of a vector that are nothing but rounding to zero. */
 static void clean_vector(double x[3])
 {
     double norm = vec3_norm(x);
@@ -39,6 +39,7 @@ static void clean_vector(double x[3])
     }
 }
 
+/* Computes the rotation matrix of a turn. */
 static void turn_to_matrix(const struct tree_turn *turn, double R[9])
 {
     int i = (turn->axis + 1) % 3, j = (turn->axis + 2) % 3;
@@ -49,7 +50,7 @@ static void turn_to_matrix(const struct tree_turn *turn, double R[9])
     R[3 * i + j] = -turn->s;
 }
 
-/* R <- R Rot(turn) */
+/* Appends a turn to a rotation: R <- R Rot(turn). */
 static void turn_append(double R[9], const struct tree_turn *turn)
 {
     double T[9], product[9];
@@ -59,7 +60,7 @@ static void turn_append(double R[9], const struct tree_turn *turn)
     memcpy(R, product, sizeof product);
 }
 
-/* The fixed turns after which the unit vector a is +-axis, as few as possible. */
+/* Finds the fixed turns after which the unit vector a is +-axis, as few as possible. */
 static void find_turns(const double a[3], struct placement *place)
 {
     int k = 0, zero = -1;
@@ -91,8 +92,8 @@ static void find_turns(const double a[3], struct placement *place)
     }
 }
 
-/* How joint sits in its parent's working frame, given that frame's alignment and where the parent's
- * origin is in it. */
+/* Computes the placement of joint in its parent's working frame, given that frame's alignment
+ * and where the parent's origin is in it. */
 static void place_joint(const struct robot_joint *joint, const double align[9], const double at[3],
                         struct placement *place)
 {
@@ -114,7 +115,8 @@ static void place_joint(const struct robot_joint *joint, const double align[9], 
     find_turns(a, place);
 }
 
-/* Whether the joint's origin can move so that r has no component along the axis, or none at all. */
+/* Computes how far the joint's origin can move so that r has no component along the axis, or
+ * none at all. */
 static void free_origin(const struct placement *place, bool prismatic, double moved[3])
 {
     memset(moved, 0, 3 * sizeof *moved);
@@ -125,7 +127,7 @@ static void free_origin(const struct placement *place, bool prismatic, double mo
     }
 }
 
-/* With the origin where the shift is shortest. */
+/* Returns the cost of a placement, with the origin where the shift is shortest. */
 static double placement_cost(const struct placement *place, bool prismatic)
 {
     double cost = COST_TURN * place->nturn, moved[3];
@@ -137,7 +139,7 @@ static double placement_cost(const struct placement *place, bool prismatic)
     return cost;
 }
 
-/* What the children of body b cost with its working frame and origin. */
+/* Returns the cost of the children of body b with its working frame and origin. */
 static double children_cost(const struct robot *robot, size_t b, const double align[9],
                             const double at[3])
 {
@@ -166,7 +168,8 @@ static void clean_rotation(double R[9])
     }
 }
 
-/* The base may stand in any frame: its own, or one in which a child's axis is a coordinate axis. */
+/* Chooses the working frame of the base: its own, or one in which a child's axis is a coordinate
+ * axis. */
 static void choose_base_frame(const struct robot *robot, struct tree_body *base)
 {
     double best;
@@ -198,7 +201,8 @@ static void choose_base_frame(const struct robot *robot, struct tree_body *base)
     base->aligned = mat3_is_identity(base->align);
 }
 
-/* The angle about axis k that brings the part of x across the axis onto a coordinate axis. */
+/* Returns the angle about axis k that brings the part of x across the axis onto a coordinate
+ * axis. */
 static double angle_to_axis(int k, const double x[3])
 {
     double angle = portable_atan2(x[(k + 2) % 3], x[(k + 1) % 3]);
@@ -206,8 +210,8 @@ static double angle_to_axis(int k, const double x[3])
     return angle - M_PI_2 * round(angle / M_PI_2);
 }
 
-/* A revolute joint's zero is free: chooses it for the sake of the body's children. align is the
- * working frame for offset 0. */
+/* Chooses a revolute joint's zero for the sake of the body's children. align is the working
+ * frame for offset 0. */
 static void choose_offset(const struct robot *robot, size_t b, struct tree_body *body)
 {
     double start[9], best;
@@ -248,8 +252,8 @@ static void choose_offset(const struct robot *robot, size_t b, struct tree_body 
     }
 }
 
-/* What the body's origin costs when it stands by moved (in the axes that r is given in) away from
- * the robot's; at is the same in the body's axes. */
+/* Returns the cost of the body's origin when it stands by moved (in the axes that r is given in)
+ * away from the robot's; at is the same in the body's axes. */
 static double origin_cost(const struct robot *robot, size_t b, const struct placement *place,
                           const struct tree_body *body, const double moved[3], double at[3])
 {
@@ -270,9 +274,9 @@ static double origin_cost(const struct robot *robot, size_t b, const struct plac
     return cost + children_cost(robot, b, body->align, at);
 }
 
-/* The origin may stand anywhere on a turning joint's axis, and anywhere at all on a sliding body:
- * where the body has it, where the shift from the parent is shortest, or where the shift to a child
- * is. */
+/* Chooses the origin, which may stand anywhere on a turning joint's axis, and anywhere at all on
+ * a sliding body: where the body has it, where the shift from the parent is shortest, or where
+ * the shift to a child is. */
 static void choose_origin(const struct robot *robot, size_t b, const struct placement *place,
                           struct tree_body *body)
 {
@@ -307,7 +311,7 @@ static void choose_origin(const struct robot *robot, size_t b, const struct plac
     }
 }
 
-/* m, h and K of a body in its working frame. */
+/* Computes m, h and K of a body in its working frame. */
 static void set_inertia(const struct robot_inertia *inertia, struct tree_body *body)
 {
     double com[3], I[6], transposed[9], trace;
@@ -321,6 +325,7 @@ static void set_inertia(const struct robot_inertia *inertia, struct tree_body *b
     if (!body->aligned) {
         sym3_rotate(transposed, I);
     }
+    /* K = trace(I)/2 - I + m c c^T */
     trace = I[0] + I[3] + I[5];
     body->mass = inertia->mass;
     for (int i = 0; i < 3; i++) {
@@ -333,6 +338,7 @@ static void set_inertia(const struct robot_inertia *inertia, struct tree_body *b
     }
 }
 
+/* Chooses the working frame of a body, with its origin and the zero of its joint. */
 static void set_body(const struct robot *robot, size_t b, struct tree *tree)
 {
     const struct robot_joint *joint = &robot->joint[b - 1];
@@ -365,7 +371,7 @@ static void set_body(const struct robot *robot, size_t b, struct tree *tree)
     body->aligned = mat3_is_identity(body->align);
 }
 
-/* K <- K + x y^T + y x^T */
+/* Adds a symmetric outer product: K <- K + factor (x y^T + y x^T). */
 static void add_outer(double K[6], double factor, const double x[3], const double y[3])
 {
     for (int i = 0; i < 3; i++) {
@@ -375,7 +381,7 @@ static void add_outer(double K[6], double factor, const double x[3], const doubl
     }
 }
 
-/* Moves to the parent what moves as well with it. */
+/* Moves mass properties to the parent that move as well with it. */
 static void lump_into_parent(struct tree_body *child, struct tree_body *parent)
 {
     int k = child->axis, kk = sym3_index[k][k];
@@ -385,6 +391,7 @@ static void lump_into_parent(struct tree_body *child, struct tree_body *parent)
     for (int n = 0; n < child->nturn; n++) {
         turn_append(C, &child->turn[n]);
     }
+    /* A sliding body turns with its parent: all of K moves */
     if (child->prismatic) {
         sym3_rotate(C, child->K);
         for (int m = 0; m < 6; m++) {
@@ -393,6 +400,7 @@ static void lump_into_parent(struct tree_body *child, struct tree_body *parent)
         }
         return;
     }
+    /* Mass along a turning joint's axis: m, h_k and K_kk move */
     for (int m = 0; m < 3; m++) {
         a[m] = C[3 * m + k];
         parent->h[m] += child->h[k] * a[m] + child->mass * child->r[m];
@@ -404,7 +412,7 @@ static void lump_into_parent(struct tree_body *child, struct tree_body *parent)
     child->mass = child->h[k] = child->K[kk] = 0.0;
 }
 
-/* Whether lump_into_parent leaves nothing of a body's mass property. */
+/* Returns whether lump_into_parent leaves nothing of a body's mass property. */
 static bool is_lumped(const struct tree_body *body, int property)
 {
     int k = body->axis;

@@ -80,13 +80,13 @@ enum error_code tree_create(const struct robot *robot, int lanes, struct tree *t
                             struct error *error);
 void tree_destroy(struct tree *tree);
 
-/* A mass property of a body. */
+/* Returns a mass property of a body. */
 double tree_inertia(const struct tree_body *body, int property);
 
 /* Fills the ninertia places with the mass properties; every lane has its own, gaps are zero. */
 void tree_write_inertia(const struct tree *tree, double *inertia);
 
-/* Of frames, groups and places: of everything but mass properties and gravity. */
+/* Returns the hash of frames, groups and places: of everything but mass properties and gravity. */
 uint64_t tree_hash(const struct tree *tree);
 
 /* Groups of bodies for at most lanes lanes (lanes.c); tree->body is complete. */

@@ -54,8 +54,9 @@ class Simulator:
 
     refresh_s: while motors are on, set-points are repeated this often in a step of many ticks;
     boards let a voltage go after 0.1 s. 2FOC boards get theirs every tick. motor: what 2FOC boards
-    are told of their motors. start_timeout_s: until buses are served; a robot that is not bundled
-    is compiled first. timeout_s: for each answer, of wall time.
+    are told of their motors. joints: False for a rig of any protocol, as frames alone: the joints
+    of some are not known here. start_timeout_s: until buses are served. timeout_s: for each answer,
+    of wall time.
 
     Attributes. joints, sensors: by name. tick, time_s: virtual time. bus: the connection, a bus of
     python-can. control: the control socket. buses: what the DBC files say. board_fault: whether a
@@ -65,14 +66,14 @@ class Simulator:
                  changes: Mapping[str, Any] | None = None, hold: str | None = None,
                  settle: bool = False, faults: Sequence[str] = (), seed: int | None = None,
                  record: str | None = None, options: Sequence[str] = (), refresh_s: float = 0.01,
-                 motor: FocMotor = FocMotor(), start_timeout_s: float = 180.0,
-                 timeout_s: float = 30.0) -> None:
+                 motor: FocMotor = FocMotor(), joints: bool = True,
+                 start_timeout_s: float = 180.0, timeout_s: float = 30.0) -> None:
         self.rig, self._changes, self._program = os.fspath(rig), changes, program
         self._options = [*(["--hold", hold] if hold else []), *(["--settle"] if settle else []),
                          *(word for line in faults for word in ("--fault", line)),
                          *(["--seed", str(seed)] if seed is not None else []),
                          *(["--record", os.fspath(record)] if record else []), *options]
-        self._refresh_s, self._motor = refresh_s, motor
+        self._refresh_s, self._motor, self._with_joints = refresh_s, motor, joints
         self._start_timeout_s, self._timeout_s = start_timeout_s, timeout_s
         self._process: Process | None = None
         self.exit_status: int | None = None
@@ -138,7 +139,8 @@ class Simulator:
         self._kept: dict[int, tuple] = {}
 
         buses = self.buses.buses.values()
-        self._boards: list[Boards] = [boards_of(bus, supply_v, self._motor) for bus in buses]
+        self._boards: list[Boards] = [boards_of(bus, supply_v, self._motor)
+                                      for bus in buses if self._with_joints]
         self.joints: Names[Joint] = Names("joint")
         for boards in self._boards:
             for name in boards.joints:

@@ -7,6 +7,6 @@ add_executable(test_canbus_controller ${bus}/canbus_controller.c
 target_link_libraries(test_canbus_controller PRIVATE canbus PkgConfig::CMOCKA PkgConfig::SOCKETCAN)
 if(NOT HIL_SANITIZE)
     hil_script_test(canbus_qemu LABELS bus TIMEOUT 110
-        COMMAND bash ${bus}/qemu/run.sh -t 100 $<TARGET_FILE:test_canbus_controller>
+        COMMAND bash ${bus}/qemu/run.sh -t 300 $<TARGET_FILE:test_canbus_controller>
                 $<TARGET_FILE:test_canbus_socketcan>)
 endif()

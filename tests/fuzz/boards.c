@@ -8,7 +8,7 @@
  */
 #include "base/hash.h"
 #include "boards/described/protocol.h"
-#include "boards/faults.h"
+#include "faults/faults.h"
 #include "boards/messages.h"
 #include "boards/protocols.h"
 #include "tests/fuzz/fuzz.h"

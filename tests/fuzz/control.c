@@ -4,9 +4,9 @@
  * in range and that means the same when it is written out and read again. The first line is a
  * pattern for those that follow, too.
  */
-#include "app/control/parse.h"
+#include "control/parse.h"
 
-#include "rt/steering.h"
+#include "rt/requests.h"
 #include "tests/fuzz/fuzz.h"
 
 #include <math.h>
@@ -28,7 +28,7 @@ static void check_numbers(const struct control_request *request)
                      "%g N, %g Nm", request->force_n[i], request->moment_nm[i]);
     }
     if (request->command == CONTROL_CHECKPOINT || request->command == CONTROL_RESTORE) {
-        fuzz_require(request->count < STEERING_SLOTS, "slot %lld", (long long)request->count);
+        fuzz_require(request->count < CHECKPOINT_SLOTS, "slot %lld", (long long)request->count);
     }
 }
 

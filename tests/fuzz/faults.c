@@ -4,11 +4,11 @@
  * its values in range; those that were taken run for a while, and sensors that are broken in any of
  * these ways never show the boards what is no number.
  */
-#include "boards/faults.h"
+#include "faults/faults.h"
 
-#include "boards/sensing.h"
+#include "boards/sensing/sensing.h"
 #include "tests/fuzz/fuzz.h"
-#include "tests/unit/boards/fault_names.h"
+#include "tests/unit/faults/names.h"
 
 #include <math.h>
 #include <string.h>

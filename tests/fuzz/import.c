@@ -4,7 +4,7 @@
  * passed every check of robots, whose masses add up and whose drives are possible.
  */
 #include "app/import/import.h"
-#include "model/hydraulic.h"
+#include "model/hydraulics/hydraulic.h"
 #include "tests/fuzz/fuzz.h"
 
 #include <math.h>

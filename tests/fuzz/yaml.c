@@ -37,7 +37,7 @@ struct thing {
     size_t nreal, nname, npart, ndictionary, nprice;
 };
 
-static const struct yaml_enum words[] = {{"red", 0}, {"green", 1}, {"on", 2}, {NULL, 0}};
+static const struct word words[] = {{"red", 0}, {"green", 1}, {"on", 2}, {NULL, 0}};
 static const char *const word_names[] = {"red", "green", "on"};
 
 #define PART(member) offsetof(struct part, member)

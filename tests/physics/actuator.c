@@ -3,7 +3,7 @@
  * A series elastic drive in motion against closed solutions: winding, torque, speed, resonance,
  * braking and the energy balance. The drive is COMAN's (link-side constants).
  */
-#include "model/actuator.h"
+#include "model/drives/actuator.h"
 #include "model/integrator.h"
 
 #include <math.h>

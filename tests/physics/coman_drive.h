@@ -3,7 +3,7 @@
 #ifndef TESTS_PHYSICS_COMAN_DRIVE_H
 #define TESTS_PHYSICS_COMAN_DRIVE_H
 
-#include "model/actuator.h"
+#include "model/drives/actuator.h"
 
 static const struct robot_sea coman_drive = {
     .present = true,

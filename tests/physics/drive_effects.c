@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What real drives do beside the paper's equations (model/effects.h), one effect at a time against
- * a closed form, and several together against an integration of the test's own in steps of 1 us.
- * The link is clamped unless said otherwise; the default integrator at its default step of 1 ms.
+ * What real drives do beside the paper's equations (model/drives/effects.h), one effect at a time
+ * against a closed form, and several together against an integration of the test's own in steps of
+ * 1 us. The link is clamped unless said otherwise; the default integrator at its default step of 1
+ * ms.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -13,7 +14,7 @@
 
 #include <cmocka.h>
 
-#include "model/effects.h"
+#include "model/drives/effects.h"
 #include "tests/physics/near.h"
 #include "tests/physics/toy.h"
 
@@ -158,8 +159,8 @@ struct reference {
     double qm, v, I, z;
 };
 
-/* The equations of model/effects.h with the link at zero, written down again, for a given direction
- * of motion. */
+/* The equations of model/drives/effects.h with the link at zero, written down again, for a given
+ * direction of motion. */
 static struct reference reference_rates(const struct robot_sea *sea, const struct reference *x,
                                         double V, double direction)
 {

@@ -13,7 +13,7 @@
 
 #include <cmocka.h>
 
-#include "model/hydraulic_supply.h"
+#include "model/hydraulics/supply.h"
 #include "tests/physics/near.h"
 #include "tests/physics/oil_rig.h"
 

@@ -3,7 +3,7 @@
 #ifndef TESTS_PHYSICS_OIL_RIG_H
 #define TESTS_PHYSICS_OIL_RIG_H
 
-#include "model/hydraulic.h"
+#include "model/hydraulics/hydraulic.h"
 #include "tests/physics/toy.h"
 
 #define BAR 1e5

@@ -3,7 +3,7 @@
  * Static equilibrium of simple things, against statics: blocks on the native engine's beds of
  * springs, a pendulum on its drive. And what is refused, with the reason.
  */
-#include "model/actuator.h"
+#include "model/drives/actuator.h"
 #include "model/settle.h"
 
 #include <math.h>

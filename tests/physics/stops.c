@@ -4,7 +4,7 @@
  * closed form of the stop's law, with every integrator; a robot that falls over its stops; a drive
  * that presses its spring beyond the room that it has.
  */
-#include "model/actuator.h"
+#include "model/drives/actuator.h"
 #include "model/settle.h"
 #include "model/spatial.h"
 #include "model/stop.h"

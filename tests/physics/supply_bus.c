@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The supply that rises (model/supply.h): closed forms of the bus alone, and a rotor that is braked
- * into it.
+ * The supply that rises (model/drives/supply.h): closed forms of the bus alone, and a rotor that is
+ * braked into it.
  */
 #include <math.h>
 #include <setjmp.h>

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A walk is led while it goes: start, speed, heading, time and length of a step, stop and start
- * again, through the steering that the control socket uses, against where the plant's pelvis is.
+ * again, through the requests that the control socket makes, against where the plant's pelvis is.
  */
 #include "base/count.h"
-#include "rt/steering.h"
+#include "rt/requests.h"
 #include "sim/simulator.h"
 
 #include <setjmp.h>
@@ -36,7 +36,7 @@ struct lead {
 
     struct simulator *simulator;
     size_t asked, answered, looked;
-    enum steer_verdict verdict[16];
+    enum request_verdict verdict[16];
     double x[MOMENTS], y[MOMENTS], yaw[MOMENTS];
     uint64_t hash;
     struct task_runner_status status;
@@ -44,36 +44,36 @@ struct lead {
 
 static double value_of(const struct lead *lead, const char *name)
 {
-    const struct steering *steering = simulator_steering(lead->simulator);
-    int index = steering_find(steering, name);
+    const struct requests *requests = simulator_requests(lead->simulator);
+    int index = requests_find(requests, name);
 
     assert_true(index >= 0);
-    return steering_value(steering, (size_t)index);
+    return requests_value(requests, (size_t)index);
 }
 
 static void lead_on(void *context, int64_t now_ns)
 {
     struct lead *lead = context;
-    struct steering *steering = simulator_steering(lead->simulator);
+    struct requests *requests = simulator_requests(lead->simulator);
     const struct body_motion *pelvis = plant_motion(simulator_plant(lead->simulator));
     int64_t tick = now_ns / 1000000;
-    struct steer_answer answer;
+    struct request_answer answer;
 
-    while (steering_answer(steering, &answer)) {
+    while (requests_answer(requests, &answer)) {
         lead->verdict[lead->answered++] = answer.verdict;
     }
     while (lead->asked < lead->norder && lead->order[lead->asked].tick <= tick) {
         const struct order *order = &lead->order[lead->asked++];
-        struct steer_request request = {.kind = STEER_RESET};
+        struct loop_request request = {.kind = REQUEST_RESET};
 
         if (order->name) {
-            int index = steering_find(steering, order->name);
+            int index = requests_find(requests, order->name);
 
             assert_true(index >= 0);
-            request = (struct steer_request){
-                .kind = STEER_SET, .index = (size_t)index, .value = order->value};
+            request = (struct loop_request){
+                .kind = REQUEST_SET, .index = (size_t)index, .value = order->value};
         }
-        assert_true(steering_ask(steering, &request));
+        assert_true(requests_ask(requests, &request));
     }
     if (lead->looked < MOMENTS && lead->look[lead->looked] == tick) {
         lead->x[lead->looked] = pelvis->p[0];
@@ -92,7 +92,7 @@ static enum error_code try_to_open(struct lead *lead, const char *task, struct a
         .task = task,
         .setting = lead->setting,
         .observer = observer,
-        .steering = true,
+        .requests = true,
     };
     char notice[256];
 
@@ -146,7 +146,7 @@ static void a_walk_does_what_it_is_told(void **state)
     perform(&lead);
     assert_int_equal(lead.answered, lead.norder);
     for (size_t i = 0; i < lead.norder; i++) {
-        assert_int_equal(lead.verdict[i], STEER_OK);
+        assert_int_equal(lead.verdict[i], REQUEST_OK);
     }
     print_message("# %s\n", lead.status.message);
     for (size_t i = 0; i < lead.looked; i++) {
@@ -234,7 +234,7 @@ static void settings_are_checked_and_go_back_with_time(void **state)
     assert_int_equal(simulator_start(lead.simulator, &report, &error), ERROR_NONE);
     simulator_run(lead.simulator);
     for (size_t i = 0; i < lead.norder; i++) {
-        assert_int_equal(lead.verdict[i], i >= 3 && i < 6 ? STEER_RANGE : STEER_OK);
+        assert_int_equal(lead.verdict[i], i >= 3 && i < 6 ? REQUEST_RANGE : REQUEST_OK);
     }
     assert_true(fabs(lead.x[0] - 0.16) < 1e-12);
     assert_true(fabs(lead.x[1] - 0.125) < 1e-12);

@@ -6,7 +6,7 @@ foreach(area database simulator end plugin)
         COMMAND /usr/bin/python3 ${python_folder}/${area}.py $<TARGET_FILE:coman-hil>)
 endforeach()
 if(NOT HIL_SANITIZE)
-    hil_script_test(python_package LABELS python TIMEOUT 60
+    hil_script_test(python_package LABELS python TIMEOUT 150
         COMMAND bash ${python_folder}/package.sh ${CMAKE_CPACK_COMMAND})
     set_tests_properties(python_package PROPERTIES RESOURCE_LOCK install)
 endif()

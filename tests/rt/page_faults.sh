@@ -3,9 +3,9 @@
 # usage: page_faults.sh COMAN-HIL RIG CLOCK
 # Not one page fault of the loop's thread, from the first tick on: over 100,000 ticks of full
 # traffic on buses in wire mode with a recording, or over ten seconds of real time with memory
-# locked, not locked, and locked while a process of the run's compiles in the background. On a busy
-# machine a controller in real time may be too late for its robot, which ends the run early: that
-# is said, and faults are judged over the ticks that there were. Prints TAP.
+# locked and not locked. On a busy machine a controller in real time may be too late for its robot,
+# which ends the run early: that is said, and faults are judged over the ticks that there were.
+# Prints TAP.
 set -u
 program=$1
 rig=$2
@@ -24,18 +24,6 @@ for file in "$HIL_SOURCE_DIR"/config/rigs/*.yaml; do
 done
 cd "$work/config/rigs" || exit 1
 sed 's/lock_memory: true/lock_memory: false/' "$rig.yaml" >unlocked.yaml
-
-# a robot of its own, and a compiler that stands still as long as the test runs
-put_compiler()
-{
-    mkdir -p "$work/other/rigs" "$work/tools" "$work/cache"
-    cp -r "$HIL_SOURCE_DIR/config/robots" "$HIL_SOURCE_DIR/config/meshes" "$work/other/"
-    sed -i '0,/origin: {xyz_m: \[0.0,/s//origin: {xyz_m: [0.001,/' "$work/other/robots/coman.yaml"
-    cp "$rig.yaml" "$work/other/rigs/other.yaml"
-    printf '#!/bin/sh\n: >"%s/asked"\nwhile [ -e "%s" ]; do sleep 1; done\n' "$work" "$work" \
-        >"$work/tools/cc"
-    chmod 700 "$work/tools/cc"
-}
 
 # run NAME RIG ARGUMENT...
 run()
@@ -75,21 +63,15 @@ judge()
 }
 
 if [ "$clock" = real ]; then
-    echo 1..3
-    put_compiler
+    echo 1..2
     HIL_BINARY_DIR=$(dirname "$program") /usr/bin/python3 \
         "$HIL_SOURCE_DIR/tests/service/page_watchers.py" "$work/locked.err" 3 >"$work/watched" &
     run locked "$rig" --clock real --task squat --duration 10 --http 0 &
     run unlocked unlocked --clock real --task squat --duration 10
-    XDG_CACHE_HOME=$work/cache PATH=$work/tools:$PATH \
-        run compiling "$work/other/rigs/other" --clock real --task squat --duration 10 &
     wait
     sed 's/^/# of three pages: /' "$work/watched"
     judge locked 1 "real time, memory locked, three pages open"
     judge unlocked 1 "real time, memory not locked"
-    # a run beside which nothing was compiled shows nothing
-    [ -e "$work/asked" ] || rm -rf "$work/compiling"
-    judge compiling 1 "real time, with a compiler in the background"
 else
     echo 1..1
     task=squat

@@ -156,26 +156,10 @@ CASES = [
     Case("bench pendulum", ["pendulum", "--quick"], r"$^", program="coman-hil-bench"),
     Case("accel", ["accel", COMAN, "--list"]),
     # status 4: without a compiler
-    Case("accel of a compiled robot", ["accel", "../arm.yaml", "--implementation", "generated"],
-         status=(4,)),
+    Case("generate a module",
+         ["generate", "--module", os.path.join(SOURCE, "tests/old/rigs/arm.yaml")], status=(4,)),
     Case("version", ["version"]),
 ]
-
-ARM = """name: arm
-gravity_m_s2: [0, 0, -9.81]
-base: {type: fixed, body: trunk}
-bodies:
-  - {name: trunk, mass_kg: 2, com_m: [0, 0, 0], inertia_kg_m2: [0.1, 0, 0, 0.1, 0, 0.1]}
-  - {name: arm, mass_kg: 1, com_m: [0, 0, 0], inertia_kg_m2: [0.1, 0, 0, 0.1, 0, 0.1]}
-joints:
-  - name: shoulder
-    type: revolute
-    parent: trunk
-    child: arm
-    axis: [0, 1, 0]
-    origin: {xyz_m: [0, 0, 0.3]}
-    limits: {lower_rad: -1, upper_rad: 2, torque_nm: 50}
-"""
 
 # A compiler that compiles the first time only: the source is the same each time.
 CC = """#!/bin/sh
@@ -209,7 +193,6 @@ def prepare(root):
     """What the cases read."""
     rows = ("%g,%g\n" % (0.01 * i, i * i) for i in range(100))
     put(root + "/signals.csv", "time_s,a_rad\n" + "".join(rows))
-    put(root + "/arm.yaml", ARM)
     put(root + "/one.xml", JUNIT)
     put(root + "/bin/cc", CC, 0o700)
 

@@ -188,7 +188,7 @@ def check_build():
                    stdout=subprocess.DEVNULL)
     (PREFIX / "bin" / "python3").symlink_to("/usr/bin/python3")  # the one of the Debian packages
     check_keys("coman-hil-rig.5.scd", "rig/schema.c", "rig/sensors.c")
-    check_keys("coman-hil-robot.5.scd", "model/robot_schema.c")
+    check_keys("coman-hil-robot.5.scd", "model/description/schema.c")
     check_keys("coman-hil-scenario.5.scd", "app/scenario/schema.c")
     check_pages()
     check_words()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# Overload and loss: what rt/loop.h, rt/recorder.h and canbus promise then.
+# Overload and loss: what rt/loop.h, rt/recording/recorder.h and canbus promise then.
 hil_script_test(service_overload COMMAND /usr/bin/python3
                 ${CMAKE_CURRENT_SOURCE_DIR}/service/overload.py
                 LABELS service TIMEOUT 200 SERIAL)

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Overload and loss on local buses: a stolen processor, a stopped process, disks that are full,
 slow, dead or taken away, clients that flood the gateway. The promises stand in rt/loop.h,
-rt/recorder.h and canbus/gateway.h; what needs a kernel with CAN is in overload_vcan.py. Prints
-TAP."""
+rt/recording/recorder.h and canbus/gateway.h; what needs a kernel with CAN is in overload_vcan.py.
+Prints TAP."""
 import os
 import random
 import re

@@ -156,7 +156,7 @@ def check_clock(summary, policy="skip", tick_s=0.001):
 
 
 def check_recording(run, summary):
-    """The books of the recorder (rt/recorder.h)."""
+    """The books of the recorder (rt/recording/recorder.h)."""
     recorder = summary["recorder"]
     written = recorder["frames"] - recorder["frames_unwritten"]
     assert lines(run.path("candump.log")) == written, recorder

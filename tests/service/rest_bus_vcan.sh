@@ -9,16 +9,19 @@ trap 'rm -rf "$work"' EXIT
 . "$(dirname "$0")/tap.sh"
 tap_show="$work/*.out $work/*.err"
 
-# simulate NAME RIG ARGUMENT...: starts a simulator and waits until its loop runs; its process
+# simulate NAME RIG ARGUMENT...: starts a simulator and waits until its loop runs; its process. It
+# has no priority of real time and runs at a fiftieth of it: two overloaded loops would leave
+# nothing of the guest's only processor to who asks.
 simulate()
 {
     local name=$1 rig=$2
     shift 2
-    "$program" run "$rig" --transport socketcan --quiet \
+    setpriv --bounding-set -sys_nice --inh-caps -sys_nice \
+        "$program" run "$rig" --clock real --transport socketcan --quiet \
         --control "$work/$name.socket" "$@" >"$work/$name.out" 2>"$work/$name.err" </dev/null &
     simulator=$!
-    for _ in $(seq 100); do
-        "$program" ctl hello --socket "$work/$name.socket" >/dev/null 2>&1 && break
+    for _ in $(seq 600); do
+        "$program" ctl speed 0.02 --socket "$work/$name.socket" >/dev/null 2>&1 && break
         sleep 0.05
     done
 }
@@ -26,9 +29,26 @@ simulate()
 # said COUNT TEXT NAME: waits until the log of a simulator has so many lines with the text
 said()
 {
-    for _ in $(seq 100); do
+    for _ in $(seq 600); do
         [ "$(grep -c "$2" "$work/$3.err")" -ge "$1" ] && return
         sleep 0.1
+    done
+    return 1
+}
+
+# joint NAME: the angle of LHipSag in a simulator, rad
+joint()
+{
+    "$program" ctl --socket "$work/$1.socket" --json status |
+        sed -n 's/.*"joints": *{[^}]*"LHipSag": *\([-0-9.e]*\).*/\1/p'
+}
+
+# whether both hold the leg's pose: the rotor is where the other's is
+follows()
+{
+    for _ in $(seq 20); do
+        angles="$(joint real) $(joint rest)"
+        echo "$angles" | awk '{ d = $1 - $2; exit !(NF == 2 && d < 0.02 && d > -0.02) }' && return
     done
     return 1
 }
@@ -37,7 +57,7 @@ status() { "$program" ctl --socket "$work/rest.socket" status; }
 
 echo 1..6
 
-simulate rest coman-rest-bus --clock real --bus left_shank=can2
+simulate rest coman-rest-bus --bus left_shank=can2
 rest=$simulator
 said 3 "external board silent for" rest && ! grep -q "external board heard" "$work/rest.err"
 result $? "boards that are not there are silent"
@@ -47,9 +67,8 @@ result $? "boards that are not there are silent"
 [ "$(grep -c "^warn external .* on can0 is silent: not heard in 0.2 s" "$work/doctor.out")" = 3 ]
 result $? "doctor says which"
 
-# What comes from the other simulator is what its own boards say; in lockstep with its controller,
-# for a guest is too slow for both in real time
-simulate real coman-foc-leg --clock lockstep --task hold
+# What comes from the other simulator is what its own boards say
+simulate real coman-foc-leg --task hold
 real=$simulator
 said 3 "external board heard" rest
 result $? "boards that come are heard"
@@ -60,18 +79,13 @@ result $? "boards that come are heard"
     status | grep -qE "external  hip_sag on left_hip: (heard|silent), last [0-9.]+ s ago"
 result $? "doctor and status say when"
 
-# The rotor is where the other's is: both hold the leg's pose
-told=$("$program" ctl --socket "$work/real.socket" --json status |
-    python3 -c 'import json, sys; print(json.load(sys.stdin)["joints"]["LHipSag"])')
-follows=$("$program" ctl --socket "$work/rest.socket" --json status |
-    python3 -c 'import json, sys; print(json.load(sys.stdin)["joints"]["LHipSag"])')
-echo "# LHipSag: $told rad there, $follows rad here"
-python3 -c "import sys; sys.exit(not abs($told - $follows) < 0.02)"
+follows
 result $? "their joint follows"
+echo "# LHipSag: $angles rad there and here"
 
 kill -TERM "$real"
 wait "$real"
-for _ in $(seq 100); do
+for _ in $(seq 600); do
     silent=$(status | grep -cE "external  hip_... on left_hip: silent, last [0-9.]+ s ago")
     [ "$silent" = 3 ] && break
     sleep 0.05

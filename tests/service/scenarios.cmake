@@ -10,6 +10,11 @@ hil_script_test(service_scenarios COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/sc
                 ${scenarios} LABELS service TIMEOUT 300)
 hil_script_test(service_gateway COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/gateway.py
                 LABELS service TIMEOUT 200)
+hil_script_test(service_slcan LABELS service TIMEOUT 60
+                COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/slcan.py)
+hil_script_test(service_slcan_vcan LABELS service TIMEOUT 130
+                COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/service/slcan_vcan.sh
+                        $<TARGET_FILE:coman-hil>)
 hil_script_test(service_gateway_lockstep
                 COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/gateway_lockstep.py
                 LABELS service TIMEOUT 200)

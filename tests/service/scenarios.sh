@@ -21,7 +21,7 @@ run()
 {
     local expected=$1
     shift
-    timeout -k 5 200 "$program" test "$@" >"$work/out" 2>"$work/err" </dev/null
+    timeout -k 5 800 "$program" test "$@" >"$work/out" 2>"$work/err" </dev/null
     [ $? -eq "$expected" ]
 }
 

@@ -11,8 +11,8 @@ if(NOT HIL_SANITIZE AND NOT CMAKE_BUILD_TYPE STREQUAL Debug)
         COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/hardening.sh
                 $<TARGET_FILE:coman-hil> $<TARGET_FILE:coman-hil-bench>)
 endif()
-hil_script_test(service_compile COMMAND /usr/bin/python3
-                ${CMAKE_CURRENT_SOURCE_DIR}/service/compile.py
+hil_script_test(service_module COMMAND /usr/bin/python3
+                ${CMAKE_CURRENT_SOURCE_DIR}/service/module.py
                 $<TARGET_FILE:coman-hil> LABELS service TIMEOUT 120)
 # The address space of a guest process has no room for the shadow memory of the sanitizers.
 if(NOT HIL_SANITIZE)

@@ -66,13 +66,13 @@ END
 }
 
 test_start() {
-    timeout 30 systemctl start $unit
+    timeout 90 systemctl start $unit
     check $? "systemctl start comes back when the loop has run its first tick"
     [ "$(property ActiveState)/$(property SubState)" = active/running ]
     check $? "it is running"
-    within 20 answers_on_can
+    within 60 answers_on_can
     check $? "its boards answer on can0"
-    within 10 eval 'systemctl --no-pager status $unit | grep -q "Status: .* s  x"'
+    within 60 eval 'systemctl --no-pager status $unit | grep -q "Status: .* s  x"'
     check $? "systemctl status tells how it is"
 }
 
@@ -118,8 +118,8 @@ test_control() {
 test_reload() {
     local pid
     pid=$(property MainPID)
-    timeout 20 systemctl reload $unit
-    within 10 said 1 "reload: restarting" && within 10 answers_on_can &&
+    timeout 90 systemctl reload $unit
+    within 60 said 1 "reload: restarting" && within 60 answers_on_can &&
         [ "$(property MainPID)" = "$pid" ]
     check $? "reload starts the rig anew in the same process"
 }
@@ -137,7 +137,7 @@ test_journal() {
     done
     wait $(jobs -p)
     # what the loop has counted is written a second later
-    within 15 eval 'journal -n 100 | grep -q "more like it"'
+    within 60 eval 'journal -n 100 | grep -q "more like it"'
     sleep 2.5
     journal --cursor-file="$HIL_WORK/cursor" >"$log"
     echo "# 10000 frames of nonsense left $(wc -l <"$log") lines in the journal"
@@ -150,15 +150,18 @@ test_journal() {
     check $? "the service has outlived it"
 }
 
-# a controller that sees its boards vanish, in real time: by their silence
+# a controller that sees its boards vanish, in real time: by their silence; the links are clamped,
+# since a robot falls whose controller waits too long for the guest's only processor
 test_silence() {
-    local controller
+    local controller on="torso/0x01 .*: axis 0 from idle to voltage mode" before
     # the nonsense may have given boards other addresses
+    echo 'OPTIONS=--hold always' >/etc/default/coman-hil-coman
     systemctl restart $unit
-    coman-hil task squat coman --clock real --reconnect >"$HIL_WORK/task" 2>&1 </dev/null &
+    before=$(journal | grep -c "$on")
+    coman-hil task hold coman --clock real --reconnect >"$HIL_WORK/task" 2>&1 </dev/null &
     controller=$!
-    within 20 said 1 "robot is released" && systemctl restart $unit &&
-        within 20 said 2 "robot is released"
+    within 60 said $((before + 1)) "$on" && systemctl restart $unit &&
+        within 60 said $((before + 2)) "$on"
     check $? "a controller in real time finds the boards of a restarted service"
     cp "$HIL_WORK/task" "$log"
     journal -n 30 >>"$log"
@@ -168,9 +171,10 @@ test_silence() {
     kill -TERM $controller
     wait $controller
     check $? "and switches the motors off at its end"
-    timeout 20 systemctl stop $unit
+    timeout 90 systemctl stop $unit
     [ "$(property ActiveState)" = inactive ] && [ "$(property Result)" = success ]
     check $? "stop ends the service well"
+    rm /etc/default/coman-hil-coman
 }
 
 # Rows of a recording before the one of the given time have 0 V everywhere, later ones have not.
@@ -201,21 +205,21 @@ tasks:
 END
     echo 'OPTIONS=--clock lockstep --record recording --record-period 4 --force' \
         >/etc/default/coman-hil-lab
-    timeout 30 systemctl start $unit
+    timeout 90 systemctl start $unit
     check $? "a rig that extends one that extends the package's is started"
     coman-hil task squat lab --clock lockstep --reconnect >"$HIL_WORK/task" 2>&1 </dev/null &
     controller=$!
-    within 20 said 1 "robot is released" && systemctl restart $unit &&
-        within 20 said 2 "robot is released"
+    within 60 said 1 "robot is released" && systemctl restart $unit &&
+        within 60 said 2 "robot is released"
     check $? "a controller finds the boards of a restarted service"
 
     pid=$(property MainPID)
     kill -STOP "$pid"
-    within 20 main_pid_is_not "$pid"
+    within 60 main_pid_is_not "$pid"
     check $? "a stopped process is found by the watchdog and started anew"
     journalctl --no-pager -u $unit | grep -qi watchdog
     check $? "the journal says so"
-    within 20 said 3 "robot is released"
+    within 60 said 3 "robot is released"
     check $? "the controller finds its boards once more"
 
     wait $controller
@@ -240,7 +244,7 @@ test_examples() {
     cp /usr/share/doc/coman-hil/examples/can-configure.conf \
         /etc/systemd/system/coman-hil@.service.d/
     systemctl daemon-reload
-    timeout 30 systemctl start $unit
+    timeout 90 systemctl start $unit
     pid=$(property MainPID)
     grep Cap "/proc/$pid/status" >"$log"
     [ "$(sed -n 's/^CapEff:\s*//p' "/proc/$pid/status")" = 0000000000001000 ] &&
@@ -272,14 +276,14 @@ test_guides() {
     check $? "the commands of the guides for such a machine work"
     rm -f /etc/systemd/network/80-coman-hil-can.* /etc/udev/rules.d/80-coman-hil-can.rules
     ip link delete can0
-    systemctl start coman-hil-vcan@can0 && timeout 30 systemctl start $unit
+    systemctl start coman-hil-vcan@can0 && timeout 90 systemctl start $unit
 }
 
 test_upgrade_and_removal() {
     local pid
     systemctl enable -q $unit coman-hil-vcan@can0
     pid=$(property MainPID)
-    dpkg --force-unsafe-io -i "$packages/next.deb" >"$log" 2>&1 && within 10 main_pid_is_not "$pid"
+    dpkg --force-unsafe-io -i "$packages/next.deb" >"$log" 2>&1 && within 60 main_pid_is_not "$pid"
     check $? "an upgrade starts what runs anew, with the new program"
     [ ! -L "/proc/$(property MainPID)/exe" ] || readlink "/proc/$(property MainPID)/exe" >"$log"
     ! grep -q deleted "$log" && [ -e /etc/coman-hil/rigs/lab.yaml ]

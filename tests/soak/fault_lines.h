@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Random faults of every kind, as the lines that a user would write
- * (boards/faults.h). The same stream of random numbers gives the same lines. Not RT-safe.
+ * (faults/faults.h). The same stream of random numbers gives the same lines. Not RT-safe.
  */
 #ifndef SOAK_FAULT_LINES_H
 #define SOAK_FAULT_LINES_H
 
 #include "base/random.h"
-#include "boards/faults.h"
+#include "faults/faults.h"
 #include "rig/rig.h"
 
 enum { LINE_KINDS_MAX = 64 };

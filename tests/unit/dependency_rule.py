@@ -16,29 +16,32 @@ ROOT = pathlib.Path(os.environ.get("HIL_SOURCE_DIR") or pathlib.Path(__file__).p
 # Low to high. FOLDER: what its files may include of the tree, as regular expressions of whole
 # paths. A folder has the rule of the longest name here that it begins with; NAME/* is that of the
 # sub-rooms of NAME. dynamics/ is written by the build, and so are embedded texts (manual/).
-BELOW_SIM = (r"(base|canbus|contact|model|model/symbolic|boards|boards/\w+|tasks|rt|rig)/[^/]*"
-             r"|canbus/wire/[^/]*")
+BELOW_SIM = (r"(base|canbus|contact|model|model/\w+|faults|boards|boards/\w+|tasks|rt|rig)/[^/]*"
+             r"|canbus/wire/[^/]*|rt/recording/[^/]*")
 RULES = {
     "base": r"base/[^/]*",
     "client": r"coman_hil_client\.h",
     "canbus": r"(base|canbus|canbus/wire)/[^/]*",
     "contact": r"(base|contact)/[^/]*",
-    "model": r"(base|model|model/symbolic)/[^/]*|contact/(contact|mesh)\.h|dynamics/builtin\.inc",
-    "boards": r"(base|boards)/[^/]*|canbus/frame\.h|model/plant_io\.h",
-    "boards/*": r"(base|boards|boards/\w+)/[^/]*|canbus/frame\.h|model/plant_io\.h|manual/[^/]*",
+    "model": r"(base|model|model/\w+)/[^/]*|contact/(contact|mesh)\.h|dynamics/builtin\.inc",
+    "faults": r"(base|faults)/[^/]*",
+    "boards": r"(base|faults|boards)/[^/]*|canbus/frame\.h|model/plant_io\.h",
+    "boards/*": r"(base|faults|boards|boards/\w+)/[^/]*|canbus/frame\.h|model/plant_io\.h"
+                r"|manual/[^/]*",
     "tasks": r"(base|canbus|tasks)/[^/]*|boards/\w+/protocol\.h",
-    "rt": r"(base|canbus|rt)/[^/]*",
+    "rt": r"(base|canbus|rt|rt/recording)/[^/]*",
     "tools": r"(base|contact|tools)/[^/]*",
     "rig": BELOW_SIM,
     "sim": BELOW_SIM + r"|sim/[^/]*",
+    "control": BELOW_SIM + r"|(sim|control)/[^/]*",
     "viewer": r"(base|contact|model|boards|rig|sim|viewer)/[^/]*|canbus/(candump|frame|port)\.h"
-              r"|rt/(clock|histogram|steering)\.h|app/control/(parse|socket)\.h",
+              r"|rt/(clock|histogram|requests)\.h|control/(parse|socket)\.h",
     "app/report": r"(base|app/report)/[^/]*",
-    "app/control": BELOW_SIM + r"|(sim|app/control)/[^/]*",
     "app/scenario": BELOW_SIM + r"|(sim|app/report|app/scenario)/[^/]*",
     "app/sweep": BELOW_SIM + r"|(sim|app/report|app/scenario|app/sweep)/[^/]*",
     "app/bench": BELOW_SIM + r"|(sim|app/report|app|app/bench)/[^/]*|manual/[^/]*",
-    "app": BELOW_SIM + r"|(sim|app|app/\w+)/[^/]*|viewer/viewer\.h|manual/[^/]*",
+    "app": BELOW_SIM + r"|(sim|control|app|app/\w+|app/cli/\w+)/[^/]*"
+           r"|viewer/viewer\.h|manual/[^/]*",
 }
 TOP = {rule.split("/")[0] for rule in RULES}
 FOLDERS = TOP | {"tests", "config", "systemd", "docs", "examples"}
@@ -157,6 +160,7 @@ PLANTED = [
     ("canbus_knows_no_boards", "canbus/wire/x.c", "boards/board.h"),
     ("model_calls_contact_through_its_headers_only", "model/x.c", "contact/contact_private.h"),
     ("boards_see_no_plant_beyond_plant_io", "boards/x.c", "model/plant.h"),
+    ("faults_know_no_board", "faults/x.c", "boards/board.h"),
     ("boards_know_no_protocol", "boards/x.c", "boards/icub/board.h"),
     ("boards_see_no_can_port", "boards/icub/x.c", "canbus/port.h"),
     ("tasks_see_no_boards_beyond_the_protocol", "tasks/x.c", "boards/board.h"),
@@ -166,9 +170,9 @@ PLANTED = [
     ("a_simulator_knows_no_command", "sim/x.c", "base/../app/cli/commands.h"),
     ("the_page_knows_no_loop", "viewer/x.c", "rt/loop.h"),
     ("the_page_knows_no_command", "viewer/x.c", "app/cli/commands.h"),
-    ("control_knows_no_page", "app/control/x.c", "viewer/viewer.h"),
+    ("control_knows_no_page", "control/x.c", "viewer/viewer.h"),
     ("reports_know_no_simulator", "app/report/x.c", "sim/simulator.h"),
-    ("control_knows_no_command", "app/control/x.c", "app/cli/commands.h"),
+    ("control_knows_no_command", "control/x.c", "app/cli/commands.h"),
     ("nobody_includes_tests", "rt/x.c", "tests/physics/near.h"),
     ("includes_are_repository_relative", "model/symbolic/x.c", "../robot.h"),
 ]

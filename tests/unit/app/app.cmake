@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # control: the socket and ctl
 foreach(name control hostile memory parse socket)
-    hil_test(control_${name} SOURCES unit/app/control/${name}.c LIBS control LABELS unit
+    hil_test(control_${name} SOURCES unit/control/${name}.c LIBS control LABELS unit
         TIMEOUT 240)
 endforeach()
 

@@ -22,7 +22,7 @@ struct try_values {
 static const struct try_values try_defaults = {.duration = 10.0, .count = 7};
 static struct try_values given;
 
-static const struct option_word try_clocks[] = {{"real", 1}, {"free", 2}, {NULL, 0}};
+static const struct word try_clocks[] = {{"real", 1}, {"free", 2}, {NULL, 0}};
 static const struct option_spec try_options[] = {
     {.name = "--quiet", .type = OPTION_FLAG, .help = "no status line", .value = &given.quiet},
     {.name = "--record",

@@ -59,7 +59,7 @@ struct car {
     size_t nprice;
 };
 
-static const struct yaml_enum colors[] = {{"red", 1}, {"green", 2}, {"on", 3}, {NULL, 0}};
+static const struct word colors[] = {{"red", 1}, {"green", 2}, {"on", 3}, {NULL, 0}};
 
 #define WHEEL(member) offsetof(struct wheel, member)
 static const struct yaml_field wheel_fields[] = {

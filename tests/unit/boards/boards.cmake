@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-foreach(name board_faults board_faults_frames boards can_state event_text fault_parse faults heat
-        inertial messages motor_control protocols sensing settings ticks)
+foreach(name board_faults board_faults_frames boards can_state event_text messages
+        motor_control protocols settings ticks)
     hil_test(boards_${name} SOURCES unit/boards/${name}.c LIBS boards LABELS unit)
 endforeach()
-# each protocol's folder
+# sensing/, and each protocol's folder
 file(GLOB sources CONFIGURE_DEPENDS RELATIVE ${CMAKE_CURRENT_LIST_DIR}
      ${CMAKE_CURRENT_LIST_DIR}/*/*.c)
 foreach(source ${sources})

@@ -5,8 +5,8 @@
 
 #include "tests/unit/boards/board_bench.h"
 
-#include "boards/faults.h"
-#include "boards/sensing.h"
+#include "faults/faults.h"
+#include "boards/sensing/sensing.h"
 
 #define MS INT64_C(1000000)
 

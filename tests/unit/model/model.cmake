@@ -6,13 +6,16 @@ find_package(Simbody REQUIRED CONFIG)
 add_library(random_robot STATIC ${unit}/random_robot.c)
 target_link_libraries(random_robot PUBLIC hil_flags model)
 
-foreach(name actuator coupling integrator integrator_dopri5 published robot robot_drive
-             robot_hydraulic robot_yaml walkman)
-    hil_test(model_${name} SOURCES ${unit}/${name}.c LIBS model LABELS unit)
+foreach(name coupling description/robot description/yaml description/yaml_drive
+             description/yaml_hydraulic drives/actuator integrator integrator_dopri5 published
+             walkman)
+    string(REPLACE / _ test ${name})
+    hil_test(model_${test} SOURCES ${unit}/${name}.c LIBS model LABELS unit)
 endforeach()
-hil_test(model_actuator_step SOURCES ${unit}/actuator_step.c physics/toy.c LIBS model LABELS unit)
+hil_test(model_drives_actuator_step SOURCES ${unit}/drives/actuator_step.c physics/toy.c
+         LIBS model LABELS unit)
 hil_test(model_dynamics SOURCES ${unit}/dynamics.c LIBS random_robot LABELS unit)
-hil_test(model_dynamics_implicit SOURCES ${unit}/dynamics_implicit.c
+hil_test(model_implicit_dynamics SOURCES ${unit}/implicit/dynamics.c
          LIBS random_robot symbolic_builtin LABELS unit)
 hil_test(model_dynamics_simbody SOURCES ${unit}/dynamics_simbody.cpp
          LIBS random_robot SimTKsimbody SimTKmath SimTKcommon LABELS unit)
@@ -27,9 +30,7 @@ target_link_options(test_symbolic_memory PRIVATE
                     -Wl,--wrap=calloc -Wl,--wrap=realloc -Wl,--wrap=free)
 hil_test(symbolic_builtin_modules SOURCES ${unit}/symbolic/builtin.c
          LIBS symbolic_evaluate symbolic_builtin LABELS unit TIMEOUT 300)
-hil_test(symbolic_cache SOURCES ${unit}/symbolic/cache.c LIBS symbolic_evaluate LABELS unit)
-hil_test(symbolic_background SOURCES ${unit}/symbolic/background.c LIBS symbolic_evaluate
-         LABELS unit TIMEOUT 300)
+hil_test(symbolic_build SOURCES ${unit}/symbolic/build.c LIBS symbolic_evaluate LABELS unit)
 hil_test(symbolic_large SOURCES ${unit}/symbolic/large.c LIBS symbolic_evaluate LABELS unit
          TIMEOUT 300)
 hil_test(symbolic_module SOURCES ${unit}/symbolic/module.c

@@ -65,6 +65,46 @@ static void a_bus_says_how_its_real_interface_is_set(void **state)
         "28:47: found restart_ms on bus \"left\" without configure: true, expected both or none");
 }
 
+/* The toy rig on two buses of cia402 boards, with switches of its joints. */
+static const char *write_switches(const char *switches)
+{
+    static char text[sizeof toy_rig + 2048];
+    const char *from = strstr(toy_rig, "buses:\n"), *to = strstr(toy_rig, "lockstep:");
+
+    snprintf(text, sizeof text,
+             "%.*s  switches:\n%sbuses:\n"
+             "  - {name: left, interface: can0, personality: cia402,\n"
+             "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n"
+             "  - {name: right, interface: can1, personality: cia402,\n"
+             "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n%s",
+             (int)(from - toy_rig), toy_rig, switches, strchr(to, '\n') + 1);
+    write_rig_file(text);
+    return switches;
+}
+
+static void switches_stand_on_joints(void **state)
+{
+    const struct board_switches *knee;
+
+    (void)state;
+    write_switches(
+        "    knee: {negative_limit_rad: -1, positive_limit_rad: 0.5, home_rad: [0, 0.1],\n"
+        "           index_pulse: true}\n");
+    knee = &load_rig(rig_path)->boards.board[1].axis[0].switches;
+    assert_true(knee->negative && knee->positive && knee->home);
+    assert_true(knee->negative_rad == -1.0 && knee->positive_rad == 0.5);
+    assert_true(knee->home_rad[0] == 0.0 && knee->home_rad[1] == 0.1);
+    assert_true(knee->index_rad > 0.0 && knee->index_rad < 2.0 * M_PI);
+    assert_rig_refused(write_switches("    knee: {home_rad: [0.1, 0]}\n"),
+                       "28:22: found a home switch that is on from 0.1 to 0 rad, expected the "
+                       "smaller angle first");
+    assert_rig_refused(
+        write_switches("    knee: {negative_limit_rad: 1, positive_limit_rad: 0.5}\n"),
+        "28:32: found negative_limit_rad 1, expected it below positive_limit_rad, 0.5");
+    assert_rig_refused(write_switches("    kne: {index_pulse: true}\n"),
+                       "28:10: found unknown joint \"kne\", expected \"knee\"");
+}
+
 static void a_bus_may_take_padded_frames(void **state)
 {
     const struct rig *rig = load_buses("  - {name: left, interface: can0, padded_frames: true,\n"
@@ -290,7 +330,7 @@ static void cia402_loads_are_those_of_counted_bits(void **state)
  * every 2 ms. */
 static void described_loads_are_those_of_counted_bits(void **state)
 {
-    const double cheetah = 13.5 + 11.5, odrive = 13.5 + 13.5 / 2 + 1.35 + 0.27;
+    const double cheetah = 13.5 + 11.5, odrive = 13.5 + 13.5 / 2 + 2 * 1.35 + 4 * 0.135;
     const double robstride = (16.0 + 16.0) / 2;
     const struct expected_load of_cheetah[] = {
         {"torso", 3 * cheetah},         {"left_hip", 3 * cheetah},
@@ -524,6 +564,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(a_bus_says_how_its_real_interface_is_set),
+        TEST(switches_stand_on_joints),
         TEST(a_bus_may_take_padded_frames),
         TEST(each_bus_speaks_its_own_personality),
         TEST(the_controller_is_told_the_drives_of_foc_axes),

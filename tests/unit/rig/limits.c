@@ -2,7 +2,7 @@
 /*
  * Both sides of every limit that a rig file or a robot file has; see tests/unit/schema_limits.h.
  */
-#include "model/robot_yaml.h"
+#include "model/description/yaml.h"
 #include "rig/schema.h"
 
 #include "tests/unit/schema_limits.h"
@@ -53,6 +53,9 @@ static const struct limit rig_limits[] = {
     {"motors.rotor_poles", 2, 126},
     {"motors.status_period_s", 0, 10},
     {"motors.boot_s", 0, 60},
+    {"motors.switches[].negative_limit_rad", -1e3, 1e3},
+    {"motors.switches[].positive_limit_rad", -1e3, 1e3},
+    {"motors.switches[].home_rad", -1e3, 1e3},
     {"buses[].name", 1, 63},
     {"buses[].interface", 1, 15},
     {"protocol", 1, 400},

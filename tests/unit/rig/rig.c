@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Rig files: what becomes of a good one, and where a bad one is wrong. */
 #include "rig/rig.h"
-#include "rt/recorder.h"
+#include "rt/recording/recorder.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -51,6 +51,10 @@ static void motor_boards_may_be_strict_and_keep_firmware(void **state)
     assert_true(load_rig(rig_path)->boards.board[0].keep_firmware);
     refused_with("  current_limit_a: 12\n", "  current_limit_a: 12\n  require_calibration: true\n",
                  "27:24: found require_calibration without strict, expected both or none");
+    refused_with("  current_limit_a: 12\n",
+                 "  current_limit_a: 12\n  switches: {knee: {index_pulse: true}}\n",
+                 "27:20: found switches of joint \"knee\" on a board of personality icub, expected "
+                 "them with personality cia402 only");
 }
 
 /* ---- good rigs ---- */

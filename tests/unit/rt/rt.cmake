@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-foreach(name histogram loop loop_lockstep overrun pace loop_steering loop_steering_speed realtime
-        recorder recorder_contacts recorder_events snapshot stream)
+foreach(name histogram loop loop_lockstep overrun pace loop_requests loop_requests_speed realtime
+        snapshot stream)
     hil_test(rt_${name} SOURCES unit/rt/${name}.c LIBS rt LABELS unit)
 endforeach()
+foreach(name recorder recorder_events)
+    hil_test(rt_${name} SOURCES unit/rt/recording/${name}.c LIBS rt LABELS unit)
+endforeach()
+hil_test(rt_mcap SOURCES unit/rt/recording/mcap.c LIBS rt PkgConfig::ZSTD LABELS unit)

@@ -13,7 +13,7 @@
 #include "boards/icub/protocol.h"
 #include "boards/protocols.h"
 #include "canbus/frame.h"
-#include "model/actuator.h"
+#include "model/drives/actuator.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -33,7 +33,7 @@ struct bench {
     bool stands; /* on the ground, as the rig says; else in the air */
     bool own;    /* the board is the simulator's after all */
     bool torque; /* its torque is followed */
-    bool steering;
+    bool requests;
     const char *task, *record, *stimulus;
     uint64_t ticks;
     void *test; /* of the test */
@@ -146,7 +146,7 @@ static inline void bench_run(struct bench *bench)
                                       .task = bench->task,
                                       .observer = bench->step ? &observer : NULL,
                                       .guests = 1,
-                                      .steering = bench->steering,
+                                      .requests = bench->requests,
                                       .record = bench->record,
                                       .overwrite = true,
                                       .stimulus = bench->stimulus,

@@ -6,7 +6,7 @@
  */
 #include "tests/unit/sim/external_bench.h"
 
-#include "rt/steering.h"
+#include "rt/requests.h"
 
 #include <stdlib.h>
 #include <unistd.h>
@@ -148,30 +148,30 @@ struct witness {
     int goes;
 };
 
-static void witness_ask(struct bench *bench, enum steer_kind kind)
+static void witness_ask(struct bench *bench, enum request_kind kind)
 {
-    const struct steer_request request = {.ticket = kind, .kind = kind, .index = 1};
+    const struct loop_request request = {.ticket = kind, .kind = kind, .index = 1};
 
-    assert_true(steering_ask(simulator_steering(bench->simulator), &request));
+    assert_true(requests_ask(simulator_requests(bench->simulator), &request));
 }
 
 static void witness_step(struct bench *bench, int64_t ms)
 {
     struct witness *w = bench->test;
-    struct steer_answer answer;
+    struct request_answer answer;
 
-    while (steering_answer(simulator_steering(bench->simulator), &answer)) {
-        assert_int_equal(answer.verdict, STEER_OK);
-        w->goes += answer.ticket == STEER_RESTORE;
+    while (requests_answer(simulator_requests(bench->simulator), &answer)) {
+        assert_int_equal(answer.verdict, REQUEST_OK);
+        w->goes += answer.ticket == REQUEST_RESTORE;
     }
     instead_step(bench, ms);
     if (ms > AT && ms <= AT + SPAN) {
         (w->goes ? w->again : w->first)[ms - AT] = plant_hash(simulator_plant(bench->simulator));
     }
     if (ms == AT - 1) {
-        witness_ask(bench, STEER_CHECKPOINT);
+        witness_ask(bench, REQUEST_CHECKPOINT);
     } else if (ms == AT + SPAN && w->goes == 0) {
-        witness_ask(bench, STEER_RESTORE);
+        witness_ask(bench, REQUEST_RESTORE);
     }
 }
 
@@ -184,7 +184,7 @@ static void it_goes_the_same_way_from_a_checkpoint(void **state)
     bench = (struct bench){.rig = "coman-compact",
                            .step = witness_step,
                            .stands = true,
-                           .steering = true,
+                           .requests = true,
                            .task = "squat",
                            .test = &w,
                            .ticks = AT + SPAN + 2};

@@ -80,38 +80,38 @@ static void ask_all(void *context, int64_t time_ns)
 {
     struct simulator *simulator = *(struct simulator **)context;
     static uint64_t turn;
-    struct steer_request request = {.kind = (enum steer_kind)(turn++ % (STEER_SET + 1)),
-                                    .index = 1,
-                                    .count = 2,
-                                    .value = 1.0,
-                                    .on = true,
-                                    .force_n = {1.0, 0.0, 0.0},
-                                    .duration_ns = 3 * CLOCK_MS};
-    struct steer_answer answer;
+    struct loop_request request = {.kind = (enum request_kind)(turn++ % (REQUEST_SET + 1)),
+                                   .index = 1,
+                                   .count = 2,
+                                   .value = 1.0,
+                                   .on = true,
+                                   .force_n = {1.0, 0.0, 0.0},
+                                   .duration_ns = 3 * CLOCK_MS};
+    struct request_answer answer;
 
     (void)time_ns;
-    if (request.kind == STEER_PAUSE) {
-        steering_ask(simulator_steering(simulator), &request);
-        request.kind = STEER_RESUME; /* in the same breath, for nobody else would */
-    } else if (request.kind == STEER_STEP) {
-        request.kind = STEER_FAULT;
-    } else if (request.kind == STEER_RESET) {
-        request.kind = STEER_RESTORE;
+    if (request.kind == REQUEST_PAUSE) {
+        requests_ask(simulator_requests(simulator), &request);
+        request.kind = REQUEST_RESUME; /* in the same breath, for nobody else would */
+    } else if (request.kind == REQUEST_STEP) {
+        request.kind = REQUEST_FAULT;
+    } else if (request.kind == REQUEST_RESET) {
+        request.kind = REQUEST_RESTORE;
         request.index = 2; /* empty: the run shall come to its end */
-    } else if (request.kind == STEER_RESTORE) {
-        struct steer_request checkpoint = {.kind = STEER_CHECKPOINT, .index = 1};
+    } else if (request.kind == REQUEST_RESTORE) {
+        struct loop_request checkpoint = {.kind = REQUEST_CHECKPOINT, .index = 1};
 
-        steering_ask(simulator_steering(simulator), &checkpoint);
-    } else if (request.kind == STEER_SPEED) {
+        requests_ask(simulator_requests(simulator), &checkpoint);
+    } else if (request.kind == REQUEST_SPEED) {
         request.value = 0.0;
     }
-    steering_ask(simulator_steering(simulator), &request);
-    while (steering_answer(simulator_steering(simulator), &answer)) {
-        answers += answer.verdict == STEER_OK;
+    requests_ask(simulator_requests(simulator), &request);
+    while (requests_answer(simulator_requests(simulator), &answer)) {
+        answers += answer.verdict == REQUEST_OK;
     }
 }
 
-static size_t allocations_of(enum loop_clock clock, const char *directory, bool steered)
+static size_t allocations_of(enum loop_clock clock, const char *directory, bool asked)
 {
     static const char *const fault[] = {
         "sensor l_leg_ft delayed 0.01", "sensor imu intermittent",
@@ -147,8 +147,8 @@ static size_t allocations_of(enum loop_clock clock, const char *directory, bool 
     rig.nlisted_pair = 0;
     rig.realtime.priority = 0;
     config.rig = &rig;
-    config.steering = steered;
-    config.observer = steered ? &observer : NULL;
+    config.requests = asked;
+    config.observer = asked ? &observer : NULL;
     if (simulator_create(&config, &arena, &simulator, notice, &error)) {
         fail_msg("%s", error.text);
     }

@@ -5,7 +5,7 @@
  * without the trouble is the control.
  */
 #include "tasks/task.h"
-#include "tests/unit/sim/robot_steering_scene.h"
+#include "tests/unit/sim/robot_requests_scene.h"
 
 #include <stdlib.h>
 
@@ -27,18 +27,18 @@ static void watch(void *context, int64_t time_ns)
     struct simulator *simulator = t->w.simulator;
     const struct rig *rig = simulator_configuration(simulator)->rig;
     int64_t tick = time_ns / t->w.tick_ns;
-    struct steer_answer answer;
+    struct request_answer answer;
 
-    while (steering_answer(simulator_steering(simulator), &answer)) {
-        assert_int_equal(answer.verdict, STEER_OK);
+    while (requests_answer(simulator_requests(simulator), &answer)) {
+        assert_int_equal(answer.verdict, REQUEST_OK);
     }
     if (t->at > 0 && tick == t->at) {
-        struct steer_request request = {.kind = STEER_PUSH,
-                                        .index = t->on_box ? rig->robot->nbody : 0,
-                                        .duration_ns = t->ticks * t->w.tick_ns};
+        struct loop_request request = {.kind = REQUEST_PUSH,
+                                       .index = t->on_box ? rig->robot->nbody : 0,
+                                       .duration_ns = t->ticks * t->w.tick_ns};
 
         memcpy(request.force_n, t->force_n, sizeof request.force_n);
-        assert_true(steering_ask(simulator_steering(simulator), &request));
+        assert_true(requests_ask(simulator_requests(simulator), &request));
     }
     task_runner_read(simulator_task_runner(simulator), &t->task);
     if (t->task.status != TASK_RUNNING && t->ended == 0) {

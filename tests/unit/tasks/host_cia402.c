@@ -145,7 +145,7 @@ static int set_up(void **state)
         nodes[i].status[0] = nodes[i].status[1] = 0x40;
     }
     nodes[0].status[1] = 0x08; /* a fault of before */
-    device_type = 0x00020192;
+    device_type = 0xffff0192;
     refused = 0;
     bench.play[0] = play;
     bench_open(&bench, &config);

@@ -270,9 +270,9 @@ conclude names_go_wherever_files_do_and_the_nearest_is_offered
 ln -s "$source/config" "$work/shipped"
 printf 'extends: shipped/rigs/coman.yaml\nrobot: {added_mass_kg: {Waist: 2}}\n' >"$work/heavy.yaml"
 run 0 check "$work/heavy.yaml"
-says out 'dynamics fastest without compiling'
+says out 'dynamics fastest'
 "$program" doctor --local --measure 0 "$work/heavy.yaml" >"$work/out" 2>"$work/err"
-says out 'dynamics generated, built in with masses as inputs'
+says out 'built-in generated dynamics with masses as inputs'
 "$program" run --transport local --clock free --ticks 2 --control none "$work/heavy.yaml" \
     >"$work/out" 2>"$work/err" </dev/null || problem="$problem; it does not run"
 says err 'built-in generated dynamics with masses as inputs'

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the doctor says of machines that the test makes up: trees of the files it reads. */
-#include "app/cli/doctor.h"
+#include "app/cli/doctor/doctor.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

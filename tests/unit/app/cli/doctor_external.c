@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the doctor says of external boards that the test plays, by a clock that the test moves. */
-#include "app/cli/doctor.h"
+#include "app/cli/doctor/doctor.h"
 
 #include "boards/foc/protocol.h"
 

@@ -126,7 +126,8 @@ def main():
         drive = read(folder / "coman-cia402-left_arm_0x01.eds")
         tap.result(
             [drive["DeviceInfo"][k] for k in ("NrOfRXPDO", "NrOfTXPDO")] == ["16", "16"]
-            and drive["1000"]["DefaultValue"] == "0x20192"
+            and drive["1000"]["DefaultValue"] == "0xFFFF0192"
+            and all(drive[f"{0x67ff + 0x800 * k:X}"]["DefaultValue"] == "0x20192" for k in range(4))
             and drive["1800sub1"]["DefaultValue"] == "$NODEID+0x180"
             and drive["1014"]["DefaultValue"] == "$NODEID+0x80"
             and all(f"{0x6040 + 0x800 * k:X}" in drive for k in range(4))

@@ -4,7 +4,7 @@
 #include "app/import/cylinder.h"
 
 #include "app/import/import.h"
-#include "model/hydraulic.h"
+#include "model/hydraulics/hydraulic.h"
 
 #include <math.h>
 #include <setjmp.h>

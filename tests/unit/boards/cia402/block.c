@@ -77,7 +77,7 @@ static void few_bytes_go_without_blocks(void **state)
     sdo(&bench, 4, "60 00 00 00 00 00 00 00", "00 63 6F 6D 61 6E 2D 68");
     sdo(&bench, 4, "70 00 00 00 00 00 00 00", "10 69 6C 20 64 72 69 76");
     sdo(&bench, 4, "60 00 00 00 00 00 00 00", "0D 65 00 00 00 00 00 00");
-    sdo(&bench, 4, "A4 00 10 00 7F 04 00 00", "43 00 10 00 92 01 02 00");
+    sdo(&bench, 4, "A4 00 10 00 7F 04 00 00", "43 00 10 00 92 01 FF FF");
     sdo(&bench, 4, "A4 08 10 00 7F 0E 00 00", "C6 08 10 00 0F 00 00 00");
     bench_stop(&bench);
 }

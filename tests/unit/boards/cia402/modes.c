@@ -1,83 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * Modes of operation with a motor behind the bridge that is not the simulator's: a rotor with a
- * winding of R and back-EMF Kw, integrated in steps of 10 us. Times and positions are those of the
- * trapezoid that CiA 402 describes.
- */
-#include "tests/unit/boards/cia402/cia402_bench.h"
-
-#define R_OHM 0.664
-#define KW 4.1
-#define J_KG_M2 0.127 /* J R / (Kt Kw) = 5 ms */
-
-struct motor {
-    struct board_bench bench;
-    double angle, velocity, current, load_nm;
-    bool jammed;
-};
-
-/* A tick with the rotor's motion in it. */
-static void turn(struct motor *motor, int ticks)
-{
-    struct board_bench *bench = &motor->bench;
-
-    while (ticks-- > 0) {
-        bench_control(bench);
-        for (int i = 0; i < 100; i++) {
-            double volts = bench->motor[0].voltage_v;
-
-            motor->current =
-                bench->motor[0].bridge_on ? (volts - KW * motor->velocity) / R_OHM : 0.0;
-            motor->velocity += (KW * motor->current - motor->load_nm) / J_KG_M2 * 1e-5;
-            motor->velocity = motor->jammed ? 0.0 : motor->velocity;
-            motor->angle += motor->velocity * 1e-5;
-        }
-        bench->sense[0].q = bench->sense[0].qm = motor->angle;
-        bench->sense[0].current_a = motor->current;
-        bench_transmit(bench);
-    }
-}
-
-/* Objects of axis 0 of node 4, beside the bus's time: the answer comes with the next tick. */
-static void put(struct motor *motor, unsigned index, unsigned sub, unsigned bytes, int64_t value)
-{
-    struct bus_frame frame = {.id = CIA402_SDO_REQUEST + 4, .len = 8};
-
-    frame.data[0] = (uint8_t)(0x23 | (4 - bytes) << 2);
-    put_u16_le(frame.data + 1, (uint16_t)index);
-    frame.data[3] = (uint8_t)sub;
-    put_u32_le(frame.data + 4, (uint32_t)value);
-    boards_receive(motor->bench.boards, motor->bench.now_ns, 0, &frame);
-    turn(motor, 1);
-    assert_int_equal(bench_find(&motor->bench, 0, CIA402_SDO_REPLY + 4)->data[0], 0x60);
-}
-
-static int64_t get(struct motor *motor, unsigned index)
-{
-    struct bus_frame frame = {.id = CIA402_SDO_REQUEST + 4, .len = 8, .data = {0x40}};
-    const struct bus_frame *answer;
-
-    put_u16_le(frame.data + 1, (uint16_t)index);
-    boards_receive(motor->bench.boards, motor->bench.now_ns, 0, &frame);
-    turn(motor, 1);
-    answer = bench_find(&motor->bench, 0, CIA402_SDO_REPLY + 4);
-    return answer->data[0] == 0x4b ? get_i16_le(answer->data + 4) : get_i32_le(answer->data + 4);
-}
-
-static void enable(struct motor *motor, int mode)
-{
-    memset(motor, 0, sizeof *motor);
-    configure(&motor->bench);
-    motor->bench.board[0].command_timeout_ns = 50000000;
-    bench_start(&motor->bench);
-    turn(motor, 1);
-    put(motor, 0x6060, 0, 1, mode);
-    put(motor, 0x6040, 0, 2, 0x06);
-    put(motor, 0x6040, 0, 2, 0x07);
-    put(motor, 0x6040, 0, 2, 0x0f);
-    turn(motor, 3);
-    assert_int_equal(get(motor, 0x6061) & 0xff, mode & 0xff);
-}
+/* Modes of operation with a motor behind the bridge. Times and positions are those of the trapezoid
+ * that CiA 402 describes. */
+#include "tests/unit/boards/cia402/cia402_motor.h"
 
 /* Ticks until a bit of the statusword is set. */
 static int ticks_until(struct motor *motor, unsigned bit, int most)
@@ -238,11 +162,29 @@ static void cyclic_velocity_follows_at_once_with_its_offset(void **state)
         turn(&motor, 10);
         assert_near(motor.velocity, 0.5, 0.05);
         turn(&motor, 20);
+        assert_true(get(&motor, 0x6041) & 0x1000); /* follows the command */
     }
     assert_near(motor.velocity, 0.5, 0.005);
     turn(&motor, 100); /* the command is old: only the offset is left */
     assert_near(motor.velocity, 0.1, 0.01);
-    assert_true(get(&motor, 0x6041) & 0x80);
+    assert_int_equal(get(&motor, 0x6041) & 0x1080, 0x80);
+    bench_stop(&motor.bench);
+}
+
+/* A motor's own greatest speed bounds as the profile's does: 6080h is in revolutions a minute. */
+static void the_motor_s_speed_bounds_a_velocity(void **state)
+{
+    struct motor motor;
+
+    (void)state;
+    enable(&motor, 9);
+    put(&motor, 0x6080, 0, 4, 3); /* no gear on this bench: 0.314 rad/s */
+    for (int i = 0; i < 10; i++) {
+        put(&motor, 0x60ff, 0, 4, 100000);
+        turn(&motor, 40);
+    }
+    assert_near(motor.velocity, 0.314, 0.01);
+    assert_true(get(&motor, 0x6041) & 0x800);
     bench_stop(&motor.bench);
 }
 
@@ -360,7 +302,7 @@ static void homing_takes_the_present_position(void **state)
         put(&motor, 0x6040, 0, 2, 0x1f);
         turn(&motor, 5);
         assert_true(get(&motor, 0x6041) & 0x1400);
-        assert_near((double)get(&motor, 0x6064), 12345.0, 20.0);
+        assert_near((double)get(&motor, 0x6064), -12345.0, 20.0); /* 0 is 0.12345 rad on */
         bench_stop(&motor.bench);
     }
 }
@@ -408,6 +350,7 @@ int main(void)
         TEST(a_following_error_is_a_fault),
         TEST(profile_velocity_ramps_and_carries_a_load),
         TEST(cyclic_velocity_follows_at_once_with_its_offset),
+        TEST(the_motor_s_speed_bounds_a_velocity),
         TEST(cyclic_position_follows_a_sine),
         TEST(a_stale_cyclic_position_is_approached_slowly),
         TEST(torque_follows_its_slope_and_the_cyclic_one_at_once),

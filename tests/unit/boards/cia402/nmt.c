@@ -139,8 +139,18 @@ static void a_lost_heartbeat_stops_the_axis(void **state)
     assert_int_equal(READ(0x1003, 1), 0x8130);
     assert_false(bench.motor[0].bridge_on);
 
+    /* when the producer is heard again, that is told; the axis keeps its fault */
+    assert_int_equal(READ(0x1001, 0), 0x11);
+    bench_send(&bench, 0, 0x764, "05");
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x084, "00 00 01 00 00 00 00 00");
+    assert_int_equal(READ(0x1001, 0), 0x01);
+    assert_int_equal(READ(0x6041, 0) & 0x4f, 0x08);
+
     /* it can be reset */
+    bench_send(&bench, 0, 0x764, "05");
     WRITE(0x6040, 0, 2, 0x80);
+    assert_int_equal(READ(0x1001, 0), 0x00);
     assert_int_equal(READ(0x6041, 0) & 0x4f, 0x40);
     bench_stop(&bench);
 }
@@ -163,7 +173,9 @@ static void lost_guarding_is_reported_and_the_node_leaves_operation(void **state
     assert_int_equal(ticks_until_emergency(&bench, "30 81 11 00 00 01 00 00"), 31 - 21);
     guard(&bench, 4);
     bench_tick(&bench);
-    bench_expect(&bench, 0, 0x704, "7F"); /* 0x1029 = 0: pre-operational */
+    bench_expect(&bench, 0, 0x704, "7F");                      /* 0x1029 = 0: pre-operational */
+    bench_expect(&bench, 0, 0x084, "00 00 00 00 00 00 00 00"); /* guarded again */
+    assert_int_equal(READ(0x1001, 0), 0);
     bench_stop(&bench);
 }
 

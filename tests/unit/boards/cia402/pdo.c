@@ -384,6 +384,44 @@ static void every_fault_has_its_emergency(void **state)
     }
 }
 
+static void request(struct board_bench *bench, uint32_t id)
+{
+    const struct bus_frame frame = {.id = id, .len = 2, .flags = FRAME_REMOTE};
+
+    boards_receive(bench->boards, bench->now_ns, 0, &frame);
+    bench_tick(bench);
+}
+
+/* Bit 30 of the COB-ID says that remote frames are not answered. */
+static void a_tpdo_is_sent_when_it_is_asked_for(void **state)
+{
+    static const unsigned types[] = {0, 20, 254, 255};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof types / sizeof *types; i++) {
+        struct board_bench bench;
+
+        start(&bench);
+        WRITE(0x1800, 2, 1, types[i]);
+        request(&bench, 0x184); /* not operational */
+        assert_int_equal(bench_sent(&bench, 0, 0x184), 0);
+        nmt(&bench, CIA402_NMT_START, 4);
+        bench_ticks(&bench, 5);
+        assert_int_equal(bench_sent(&bench, 0, 0x184), 0);
+        request(&bench, 0x184);
+        bench_expect(&bench, 0, 0x184, "50 02");
+        bench_tick(&bench);
+        assert_int_equal(bench_sent(&bench, 0, 0x184), 0);
+
+        WRITE(0x1800, 1, 4, 0xc0000184);
+        WRITE(0x1800, 1, 4, 0x40000184);
+        bench_ticks(&bench, 3);
+        request(&bench, 0x184);
+        assert_int_equal(bench_sent(&bench, 0, 0x184), 0);
+        bench_stop(&bench);
+    }
+}
+
 static void emergencies_keep_their_inhibit_time(void **state)
 {
     struct board_bench bench;
@@ -409,8 +447,21 @@ static void emergencies_keep_their_inhibit_time(void **state)
     assert_int_equal(sent, 5);
     assert_int_equal(last, 40);
 
+    /* the register tells of it until one of the right length comes */
+    assert_int_equal(READ(0x1001, 0), 0x11);
+    bench_send(&bench, 0, 0x304, "00 00 00 00");
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x084, "00 00 00 00 00 00 00 00");
+    assert_int_equal(READ(0x1001, 0), 0x00);
+
+    /* the identifier stays while the EMCY is valid */
+    assert_int_equal(sdo_write(&bench, 0, 4, 0x1014, 0, 4, 0x85), 0x06090030);
+    WRITE(0x1014, 0, 4, 0x84);
+    WRITE(0x1014, 0, 4, 0x80000085);
+    WRITE(0x1014, 0, 4, 0x85);
+
     /* an EMCY that is switched off says nothing */
-    WRITE(0x1014, 0, 4, 0x80000084);
+    WRITE(0x1014, 0, 4, 0x80000085);
     bench_send(&bench, 0, 0x304, "01");
     bench_ticks(&bench, 1);
     assert_int_equal(bench_sent(&bench, 0, 0x084), 0);
@@ -434,6 +485,7 @@ int main(void)
         TEST(synchronous_rpdos_wait_for_the_next_sync),
         TEST(an_rpdo_of_another_length_raises_an_emergency),
         TEST(every_fault_has_its_emergency),
+        TEST(a_tpdo_is_sent_when_it_is_asked_for),
         TEST(emergencies_keep_their_inhibit_time),
     };
 

@@ -18,7 +18,7 @@ static void expedited_transfers_read_and_write(void **state)
     start(&bench);
 
     /* 4, 2 and 1 bytes up: n = 0, 2, 3 */
-    sdo(&bench, 4, "40 00 10 00 00 00 00 00", "43 00 10 00 92 01 02 00");
+    sdo(&bench, 4, "40 00 10 00 00 00 00 00", "43 00 10 00 92 01 FF FF");
     sdo(&bench, 4, "40 17 10 00 00 00 00 00", "4B 17 10 00 00 00 00 00");
     sdo(&bench, 4, "40 01 10 00 00 00 00 00", "4F 01 10 00 00 00 00 00");
     sdo(&bench, 4, "40 18 10 00 00 00 00 00", "4F 18 10 00 04 00 00 00");
@@ -124,7 +124,7 @@ static const struct refusal {
     {"too low", "23 83 60 00 00 00 00 00", "80 83 60 00 32 00 09 06"},
     {"too low, negative", "2B 5E 60 00 FF FF 00 00", "80 5E 60 00 32 00 09 06"},
     {"value: mode", "2F 60 60 00 02 00 00 00", "80 60 60 00 30 00 09 06"},
-    {"value: quick stop option", "2B 5A 60 00 03 00 00 00", "80 5A 60 00 30 00 09 06"},
+    {"value: quick stop option", "2B 5A 60 00 04 00 00 00", "80 5A 60 00 30 00 09 06"},
     {"value: homing method", "2F 98 60 00 11 00 00 00", "80 98 60 00 30 00 09 06"},
     {"value: transmission type 252", "2F 00 18 02 FC 00 00 00", "80 00 18 02 30 00 09 06"},
     {"value: a SYNC generator", "23 05 10 00 80 00 00 40", "80 05 10 00 30 00 09 06"},

@@ -205,6 +205,8 @@ static void ramps_end_when_the_axis_stands(void **state)
         {"quick stop 0", 0x605a, 0, 0x02, CIA402_SWITCH_ON_DISABLED, CIA402_SWITCH_ON_DISABLED},
         {"quick stop 1", 0x605a, 1, 0x02, CIA402_QUICK_STOP_ACTIVE, CIA402_SWITCH_ON_DISABLED},
         {"quick stop 2", 0x605a, 2, 0x02, CIA402_QUICK_STOP_ACTIVE, CIA402_SWITCH_ON_DISABLED},
+        {"quick stop 3", 0x605a, 3, 0x02, CIA402_QUICK_STOP_ACTIVE, CIA402_SWITCH_ON_DISABLED},
+        {"quick stop 7", 0x605a, 7, 0x02, CIA402_QUICK_STOP_ACTIVE, CIA402_QUICK_STOP_ACTIVE},
         {"quick stop 5", 0x605a, 5, 0x02, CIA402_QUICK_STOP_ACTIVE, CIA402_QUICK_STOP_ACTIVE},
         {"quick stop 6", 0x605a, 6, 0x02, CIA402_QUICK_STOP_ACTIVE, CIA402_QUICK_STOP_ACTIVE},
         {"shutdown 0", 0x605b, 0, 0x06, CIA402_READY_TO_SWITCH_ON, CIA402_READY_TO_SWITCH_ON},

@@ -35,16 +35,41 @@ struct described_bench {
     struct arena protocols;
 };
 
+static const char odrive[] = HIL_SOURCE_DIR "/config/protocols/odrive.yaml";
+static const char watched[] = "odrive.yaml with a watchdog of 10 ms";
+
+/* The text of odrive.yaml with its watchdog on. */
+static size_t read_watched(char *text, size_t size)
+{
+    static const char off[] = "command_timeout_s: 0\n", on[] = "command_timeout_s: 0.01\n";
+    FILE *file = fopen(odrive, "r");
+    size_t length;
+    char *at;
+
+    assert_non_null(file);
+    length = fread(text, 1, size - sizeof on, file);
+    fclose(file);
+    text[length] = '\0';
+    at = strstr(text, off);
+    assert_non_null(at);
+    memmove(at + sizeof on - 1, at + sizeof off - 1, strlen(at + sizeof off - 1) + 1);
+    memcpy(at, on, sizeof on - 1);
+    return strlen(text);
+}
+
 static void read_protocol(struct described_bench *bench, const char *file)
 {
+    static char text[1 << 16];
     const struct described_protocol **protocol = &bench->bus[0].described;
     struct error error;
     enum error_code code;
 
     assert_int_equal(arena_init(&bench->protocols, 8u << 20, &error), ERROR_NONE);
-    code = file == checked ? described_read_text("checked", file, strlen(file), &bench->protocols,
-                                                 protocol, &error)
-                           : described_load(file, &bench->protocols, protocol, &error);
+    code = file == checked   ? described_read_text("checked", file, strlen(file), &bench->protocols,
+                                                   protocol, &error)
+           : file == watched ? described_read_text("watched", text, read_watched(text, sizeof text),
+                                                   &bench->protocols, protocol, &error)
+                             : described_load(file, &bench->protocols, protocol, &error);
     if (code) {
         fail_msg("%s", error.text);
     }
@@ -86,7 +111,6 @@ static void close_bench(struct described_bench *bench)
 
 static const char cheetah[] = HIL_SOURCE_DIR "/config/protocols/mini-cheetah.yaml";
 static const char robstride[] = HIL_SOURCE_DIR "/config/protocols/robstride.yaml";
-static const char odrive[] = HIL_SOURCE_DIR "/config/protocols/odrive.yaml";
 
 /* ---- mini cheetah ---- */
 
@@ -132,7 +156,7 @@ static void a_cheetah_drive_has_the_impedance_of_its_command(void **state)
     bench_tick(base);
     bench_send(base, 0, 1, command);
     bench_tick(base);
-    bench_expect(base, 0, 0, "01 85 1e 80 08 00");
+    bench_expect(base, 0, 0, "01 85 1e 80 09 55"); /* the torque of the current */
     assert_near(base->motor[0].voltage_v, 0.0, 1e-6);
 
     /* With less current the loop drives on, with more it drives back */
@@ -144,6 +168,25 @@ static void a_cheetah_drive_has_the_impedance_of_its_command(void **state)
     assert_true(base->motor[0].voltage_v < -1e-3);
 
     /* Damping brakes a motor that moves: 12.01 Nm s/rad at 1 rad/s in a running mean */
+    close_bench(&bench);
+}
+
+/* Counts of the firmware's ranges: 2 A of 4.1 Nm/A in 36 Nm, 24 V in 40. */
+static void the_present_firmware_tells_its_bus_voltage(void **state)
+{
+    static const char motorcontrol[] = HIL_SOURCE_DIR "/config/protocols/motorcontrol.yaml";
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, motorcontrol, 0);
+    base->sense[0].current_a = 2.0;
+    base->sense[0].torque_nm = 3.0; /* what the spring has is not told */
+    base->sensors.supply_v = 24.0;
+    bench_tick(base);
+    bench_send(base, 0, 1, "ff ff ff ff ff ff ff fd");
+    bench_tick(base);
+    bench_expect(base, 0, 0, "01 85 1e 80 0b a4 99");
     close_bench(&bench);
 }
 
@@ -208,7 +251,7 @@ static void an_odrive_tells_its_state_when_it_changes(void **state)
     bench_send(base, 0, 0x02b, "03 00 00 00 01 00 00 00");
     bench_send(base, 0, 0x027, "08 00 00 00");
     bench_tick(base);
-    bench_expect(base, 0, 0x021, "00 00 00 00 08 00 00 00");
+    bench_expect(base, 0, 0x021, "00 00 00 00 08 01 00 00"); /* busy */
     assert_int_equal(bench_sent(base, 0, 0x041), 0);
     assert_true(base->motor[0].bridge_on);
 
@@ -218,10 +261,192 @@ static void an_odrive_tells_its_state_when_it_changes(void **state)
     assert_int_equal(bench_counters(base).malformed, 1);
     assert_true(base->motor[0].bridge_on);
 
-    bench_send(base, 0, 0x022, ""); /* ESTOP */
+    /* IDLE by the host is no error */
+    bench_send(base, 0, 0x027, "01 00 00 00");
     bench_tick(base);
     bench_expect(base, 0, 0x021, "00 00 00 00 01 00 00 00");
     assert_false(base->motor[0].bridge_on);
+    close_bench(&bench);
+}
+
+/* ESTOP_REQUESTED is bit 25, and stays through every state until CLEAR_ERRORS. */
+static void an_odrive_that_was_stopped_arms_when_errors_are_cleared(void **state)
+{
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, odrive, 0);
+    bench_send(base, 0, 0x027, "08 00 00 00 00 00 00 00"); /* eight bytes, as official clients */
+    bench_tick(base);
+    assert_true(base->motor[0].bridge_on);
+    bench_send(base, 0, 0x022, ""); /* ESTOP */
+    bench_tick(base);
+    bench_expect(base, 0, 0x021, "00 00 00 02 01 03 00 00"); /* disarmed */
+    assert_false(base->motor[0].bridge_on);
+    assert_true(boards_fault(base->boards));
+    bench_send(base, 0, 0x023, ""); /* empty, from a controller without remote frames */
+    bench_tick(base);
+    bench_expect(base, 0, 0x023, "00 00 00 02 00 00 00 02");
+
+    bench_send(base, 0, 0x027, "08 00 00 00");
+    bench_tick(base);
+    assert_false(base->motor[0].bridge_on);
+    bench_send(base, 0, 0x027, "01 00 00 00");
+    bench_send(base, 0, 0x027, "08 00 00 00");
+    bench_tick(base);
+    assert_false(base->motor[0].bridge_on);
+
+    bench_send(base, 0, 0x038, "");
+    bench_send(base, 0, 0x027, "08 00 00 00");
+    bench_tick(base);
+    bench_expect(base, 0, 0x021, "00 00 00 00 08 01 00 00");
+    assert_true(base->motor[0].bridge_on);
+    assert_false(boards_fault(base->boards));
+
+    /* errors that are cleared in closed loop do not end it */
+    bench_send(base, 0, 0x038, "00");
+    bench_tick(base);
+    assert_true(base->motor[0].bridge_on);
+
+    /* one that is stopped at rest does not arm either */
+    bench_send(base, 0, 0x042, "00");
+    bench_send(base, 0, 0x047, "08 00 00 00");
+    bench_tick(base);
+    bench_expect(base, 0, 0x041, "00 00 00 02 01 03 00 00");
+    assert_int_equal(bench_counters(base).malformed, 0);
+    close_bench(&bench);
+}
+
+/* Asks for a frame and checks it. */
+static void ask_odrive(struct board_bench *base, uint32_t id, const char *answer)
+{
+    const struct bus_frame request = {.id = id, .flags = FRAME_REMOTE};
+
+    boards_receive(base->boards, base->now_ns, 0, &request);
+    bench_tick(base);
+    bench_expect(base, 0, id, answer);
+}
+
+static void an_odrive_tells_versions_errors_and_powers(void **state)
+{
+    const struct bus_frame everyone = {.id = 0x7e6, .flags = FRAME_REMOTE};
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, odrive, 0);
+    ask_odrive(base, 0x020, "02 04 04 3a 00 06 0a 00");
+    ask_odrive(base, 0x023, "00 00 00 00 00 00 00 00");
+    ask_odrive(base, 0x03d, "00 00 00 00 00 00 00 00");
+    ask_odrive(base, 0x02e + 6, "00 00 00 00 00 00 00 00"); /* IQ */
+
+    /* both say who they are, by serial numbers of their own */
+    boards_receive(base->boards, base->now_ns, 0, &everyone);
+    bench_tick(base);
+    assert_int_equal(bench_sent(base, 0, 0x026), 1);
+    assert_int_equal(bench_sent(base, 0, 0x046), 1);
+    assert_int_equal(bench_find(base, 0, 0x026)->data[0], 1);
+    assert_int_equal(bench_find(base, 0, 0x046)->data[0], 2);
+    assert_memory_not_equal(bench_find(base, 0, 0x026)->data + 1,
+                            bench_find(base, 0, 0x046)->data + 1, 4);
+
+    /* 2 A at 5.125 Nm (4.1 Nm/A at the link): 8.2 Nm, of the rotor 0.082 */
+    base->sense[0].current_a = 2.0;
+    bench_tick(base);
+    ask_odrive(base, 0x034, "00 00 00 00 00 00 00 40");
+    ask_odrive(base, 0x03c, "00 00 00 00 9e ef a7 3d");
+    close_bench(&bench);
+}
+
+static void an_odrive_says_by_itself_what_ros_odrive_waits_for(void **state)
+{
+    static const uint8_t periodic[] = {0x01, 0x03, 0x09, 0x14, 0x15, 0x17, 0x1c};
+    size_t sent[0x20] = {0};
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, odrive, 0);
+    for (int t = 0; t < 200; t++) {
+        bench_tick(base);
+        for (size_t i = 0; i < base->count[0]; i++) {
+            sent[base->frame[0][i].id & 0x1f] += base->frame[0][i].id >> 5 == 1;
+        }
+    }
+    for (size_t i = 0; i < sizeof periodic; i++) {
+        assert_true(sent[periodic[i]] >= 2);
+        sent[periodic[i]] = 0;
+    }
+    for (size_t i = 0; i < 0x20; i++) {
+        assert_int_equal(sent[i], 0); /* it warns of others */
+    }
+    close_bench(&bench);
+}
+
+/* Endpoint 384 is pos_gain, 1 vbus_voltage. */
+static void an_odrive_has_endpoints(void **state)
+{
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, odrive, 0);
+    bench_send(base, 0, 0x024, "00 01 00 00");
+    bench_tick(base);
+    bench_expect(base, 0, 0x025, "00 01 00 00 00 00 40 42");
+    bench_send(base, 0, 0x024, "00 80 01 00 00 00 00 00");
+    bench_tick(base);
+    bench_expect(base, 0, 0x025, "00 80 01 00 00 00 a0 41"); /* 20 */
+    bench_send(base, 0, 0x024, "01 80 01 00 00 00 20 41");   /* 10; a write is not answered */
+    bench_tick(base);
+    assert_int_equal(bench_sent(base, 0, 0x025), 0);
+    bench_send(base, 0, 0x024, "01 80 01 00 00 00 80 7f"); /* infinity: not taken */
+    bench_send(base, 0, 0x024, "00 80 01 00");
+    bench_tick(base);
+    bench_expect(base, 0, 0x025, "00 80 01 00 00 00 20 41");
+    bench_send(base, 0, 0x03a, "00 00 a0 40 00 00 00 00"); /* Set_Pos_Gain 5, of eight bytes */
+    bench_send(base, 0, 0x024, "00 80 01 00");
+    bench_tick(base);
+    bench_expect(base, 0, 0x025, "00 80 01 00 00 00 a0 40");
+
+    /* none such, and one that is only read */
+    bench_send(base, 0, 0x024, "00 ff ff 00");
+    bench_send(base, 0, 0x024, "01 01 00 00 00 00 00 00");
+    bench_tick(base);
+    assert_int_equal(bench_sent(base, 0, 0x025), 0);
+    assert_int_equal(bench_counters(base).malformed, 2);
+
+    /* REBOOT forgets it */
+    bench_send(base, 0, 0x036, "00");
+    bench_ticks(base, 3);
+    bench_send(base, 0, 0x024, "00 80 01 00");
+    bench_tick(base);
+    bench_expect(base, 0, 0x025, "00 80 01 00 00 00 a0 41");
+    close_bench(&bench);
+}
+
+static void an_odrive_heeds_limits_and_where_it_is_said_to_be(void **state)
+{
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+
+    (void)state;
+    open_bench(&bench, odrive, 0);
+    bench_send(base, 0, 0x02f, "00 00 80 3f 00 00 00 3f"); /* 1 turn/s, 0.5 A */
+    bench_send(base, 0, 0x031, "00 00 80 3f 00 00 00 00"); /* of trajectories: taken */
+    bench_send(base, 0, 0x032, "00 00 80 3f 00 00 80 3f");
+    bench_send(base, 0, 0x033, "00 00 80 3f");
+    bench_send(base, 0, 0x02b, "01 00 00 00 01 00 00 00");
+    bench_send(base, 0, 0x027, "08 00 00 00");
+    bench_send(base, 0, 0x02e, "00 00 80 3f 00 00 00 00"); /* 1 Nm of the rotor: 24 A */
+    bench_tick(base);
+    ask_odrive(base, 0x034, "00 00 00 3f 00 00 00 00"); /* target 0.5 A */
+
+    bench_send(base, 0, 0x039, "00 00 20 41"); /* it is at 10 turns */
+    bench_ticks(base, 2);
+    ask_odrive(base, 0x029, "00 00 20 41 00 00 00 00");
+    assert_int_equal(bench_counters(base).malformed, 0);
     close_bench(&bench);
 }
 
@@ -265,7 +490,13 @@ static void a_watchdog_disarms_until_errors_are_cleared(void **state)
     struct board_bench *base = &bench.base;
 
     (void)state;
-    open_bench(&bench, odrive, 10000000);
+    open_bench(&bench, odrive, 10000000); /* what the rig says is nothing to the file's 0 */
+    bench_send(base, 0, 0x027, "08 00 00 00");
+    bench_ticks(base, 20);
+    assert_true(base->motor[0].bridge_on);
+    close_bench(&bench);
+
+    open_bench(&bench, watched, 0);
     bench_send(base, 0, 0x027, "08 00 00 00");
     bench_ticks(base, 9);
     assert_true(base->motor[0].bridge_on);
@@ -571,9 +802,15 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_cheetah_drive_answers_the_frames_that_switch_it),
         cmocka_unit_test(a_cheetah_drive_has_the_impedance_of_its_command),
+        cmocka_unit_test(the_present_firmware_tells_its_bus_voltage),
         cmocka_unit_test(a_cheetah_drive_brakes_by_its_damping),
         cmocka_unit_test(a_frame_of_another_length_is_malformed),
         cmocka_unit_test(an_odrive_tells_its_state_when_it_changes),
+        cmocka_unit_test(an_odrive_that_was_stopped_arms_when_errors_are_cleared),
+        cmocka_unit_test(an_odrive_tells_versions_errors_and_powers),
+        cmocka_unit_test(an_odrive_says_by_itself_what_ros_odrive_waits_for),
+        cmocka_unit_test(an_odrive_has_endpoints),
+        cmocka_unit_test(an_odrive_heeds_limits_and_where_it_is_said_to_be),
         cmocka_unit_test(an_odrive_answers_remote_frames),
         cmocka_unit_test(an_odrive_holds_its_position_in_counts_of_turns),
         cmocka_unit_test(a_watchdog_disarms_until_errors_are_cleared),

@@ -139,10 +139,35 @@ static const struct {
      "toy.yaml:6:5: found two counters in frame \"A\""},
     {FRAME "  - name: A\n    from: host\n    id: 1\n    by: group\n    repeat: 2\n    fields:\n"
            "      - {name: x, bits: 8, counter: true}\n",
-     "toy.yaml:10:13: found repeat beside a counter or a checksum"},
+     "toy.yaml:10:13: found repeat or lengths beside a counter or a checksum"},
     {FRAME "  - name: A\n    from: host\n    id: 1\n    fields:\n"
            "      - {name: x, bits: 8, counter: true, target: voltage}\n",
      "toy.yaml:10:9: found field \"x\" of a frame from the host"},
+    /* lengths, requests without data, parameters */
+    {FRAME "  - {name: A, from: host, id: 1, lengths: [2, 8], length: 1}\n",
+     "toy.yaml:6:43: found lengths [2, 8], expected whole numbers about the 1 bytes"},
+    {FRAME "  - {name: A, from: host, id: 1, lengths: [0.5, 8], length: 1}\n",
+     "toy.yaml:6:43: found lengths [0.5, 8]"},
+    {FRAME "  - {name: A, from: board, id: 1, lengths: [0, 8], length: 1}\n",
+     "toy.yaml:6:5: found a key of frames from the host in one from the board"},
+    {FRAME "  - {name: A, from: host, id: 1, lengths: [0, 4]}\n"
+           "  - {name: B, from: host, id: 1, lengths: [2, 8], length: 8}\n",
+     "toy.yaml:7:31: found identifier 0x1 of frame \"B\" again"},
+    {FRAME "  - {name: A, from: host, id: 1, or_empty: true}\n",
+     "toy.yaml:6:5: found or_empty without remote: true"},
+    {FRAME "  - {name: A, from: host, id: 1, remote: true, or_empty: true}\n"
+           "  - {name: B, from: host, id: 1, lengths: [0, 8]}\n",
+     "toy.yaml:7:31: found identifier 0x1 of frame \"B\" again"},
+    {FRAME "  - {name: A, from: host, id: 1}\nparameters:\n"
+           "  - {number: 3, field: {name: x, bits: 8, value: 1}}\n"
+           "  - {number: 3, field: {name: y, bits: 8, source: state}}\n",
+     "toy.yaml:9:14: found number 3 again"},
+    {FRAME "  - {name: A, from: host, id: 1}\nparameters:\n"
+           "  - {number: 3, field: {name: x, bits: 8, source: echo}}\n",
+     "toy.yaml:8:51: found source: echo in a parameter"},
+    {FRAME "  - {name: A, from: host, id: 1}\nparameters:\n"
+           "  - {number: 3, field: {name: x, bits: 8, target: torque}}\n",
+     "toy.yaml:8:24: found a target, a counter"},
     {"name: \"a\\\"b\"\nstates: []\nframes: []\n", "toy.yaml:1:1: found the name \"a"},
 };
 
@@ -326,6 +351,11 @@ static const struct limit limits[] = {
     {"*.name", 1, 31},
     {"*.set_point_scale", -1e12, 1e12},
     {"states[].value", 0, UINT32_MAX},
+    {"states[].result", 0, UINT32_MAX},
+    {"laws[].result", 0, UINT32_MAX},
+    {"parameters[].number", 0, UINT32_MAX},
+    {"parameters[].field.value", INT32_MIN, UINT32_MAX},
+    {"frames[].lengths", 0, 64},
     {"laws[].value", 0, UINT32_MAX},
     {"faults[].bit", 0, 31},
     {"gains.position_per_s", 0, 1e6},

@@ -197,6 +197,42 @@ static void what_is_no_download_is_not_acknowledged(void **state)
     bench_stop(&bench);
 }
 
+/* Loader programs address START to a board, and the lines of the file to everyone. */
+static void a_download_to_everyone_is_for_boards_that_were_started(void **state)
+{
+    struct board_firmware firmware;
+    struct board_bench bench;
+
+    (void)state;
+    bench_configure(&bench);
+    bench.board[1].boot_ns = INT64_C(5000000000); /* in its bootloader, but not started */
+    bench_start(&bench);
+    loader_ask(&bench, "00", "00 01");
+    loader_ask(&bench, "00", "00 01");
+    bench_send(&bench, 0, 0x70f, "01 04 00 20 01");
+    bench_send(&bench, 0, 0x70f, "03 FF EE DD CC");
+    bench_tick(&bench);
+    bench_expect(&bench, 0, ANSWER, "03 01");
+    bench_send(&bench, 0, 0x70f, "02 84 00 00 00");
+    bench_tick(&bench);
+    bench_expect(&bench, 0, ANSWER, "02 01");
+    assert_int_equal(bench.count[0], 1);
+    assert_true(boards_firmware(bench.boards, 0, &firmware));
+    assert_int_equal(firmware.bytes, 4);
+
+    /* END leads every board out of its bootloader, and is nothing to an application */
+    bench_send(&bench, 0, 0x70f, "04");
+    bench_tick(&bench);
+    bench_expect(&bench, 0, ANSWER, "04 01");
+    bench_expect(&bench, 0, 0x720, "04 01");
+    bench_send(&bench, 0, 0x70f, "04");
+    bench_send(&bench, 0, 0x70f, "00");
+    bench_tick(&bench);
+    assert_int_equal(bench.count[0], 0);
+    assert_int_equal(bench_counters(&bench).malformed, 0);
+    bench_stop(&bench);
+}
+
 static void other_boards_say_in_the_bootloader_what_they_are(void **state)
 {
     struct board_bench bench;
@@ -220,6 +256,7 @@ int main(void)
         cmocka_unit_test(a_host_that_finds_the_bootloader_keeps_it_there),
         cmocka_unit_test(a_download_is_kept_and_told),
         cmocka_unit_test(what_is_no_download_is_not_acknowledged),
+        cmocka_unit_test(a_download_to_everyone_is_for_boards_that_were_started),
         cmocka_unit_test(other_boards_say_in_the_bootloader_what_they_are),
     };
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Built-in modules: with masses as inputs they are the numeric algorithms of the robot at hand, in
- * every variant; which of them a robot gets, and what is said of it.
+ * every variant; which of them a robot gets.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -254,46 +254,6 @@ static void a_module_whose_frames_are_others_is_refused(void **state)
     assert_non_null(strstr(error.text, "other working frames"));
 }
 
-static void what_needs_no_compiler_is_named(void **state)
-{
-    uint64_t seed = 107;
-    const struct robot *coman = load_coman(NULL), *heavier = with_masses(coman, &seed);
-    struct error notice, error;
-    struct random_tree tree;
-    struct dynamics d;
-
-    (void)state;
-    assert_int_equal(dynamics_built_in(coman, &arena, &d, &notice, &error), ERROR_NONE);
-    assert_string_equal(d.ops->name, "generated");
-    assert_null(strstr(notice.text, "inputs"));
-    assert_int_equal(dynamics_built_in(heavier, &arena, &d, &notice, &error), ERROR_NONE);
-    assert_string_equal(d.ops->name, "generated");
-    assert_non_null(strstr(notice.text, "built-in generated dynamics with masses as inputs"));
-    assert_null(strstr(notice.text, "folder"));
-    assert_int_equal(pendulum_make(&tree, &error), ERROR_NONE);
-    assert_int_equal(dynamics_built_in(&tree.robot, &arena, &d, &notice, &error), ERROR_NONE);
-    assert_string_not_equal(d.ops->name, "generated");
-    assert_non_null(strstr(notice.text, "no code is compiled for added masses"));
-}
-
-/* A robot file of one's own is compiled: masses as inputs are for what a rig adds. */
-static void the_fastest_dynamics_take_masses_as_inputs(void **state)
-{
-    uint64_t seed = 109;
-    const struct robot *heavier = with_masses(load_coman(NULL), &seed);
-    const struct dynamics_compiling waiting = {.loop_cpu = -1};
-    struct symbolic_library library;
-    struct error notice, error;
-    struct dynamics d;
-
-    (void)state;
-    assert_int_equal(
-        dynamics_fastest(heavier, NULL, &waiting, &arena, &d, &library, &notice, &error),
-        ERROR_NONE);
-    assert_string_equal(d.ops->name, "generated");
-    assert_non_null(strstr(notice.text, "built-in generated dynamics with masses as inputs"));
-}
-
 static void no_memory_is_said_only_of_memory(void **state)
 {
     uint64_t seed = 113;
@@ -362,8 +322,6 @@ int main(void)
         TEST(a_module_made_from_the_robot_comes_first),
         TEST(a_robot_with_another_geometry_gets_none),
         TEST(a_module_whose_frames_are_others_is_refused),
-        TEST(what_needs_no_compiler_is_named),
-        TEST(the_fastest_dynamics_take_masses_as_inputs),
         TEST(no_memory_is_said_only_of_memory),
         TEST(a_fixed_base_with_a_slide_takes_masses_as_inputs),
     };

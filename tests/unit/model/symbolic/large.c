@@ -144,7 +144,7 @@ static double worst_difference(const double *found, const double *expected, size
 
 static void the_compiled_equations_are_the_numeric_ones(void **state)
 {
-    const struct symbolic_options options = {.lanes = 4, .this_cpu = true};
+    const struct symbolic_options options = {.lanes = 4};
     static struct chain chain;
     static struct chain_state x;
     struct dynamics generic, generated;

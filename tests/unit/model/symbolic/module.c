@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Generated code, compiled: the built-in module of COMAN and modules compiled here are the numeric
- * algorithms in every variant that this CPU runs; building and refusing of modules.
+ * algorithms in every variant that this CPU runs; refusing of modules.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -466,40 +466,6 @@ static void make_pendulum(struct random_tree *tree)
     }
 }
 
-/* A module for one CPU is the variant that a module for all would pick there, to the bit. */
-static void a_module_for_this_cpu_has_the_variant_that_it_would_pick(void **state)
-{
-    const struct symbolic_options options[] = {{.lanes = 4}, {.lanes = 4, .this_cpu = true}};
-    struct symbolic_library library[2];
-    double found[2][VELOCITIES];
-    uint64_t seed = 59;
-    struct random_tree tree;
-    struct random_state x;
-    struct error error;
-
-    (void)state;
-    need_compiler();
-    assert_int_equal(limbed_tree_make(&seed, &tree, &error), ERROR_NONE);
-    for (int n = 0; n < 2; n++) {
-        if (symbolic_build(&tree.robot, &options[n], folder, &library[n], &error)) {
-            fail_msg("%s", error.text);
-        }
-        assert_false(library[n].cached);
-        assert_string_equal(library[n].module->variant,
-                            instruction_set_names[instruction_set_used()]);
-    }
-    assert_null(library[1].module->plainer);
-    for (int state_number = 0; state_number < 20; state_number++) {
-        random_state_make(&seed, &tree.robot, &x);
-        for (int n = 0; n < 2; n++) {
-            library[n].module->forward(NULL, x.q, x.v, x.tau, x.ext[0].force, found[n]);
-        }
-        assert_memory_equal(found[0], found[1], tree.robot.nv * sizeof *found[0]);
-    }
-    symbolic_close(&library[0]);
-    symbolic_close(&library[1]);
-}
-
 /* Compiles the robot's file with warnings as errors, without making code. */
 static void assert_clean(const struct robot *robot)
 {
@@ -544,29 +510,6 @@ static void generated_code_compiles_without_warnings(void **state)
     assert_clean(&tree.robot);
 }
 
-static void a_module_is_built_once_and_then_found(void **state)
-{
-    const struct symbolic_options options = {.lanes = 4};
-    struct symbolic_library library;
-    struct random_tree tree;
-    struct error error;
-    double q = 0.3, v = 0.5, tau = 0.1, vdot;
-
-    (void)state;
-    need_compiler();
-    make_pendulum(&tree);
-    for (int n = 0; n < 2; n++) {
-        if (symbolic_build(&tree.robot, &options, folder, &library, &error)) {
-            fail_msg("%s", error.text);
-        }
-        assert_int_equal(library.cached, n == 1);
-        assert_string_equal(library.module->robot, tree.robot.name);
-        library.module->forward(NULL, &q, &v, &tau, NULL, &vdot);
-        assert_true(fabs(vdot - (tau - 9.81 * sin(q))) < 1e-14);
-        symbolic_close(&library);
-    }
-}
-
 static void a_module_of_another_robot_is_refused(void **state)
 {
     const struct robot *coman = load_coman(NULL);
@@ -580,36 +523,6 @@ static void a_module_of_another_robot_is_refused(void **state)
                      ERROR_UNSUPPORTED);
     assert_non_null(strstr(error.text, "another robot"));
     assert_null(symbolic_builtin(&tree.robot));
-}
-
-static void the_fastest_dynamics_there_is_are_taken_and_named(void **state)
-{
-    const struct dynamics_compiling waiting = {.loop_cpu = -1};
-    struct symbolic_library library;
-    struct error notice, error;
-    struct random_tree tree;
-    struct dynamics d;
-
-    (void)state;
-    assert_int_equal(
-        dynamics_fastest(load_coman(NULL), folder, &waiting, &arena, &d, &library, &notice, &error),
-        ERROR_NONE);
-    assert_string_equal(d.ops->name, "generated");
-    assert_non_null(strstr(notice.text, "built-in"));
-    assert_null(library.handle);
-    make_pendulum(&tree);
-    assert_int_equal(
-        dynamics_fastest(&tree.robot, NULL, &waiting, &arena, &d, &library, &notice, &error),
-        ERROR_NONE);
-    assert_string_not_equal(d.ops->name, "generated");
-    assert_non_null(strstr(notice.text, "no cache folder"));
-    need_compiler();
-    assert_int_equal(
-        dynamics_fastest(&tree.robot, folder, &waiting, &arena, &d, &library, &notice, &error),
-        ERROR_NONE);
-    assert_string_equal(d.ops->name, "generated");
-    assert_non_null(strstr(notice.text, "compiled in"));
-    symbolic_close(&library);
 }
 
 int main(void)
@@ -633,16 +546,10 @@ int main(void)
                                         open_folder, close_folder),
         cmocka_unit_test_setup_teardown(long_functions_compute_the_same_in_pieces, open_folder,
                                         close_folder),
-        cmocka_unit_test_setup_teardown(a_module_for_this_cpu_has_the_variant_that_it_would_pick,
-                                        open_folder, close_folder),
         cmocka_unit_test_setup_teardown(generated_code_compiles_without_warnings, open_folder,
-                                        close_folder),
-        cmocka_unit_test_setup_teardown(a_module_is_built_once_and_then_found, open_folder,
                                         close_folder),
         cmocka_unit_test_setup_teardown(a_module_of_another_robot_is_refused, open_folder,
                                         close_folder),
-        cmocka_unit_test_setup_teardown(the_fastest_dynamics_there_is_are_taken_and_named,
-                                        open_folder, close_folder),
     };
 
     return cmocka_run_group_tests_name("symbolic_module", tests, NULL, NULL);

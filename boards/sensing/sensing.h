@@ -1,0 +1,110 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The sensors between the plant's truth and the boards. What a sensor makes of a quantity x, each
+ * tick:
+ *
+ *   1. latency:   x of latency_ns ago (linear between ticks);
+ *   2. error:     (1 + gain_error) x + offset + drift, the drift a random walk of drift_per_sqrt_s
+ *                 and a ramp of ramp_per_s, both zero at the start;
+ *   3. noise:     white, Gaussian, noise_rms at every sample;
+ *   4. converter: cut to +-full_scale, then rounded to steps of lsb;
+ *   5. faults (faults/faults.h), on what comes out.
+ *
+ * The inertial sensor's orientation is the true attitude: the four components of its quaternion are
+ * channels like others, and what comes out is brought back to unit length. An error of e rad about
+ * some axis is one of e / 2 in them.
+ *
+ * A force-torque sensor mixes its six channels before that (crosstalk). An incremental encoder does
+ * not know its angle: it counts from where it stood at the start, and again after
+ * sensing_restart_counter, for the counter is in the board. The boards round encoder angles to
+ * ticks themselves (boards_sample) and estimate velocities from the ticks as the firmware does;
+ * motor_sense's qd and qmd are, where an encoder is not ideal, the difference of its last two
+ * readings, and the truth elsewhere.
+ *
+ * An encoder that is mounted at an angle has an offset; a host takes it out by the calibration
+ * command 0x04, whose third parameter is the reading at zero.
+ *
+ * Each channel draws from a random stream of its own, named after it: what one sensor shows depends
+ * on the seed and nothing else. Everything zero, which is the default, hands the truth on bit for
+ * bit. Numbers of the channels: faults/faults.h.
+ *
+ * Units: SI. Memory is the arena's of sensing_create; the strings of the configuration stay the
+ * caller's. RT-safe but for sensing_create.
+ */
+#ifndef BOARDS_SENSING_SENSING_H
+#define BOARDS_SENSING_SENSING_H
+
+#include "faults/faults.h"
+#include "model/plant_io.h"
+
+struct sensor_error {
+    double gain_error;       /* 0.01 = one percent too much */
+    double offset;           /* in the unit of the quantity, as all below */
+    double noise_rms;        /* of each sample */
+    double drift_per_sqrt_s; /* random walk */
+    double ramp_per_s;       /* linear drift */
+    double full_scale, lsb;  /* 0 = none */
+    int64_t latency_ns;      /* 0 to SENSING_LATENCY_MAX_NS */
+};
+
+#define SENSING_LATENCY_MAX_NS INT64_C(1000000000)
+
+/* The winding as one body: C T' = R I^2 - (T - ambient) / Rth, so that what it has taken is the I2t
+ * of the motor. Heats with the true current; the plant's resistance stays. For drives whose effects
+ * have temperatures (model/drives/effects.h) there is none here: the sensor reads theirs. */
+struct sensor_thermal {
+    double ambient_c;
+    double resistance_ohm;  /* R of the winding; 0 = no temperature but the plant's */
+    double k_per_w;         /* Rth */
+    double time_constant_s; /* C Rth */
+};
+
+struct sensor_joint {
+    const char *name;
+    struct sensor_error link_encoder, motor_encoder;  /* rad */
+    struct sensor_error current, torque, temperature; /* A, Nm, K */
+    bool incremental;                                 /* the motor encoder */
+    struct sensor_thermal thermal;
+};
+
+struct sensor_ft {
+    const char *name;
+    struct sensor_error force, torque; /* of each of three channels; N, Nm */
+    double crosstalk; /* the part of its full scale that each channel shows when another is at its
+                       * own, so that both need one; signs are drawn from the seed */
+};
+
+struct sensing_config {
+    size_t njoint, nft;
+    const struct sensor_joint *joint;          /* NULL = all ideal */
+    const struct sensor_ft *ft;                /* NULL = all ideal */
+    struct sensor_error gyro, accel;           /* rad/s, m/s2 */
+    struct sensor_error magnetic, orientation; /* T, of each component of the quaternion */
+    int64_t tick_ns;
+    uint64_t seed;
+    const struct faults *faults; /* those of sensors act; NULL = none */
+};
+
+struct sensing;
+
+/* Memory from arena (delay lines included). ERROR_INPUT on a latency, resolution or scale out of
+ * range. Not RT-safe. */
+enum error_code sensing_create(const struct sensing_config *config, struct arena *arena,
+                               struct sensing **sensing, struct error *error);
+
+/* Reads the sensors at the end of a tick, now_ns. Returns what the boards see, valid until the next
+ * call: truth itself when all sensors are ideal. RT-safe. */
+const struct plant_sensors *sensing_sample(struct sensing *sensing, int64_t now_ns,
+                                           const struct plant_sensors *truth);
+
+/* Scales all noise (noise_rms) by a factor, 1 at the start; tells whether there is any at all.
+ * RT-safe. */
+void sensing_scale_noise(struct sensing *sensing, double factor);
+double sensing_noise_scale(const struct sensing *sensing);
+bool sensing_has_noise(const struct sensing *sensing);
+
+/* Restarts the counter of a joint's motor encoder, as when its board restarts: an incremental
+ * one counts from where it stands at the next sample. RT-safe. */
+void sensing_restart_counter(struct sensing *sensing, size_t joint);
+
+#endif

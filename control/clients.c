@@ -1,0 +1,392 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Serves the clients of the control socket: lines in, answers out, and when a client is
+ * disconnected. */
+#include "control/private.h"
+
+#include <errno.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+/* Lines and connections after which the other clients have their turn. */
+enum { LINES_A_TURN = 32, ACCEPTS_A_TURN = 32 };
+
+/* Keys of the log. */
+enum { KEY_CUT = 1, KEY_REFUSED };
+
+void control_log(struct control *control, uint64_t key, const char *format, ...)
+{
+    struct control_event event = {.key = key};
+    va_list arguments;
+
+    va_start(arguments, format);
+    vsnprintf(event.text, sizeof event.text, format, arguments);
+    va_end(arguments);
+    /* A full ring drops the event: nobody reads it */
+    (void)ring_push(&control->events, &event);
+}
+
+/* ---- out ---- */
+
+/* Returns how many bytes of the outbox have not been sent. */
+static size_t client_unsent(const struct control_client *client)
+{
+    return client->filled - client->sent;
+}
+
+void control_drop(struct control *control, struct control_client *client)
+{
+    if (client->socket < 0) {
+        return;
+    }
+    close(client->socket);
+    client->socket = -1;
+    client->waiting = WAITING_NOT;
+    control_request_clear(&client->request);
+    control_forget(control, client);
+}
+
+/* Counts, logs and disconnects a client, after sending what the system takes at once. */
+static void client_disconnect(struct control *control, struct control_client *client,
+                              uint64_t *counter, const char *reason)
+{
+    (*counter)++;
+    control_log(control, KEY_CUT, "control: process %ld is disconnected: %s", (long)client->pid,
+                reason);
+    control_flush(control, client);
+    control_drop(control, client);
+}
+
+/* Sends as much as the system takes at once. */
+void control_flush(struct control *control, struct control_client *client)
+{
+    while (client->socket >= 0 && client_unsent(client) > 0) {
+        ssize_t sent = send(client->socket, client->outbox + client->sent, client_unsent(client),
+                            MSG_NOSIGNAL | MSG_DONTWAIT);
+
+        if (sent < 0 && errno == EINTR) {
+            continue;
+        }
+        if (sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) {
+            return;
+        }
+        if (sent <= 0) {
+            control_drop(control, client);
+            return;
+        }
+        client->sent += (size_t)sent;
+        client->taken_ns = control->now_ns;
+    }
+    client->sent = client->filled = 0;
+}
+
+/* Makes room for so many bytes at the outbox's end, moving what waits to its front; NULL = there
+ * is none. */
+char *control_room(struct control *control, struct control_client *client, size_t size)
+{
+    if (client_unsent(client) == 0) {
+        client->taken_ns = control->now_ns;
+    }
+    if (client->filled + size > CONTROL_OUTBOX) {
+        client->filled -= client->sent;
+        memmove(client->outbox, client->outbox + client->sent, client->filled);
+        client->sent = 0;
+    }
+    return client->filled + size > CONTROL_OUTBOX ? NULL : client->outbox + client->filled;
+}
+
+/* Appends text to the outbox; without room it is dropped. */
+static void client_put_text(struct control *control, struct control_client *client,
+                            const char *text)
+{
+    size_t size = strlen(text);
+    char *to = control_room(control, client, size);
+
+    if (to) {
+        memcpy(to, text, size);
+        client->filled += size;
+    }
+}
+
+/* Appends an object as a line; without room a short error stands for it. */
+static void put_object(struct control *control, struct control_client *client, const json_t *object)
+{
+    const size_t flags = JSON_COMPACT | JSON_REAL_PRECISION(15);
+    size_t size = json_dumpb(object, NULL, 0, flags);
+    char *to = size > 0 ? control_room(control, client, size + 1) : NULL;
+
+    if (!to || json_dumpb(object, to, size, flags) != size) {
+        client_put_text(control, client,
+                        "{\"id\":null,\"ok\":false,\"code\":\"memory\",\"error\":\"no room for the "
+                        "answer\"}\n");
+        return;
+    }
+    to[size] = '\n';
+    client->filled += size + 1;
+}
+
+/* Sends an answer: id, "ok" and the body, which it takes over; NULL = no memory for it. */
+static void put_answer(struct control *control, struct control_client *client, const json_t *id,
+                       bool ok, json_t *body)
+{
+    json_t *answer = json_object();
+    json_t *repeated = id ? json_deep_copy(id) : json_null();
+
+    /* The id first: an answer takes it over also when there is no body */
+    if (!control_put(answer, "id", repeated) || !body ||
+        !control_put(answer, "ok", json_boolean(ok)) || json_object_update(answer, body)) {
+        client_put_text(
+            control, client,
+            "{\"id\":null,\"ok\":false,\"code\":\"memory\",\"error\":\"no memory for the "
+            "answer\"}\n");
+    } else {
+        put_object(control, client, answer);
+    }
+    json_decref(answer);
+    json_decref(body);
+    control_flush(control, client);
+}
+
+void control_answer(struct control *control, struct control_client *client, const json_t *id,
+                    json_t *body)
+{
+    client->junk = 0;
+    put_answer(control, client, id, true, body);
+}
+
+void control_refuse(struct control *control, struct control_client *client, const json_t *id,
+                    const char *code, const char *text, json_t *body)
+{
+    json_t *refusal = body ? body : json_object();
+
+    control->counters.refused_requests++;
+    if (!control_put(refusal, "code", json_string(code)) ||
+        !control_put(refusal, "error", control_text(text))) {
+        json_decref(refusal);
+        refusal = NULL;
+    }
+    put_answer(control, client, id, false, refusal);
+}
+
+/* ---- in ---- */
+
+/* Refuses a line that is no request; a client that goes on sending such lines is disconnected. */
+static void client_refuse_line(struct control *control, struct control_client *client,
+                               const json_t *id, const struct error *error)
+{
+    control_refuse(control, client, id, error->code == ERROR_MEMORY ? "memory" : "input",
+                   error->text, NULL);
+    if (client->socket >= 0 && ++client->junk >= CONTROL_JUNK_MAX) {
+        client_disconnect(control, client, &control->counters.cut_junk, error->text);
+    }
+}
+
+/* Checks whether a line holds spaces only. */
+static bool is_blank(const char *line, size_t size)
+{
+    while (size > 0 &&
+           (line[size - 1] == ' ' || line[size - 1] == '\t' || line[size - 1] == '\r')) {
+        size--;
+    }
+    return size == 0;
+}
+
+/* Parses a line and carries its request out; blank lines are skipped. */
+static void client_obey_line(struct control *control, struct control_client *client,
+                             const char *line, size_t size)
+{
+    struct error error;
+
+    client->line++;
+    if (is_blank(line, size)) {
+        return;
+    }
+    if (!client->counted) {
+        client->counted = true;
+        control->counters.clients++;
+    }
+    control->counters.requests++;
+    if (control_parse(line, size, client->line, &client->request, &error)) {
+        client_refuse_line(control, client, client->request.id, &error);
+        control_request_clear(&client->request);
+        return;
+    }
+    control_execute(control, client);
+}
+
+bool control_may_read(const struct control_client *client)
+{
+    return client->socket >= 0 && client->waiting == WAITING_NOT &&
+           client_unsent(client) <= CONTROL_OUTBOX / 2;
+}
+
+/* Refuses a line that is longer than the inbox; the rest of it will be skipped. */
+static void client_skip_line(struct control *control, struct control_client *client)
+{
+    struct error error;
+
+    client->received = 0;
+    client->skipping = true;
+    error_set(&error, ERROR_INPUT, "line %llu: found more than %d bytes, expected fewer",
+              (unsigned long long)client->line + 1, CONTROL_LINE - 1);
+    client_refuse_line(control, client, NULL, &error);
+}
+
+/* Carries out one line of the inbox; false = there is none. */
+static bool client_next_line(struct control *control, struct control_client *client)
+{
+    char *end = memchr(client->inbox, '\n', client->received);
+    size_t size = end ? (size_t)(end - client->inbox) : client->received;
+
+    /* The last line may lack its end when the client has closed its side */
+    if (!end && client->ended && client->received > 0) {
+        client->received = 0;
+        if (!client->skipping) {
+            client_obey_line(control, client, client->inbox, size);
+        }
+        return false;
+    }
+    if (!end) {
+        if (client->received == CONTROL_LINE) {
+            client_skip_line(control, client);
+        }
+        return false;
+    }
+
+    /* A complete line, or the end of one that was too long */
+    if (client->skipping) {
+        client->skipping = false;
+        client->line++;
+    } else {
+        client_obey_line(control, client, client->inbox, size);
+    }
+
+    /* What follows it moves to the front; the line may have disconnected the client */
+    if (client->socket >= 0) {
+        client->received -= size + 1;
+        memmove(client->inbox, end + 1, client->received);
+    }
+    return client->socket >= 0;
+}
+
+bool control_carry_out_requests(struct control *control, struct control_client *client)
+{
+    for (int i = 0; i < LINES_A_TURN; i++) {
+        if (!control_may_read(client) || !client_next_line(control, client)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+bool control_read_requests(struct control *control, struct control_client *client)
+{
+    if (client->received < CONTROL_LINE && !client->ended) {
+        ssize_t count = recv(client->socket, client->inbox + client->received,
+                             CONTROL_LINE - client->received, MSG_DONTWAIT);
+
+        if (count > 0) {
+            client->received += (size_t)count;
+            client->last_byte_ns = control->now_ns;
+        } else if (count == 0) {
+            client->ended = true;
+        } else if (errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR) {
+            control_drop(control, client);
+            return false;
+        }
+    }
+    return control_carry_out_requests(control, client);
+}
+
+/* Once a turn: drops a client that has ended or was too slow. */
+void control_check(struct control *control, struct control_client *client)
+{
+    if (client->socket < 0) {
+        return;
+    }
+    /* It does not read its answers, or does not end its line */
+    if (client_unsent(client) > 0 && control->now_ns - client->taken_ns > control->patience_ns) {
+        client_disconnect(control, client, &control->counters.cut_slow,
+                          "it does not drain its answers");
+    } else if (control_may_read(client) && !client->ended && client->received > 0 &&
+               !memchr(client->inbox, '\n', client->received) &&
+               control->now_ns - client->last_byte_ns > control->patience_ns) {
+        control_refuse(control, client, NULL, "input",
+                       "found half a line and then nothing, expected its end", NULL);
+        client_disconnect(control, client, &control->counters.cut_silent,
+                          "it stopped in the middle of a line");
+        /* It has closed its side and got all it waited for */
+    } else if (client_unsent(client) == 0 && client->ended && client->received == 0 &&
+               client->waiting == WAITING_NOT && client->subscription.count == 0) {
+        control_drop(control, client);
+    }
+}
+
+/* ---- new connections ---- */
+
+/* Returns a free place; NULL = all are taken. */
+static struct control_client *client_free_place(struct control *control)
+{
+    for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+        if (control->client[i].socket < 0) {
+            return &control->client[i];
+        }
+    }
+    return NULL;
+}
+
+/* Answers a connection with an error and closes it. */
+static void client_refuse_connection(struct control *control, int socket, pid_t pid,
+                                     const char *code, const char *reason)
+{
+    char text[256];
+    int size =
+        snprintf(text, sizeof text, "{\"id\":null,\"ok\":false,\"code\":\"%s\",\"error\":\"%s\"}\n",
+                 code, reason);
+
+    (void)!send(socket, text, (size_t)size, MSG_NOSIGNAL | MSG_DONTWAIT);
+    close(socket);
+    control->counters.refused++;
+    control_log(control, KEY_REFUSED, "control: process %ld is refused: %s", (long)pid, reason);
+}
+
+/* Accepts a connection of the owner or root, if there is a place. */
+static void client_accept(struct control *control, int socket)
+{
+    struct control_client *client = client_free_place(control);
+    pid_t pid;
+    uid_t uid;
+
+    if (!control_socket_peer(socket, &pid, &uid)) {
+        client_refuse_connection(control, socket, pid, "owner",
+                                 "this socket is for its owner and root");
+    } else if (!client) {
+        client_refuse_connection(control, socket, pid, "busy", "too many clients");
+    } else {
+        const struct control_client fresh = {
+            .socket = socket,
+            .pid = pid,
+            .inbox = client->inbox,
+            .outbox = client->outbox,
+            .subscription.signal = client->subscription.signal,
+        };
+
+        *client = fresh;
+    }
+}
+
+bool control_accept(struct control *control)
+{
+    for (int i = 0; i < ACCEPTS_A_TURN; i++) {
+        int socket = accept4(control->socket.descriptor, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
+
+        if (socket < 0) {
+            return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR ||
+                   errno == ECONNABORTED;
+        }
+        client_accept(control, socket);
+    }
+    return true;
+}

@@ -1,0 +1,40 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A client of the control socket, for `coman-hil ctl`: one connection, lines out and in. Not
+ * RT-safe.
+ */
+#ifndef CONTROL_CTL_CLIENT_H
+#define CONTROL_CTL_CLIENT_H
+
+#include "control/control.h"
+#include "base/error.h"
+
+#include <jansson.h>
+#include <signal.h>
+#include <stdbool.h>
+
+struct ctl_client {
+    int socket;
+    char path[256];     /* of the socket */
+    int64_t timeout_ns; /* of an answer; 0 = none */
+    volatile sig_atomic_t *interrupted;
+    size_t received, read;          /* of inbox: read to received are there */
+    char inbox[2 * CONTROL_OUTBOX]; /* no line is longer than an outbox */
+};
+
+enum ctl_line_status { CTL_LINE, CTL_END, CTL_INTERRUPTED, CTL_FAILED };
+
+/* Connects to path; else to COMAN_HIL_CONTROL of the environment; else to the newest running
+ * simulator, with a line on stderr when there are more. */
+enum error_code ctl_connect(struct ctl_client *client, const char *path, struct error *error);
+
+/* Sends an object as a line. */
+enum error_code ctl_send(struct ctl_client *client, const json_t *object, struct error *error);
+
+/* Reads the next line, without its end, zero-terminated, valid until the next call. CTL_END: the
+ * other side has closed; error is set with CTL_FAILED only. */
+enum ctl_line_status ctl_read_line(struct ctl_client *client, char **line, struct error *error);
+
+void ctl_close(struct ctl_client *client);
+
+#endif

@@ -1,0 +1,369 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Prints answers as text. A key that an answer lacks prints as empty or zero: the server may be
+ * of another version. */
+#include "control/ctl_print.h"
+
+#include "base/count.h"
+#include "base/text.h"
+
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { COLUMN = 12 }; /* least width of a value of a row */
+
+/* Returns a text of an object; "" = it has none of that key. */
+static const char *text_of(const json_t *object, const char *key)
+{
+    const char *found = json_string_value(json_object_get(object, key));
+
+    return found ? found : "";
+}
+
+static double number_of(const json_t *object, const char *key)
+{
+    return json_number_value(json_object_get(object, key));
+}
+
+static long long integer_of(const json_t *object, const char *key)
+{
+    return (long long)json_integer_value(json_object_get(object, key));
+}
+
+static bool is_true(const json_t *object, const char *key)
+{
+    return json_is_true(json_object_get(object, key));
+}
+
+/* ---- what may be printed ---- */
+
+/* Returns a copy of a text without control characters; NULL = no memory. */
+static char *ctl_printable_text(const char *text)
+{
+    char *copy = text ? strdup(text) : NULL;
+
+    if (copy) {
+        text_make_printable(copy);
+    }
+    return copy;
+}
+
+/* Returns a printable copy of an object, names included; NULL = no memory. */
+static json_t *ctl_printable_object(const json_t *object)
+{
+    json_t *copy = json_object(), *value;
+    const char *name;
+
+    json_object_foreach((json_t *)(uintptr_t)object, name, value)
+    {
+        char *clean = ctl_printable_text(name);
+        int failed = clean ? json_object_set_new(copy, clean, ctl_printable(value)) : -1;
+
+        free(clean);
+        if (failed) {
+            json_decref(copy);
+            return NULL;
+        }
+    }
+    return copy;
+}
+
+/* Returns a printable copy of an array; NULL = no memory. */
+static json_t *ctl_printable_array(const json_t *array)
+{
+    json_t *copy = json_array(), *value;
+    size_t i;
+
+    json_array_foreach(array, i, value)
+    {
+        if (json_array_append_new(copy, ctl_printable(value))) {
+            json_decref(copy);
+            return NULL;
+        }
+    }
+    return copy;
+}
+
+/* The recursion is as deep as the parser allows, 2048. */
+json_t *ctl_printable(const json_t *answer)
+{
+    char *clean;
+    json_t *copy;
+
+    if (json_is_object(answer)) {
+        return ctl_printable_object(answer);
+    }
+    if (json_is_array(answer)) {
+        return ctl_printable_array(answer);
+    }
+    if (!json_is_string(answer)) {
+        return json_copy((json_t *)(uintptr_t)answer);
+    }
+    clean = ctl_printable_text(json_string_value(answer));
+    copy = clean ? json_string(clean) : NULL;
+    free(clean);
+    return copy;
+}
+
+/* ---- the first answer ---- */
+
+void ctl_print_hello(const json_t *answer, FILE *out)
+{
+    fprintf(out, "%s %s, protocol %lld, process %lld, rig %s (%s)\n", text_of(answer, "program"),
+            text_of(answer, "version"), integer_of(answer, "protocol"), integer_of(answer, "pid"),
+            text_of(answer, "rig"), text_of(answer, "file"));
+}
+
+/* ---- status ---- */
+
+/* Prints rig, clock, speed, times and overruns. */
+static void ctl_print_time(const json_t *answer, FILE *out)
+{
+    double speed = number_of(answer, "speed");
+
+    fprintf(out, "%s: %s, clock %s", text_of(answer, "rig"),
+            is_true(answer, "paused") ? "paused" : "running", text_of(answer, "clock"));
+    if (strcmp(text_of(answer, "clock"), "real") == 0) {
+        if (speed > 0.0) {
+            fprintf(out, " x%g", speed);
+        } else {
+            fputs(", as fast as possible", out);
+        }
+    }
+    fprintf(out, "\n  file      %s\n", text_of(answer, "file"));
+    fprintf(out, "  time      %.3f s, tick %lld of %g ms; %.3f s since the start\n",
+            number_of(answer, "time_s"), integer_of(answer, "tick"),
+            1e3 * number_of(answer, "tick_s"), number_of(answer, "elapsed_s"));
+    fprintf(out, "  overruns  %lld, lost ticks %lld\n", integer_of(answer, "overruns"),
+            integer_of(answer, "lost_ticks"));
+    fprintf(out, "  robot     %s%s\n", text_of(answer, "robot_hash"),
+            is_true(answer, "clamped") ? ", links clamped" : "");
+}
+
+/* Prints the task and the directory of the recording, where there are such. */
+static void print_task(const json_t *answer, FILE *out)
+{
+    const json_t *task = json_object_get(answer, "task");
+
+    if (json_is_object(task)) {
+        fprintf(out, "  task      %s, %s%s%s\n", text_of(task, "name"), text_of(task, "status"),
+                text_of(task, "message")[0] ? ": " : "", text_of(task, "message"));
+    }
+    if (json_is_string(json_object_get(answer, "recording"))) {
+        fprintf(out, "  recording %s\n", text_of(answer, "recording"));
+    }
+}
+
+/* Prints a table of the buses. */
+static void ctl_print_buses(const json_t *answer, FILE *out)
+{
+    const json_t *bus;
+    size_t i;
+
+    fprintf(out, "%-16s %-8s %12s %12s %8s %8s\n", "bus", "state", "received", "sent", "lost",
+            "load");
+    json_array_foreach(json_object_get(answer, "buses"), i, bus)
+    {
+        fprintf(out, "%-16s %-8s %12lld %12lld %8lld %6.1f %%\n", text_of(bus, "name"),
+                text_of(bus, "state"), integer_of(bus, "rx_frames"), integer_of(bus, "tx_frames"),
+                integer_of(bus, "rx_dropped") + integer_of(bus, "tx_dropped"),
+                100.0 * number_of(bus, "load"));
+    }
+}
+
+/* Prints names and numbers of an object, three to a line. */
+static void print_values(const char *title, json_t *object, int digits, FILE *out)
+{
+    const char *name;
+    json_t *value;
+    int column = 0;
+
+    if (json_object_size(object) == 0) {
+        return;
+    }
+    fprintf(out, "%s\n", title);
+    json_object_foreach(object, name, value)
+    {
+        fprintf(out, "%s%-16s %*.*f", column % 3 ? "  " : "", name, 8, digits,
+                json_number_value(value));
+        column++;
+        if (column % 3 == 0) {
+            fputc('\n', out);
+        }
+    }
+    if (column % 3) {
+        fputc('\n', out);
+    }
+}
+
+/* Prints the real boards, if the rig has some: whether and when they were heard. */
+static void ctl_print_external(const json_t *answer, FILE *out)
+{
+    const json_t *board;
+    size_t i;
+
+    json_array_foreach(json_object_get(answer, "external"), i, board)
+    {
+        fprintf(out, "  external  %s on %s: %s, ", text_of(board, "board"), text_of(board, "bus"),
+                is_true(board, "silent") ? "silent" : "heard");
+        if (json_is_null(json_object_get(board, "heard_s"))) {
+            fputs("never heard\n", out);
+        } else {
+            fprintf(out, "last %.3f s ago\n",
+                    number_of(answer, "time_s") - number_of(board, "heard_s"));
+        }
+    }
+}
+
+void ctl_print_status(const json_t *answer, FILE *out)
+{
+    const json_t *fault;
+    size_t i;
+
+    ctl_print_time(answer, out);
+    print_task(answer, out);
+    fputs("  faults   ", out);
+    json_array_foreach(json_object_get(answer, "faults"), i, fault)
+    {
+        fprintf(out, " %s", json_string_value(fault));
+    }
+    fputs(i ? "\n" : " none\n", out);
+    ctl_print_external(answer, out);
+    ctl_print_buses(answer, out);
+    print_values("joints, rad", json_object_get(answer, "joints"), 4, out);
+    print_values("contacts, force up, N", json_object_get(answer, "contacts"), 1, out);
+}
+
+/* ---- statistics ---- */
+
+/* Prints a histogram as a line of a table, us; nothing if it is empty. */
+static void ctl_print_histogram(const char *name, const json_t *of, FILE *out)
+{
+    if (integer_of(of, "count") > 0) {
+        fprintf(out, "%-10s %10.1f %10.1f %10.1f %10.1f %10.1f\n", name, number_of(of, "min_us"),
+                number_of(of, "median_us"), number_of(of, "p99_us"), number_of(of, "max_us"),
+                number_of(of, "mean_us"));
+    }
+}
+
+void ctl_print_statistics(const json_t *answer, FILE *out)
+{
+    const json_t *lockstep = json_object_get(answer, "lockstep");
+    const char *name;
+    json_t *value;
+
+    fprintf(out, "%-10s %10s %10s %10s %10s %10s\n", "us", "min", "median", "p99", "max", "mean");
+    json_object_foreach(json_object_get(answer, "phases"), name, value)
+    {
+        ctl_print_histogram(name, value, out);
+    }
+    ctl_print_histogram("tick", json_object_get(answer, "work"), out);
+    ctl_print_histogram("wake-up", json_object_get(answer, "wakeup"), out);
+    fprintf(out, "overruns %lld", integer_of(answer, "overruns"));
+    json_object_foreach(json_object_get(answer, "overruns_by"), name, value)
+    {
+        if (json_integer_value(value) > 0) {
+            fprintf(out, ", %lld by %s", (long long)json_integer_value(value), name);
+        }
+    }
+    fprintf(out, "; late after them %lld, deadlines dropped %lld, pauses %lld\n",
+            integer_of(answer, "late_ticks"), integer_of(answer, "lost_ticks"),
+            integer_of(answer, "pauses"));
+    if (integer_of(lockstep, "steps") > 0) {
+        fprintf(out, "lockstep: %lld steps, %lld mismatches, %lld malformed, %lld silences\n",
+                integer_of(lockstep, "steps"), integer_of(lockstep, "mismatches"),
+                integer_of(lockstep, "malformed"), integer_of(lockstep, "silences"));
+    }
+}
+
+/* ---- lists ---- */
+
+void ctl_print_tunable(const json_t *answer, FILE *out)
+{
+    fprintf(out, "%-40s %12.9g %-8s %.9g to %.9g%s\n", text_of(answer, "name"),
+            number_of(answer, "value"), text_of(answer, "unit"), number_of(answer, "min"),
+            number_of(answer, "max"), is_true(answer, "whole") ? ", whole" : "");
+}
+
+/* Prints one entry of a list. */
+static void print_entry(const char *list, const json_t *entry, FILE *out)
+{
+    if (json_is_string(entry)) {
+        fprintf(out, "%s\n", json_string_value(entry));
+    } else if (strcmp(list, "tunables") == 0) {
+        ctl_print_tunable(entry, out);
+    } else if (strcmp(list, "faults") == 0) {
+        fprintf(out, "%-16s %-4s %s\n", text_of(entry, "name"),
+                is_true(entry, "active") ? "on" : "off", text_of(entry, "line"));
+    } else {
+        fprintf(out, "%lld  tick %lld, %.6f s%s\n", integer_of(entry, "slot"),
+                integer_of(entry, "tick"), number_of(entry, "time_s"),
+                integer_of(entry, "slot") ? "" : " (the start)");
+    }
+}
+
+void ctl_print_list(const json_t *answer, FILE *out)
+{
+    static const char *const lists[] = {"tunables", "faults",      "bodies",
+                                        "signals",  "checkpoints", "commands"};
+
+    for (size_t k = 0; k < ARRAY_COUNT(lists); k++) {
+        const json_t *entry;
+        size_t i;
+
+        json_array_foreach(json_object_get(answer, lists[k]), i, entry)
+        {
+            print_entry(lists[k], entry, out);
+        }
+    }
+}
+
+/* ---- the rest ---- */
+
+void ctl_print_moment(const char *what, const json_t *answer, FILE *out)
+{
+    fprintf(out, "%s: tick %lld, %.6f s", what, integer_of(answer, "tick"),
+            number_of(answer, "time_s"));
+    if (json_is_string(json_object_get(answer, "state_hash"))) {
+        fprintf(out, ", state %s", text_of(answer, "state_hash"));
+    }
+    fputc('\n', out);
+}
+
+void ctl_print_titles(const json_t *answer, bool csv, FILE *out)
+{
+    const json_t *title;
+    size_t i;
+
+    fputs(csv ? "time_s" : "      time_s", out);
+    json_array_foreach(json_object_get(answer, "signals"), i, title)
+    {
+        if (csv) {
+            fprintf(out, ",%s", json_string_value(title));
+        } else {
+            fprintf(out, "  %*s", COLUMN, json_string_value(title));
+        }
+    }
+    fputc('\n', out);
+}
+
+void ctl_print_row(const json_t *answer, const json_t *row, bool csv, FILE *out)
+{
+    const json_t *titles = json_object_get(answer, "signals"), *value;
+    size_t i;
+
+    fprintf(out, csv ? "%.9f" : "%12.6f", number_of(row, "time_s"));
+    json_array_foreach(json_object_get(row, "values"), i, value)
+    {
+        double found = json_is_number(value) ? json_number_value(value) : (double)NAN;
+        int width = (int)json_string_length(json_array_get(titles, i));
+
+        if (csv) {
+            fprintf(out, ",%.9g", found);
+        } else {
+            fprintf(out, "  %*.6g", width > COLUMN ? width : COLUMN, found);
+        }
+    }
+    fputc('\n', out);
+}

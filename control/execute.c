@@ -1,0 +1,452 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Carries requests out: at once, by the loop, or when a tick has been reached. */
+#include "control/private.h"
+
+#include "base/text.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { KEY_STOP = 16 }; /* a key of the log */
+
+/* ---- names ---- */
+
+/* A set of names that a request may refer to. */
+struct names {
+    const char *what;
+    size_t count;
+    const char *(*at)(const struct control *control, size_t index);
+};
+
+static const char *tunable_at(const struct control *control, size_t index)
+{
+    return requests_tunable(control->config.requests, index)->name;
+}
+
+static const char *fault_at(const struct control *control, size_t index)
+{
+    return faults_at(simulator_faults(control->config.simulator), index)->name;
+}
+
+/* Returns the name of a body: the robot's first, then free ones. */
+static const char *body_at(const struct control *control, size_t index)
+{
+    const struct rig *rig = control->rig;
+
+    return index < rig->robot->nbody ? rig->robot->body[index].name
+                                     : rig->free[index - rig->robot->nbody].name;
+}
+
+/* Finds the index of a name; else an error that suggests the nearest name. */
+static enum error_code find_name_index(const struct control *control, const struct names *names,
+                                       const char *name, size_t *index, struct error *error)
+{
+    const char *nearest = NULL;
+
+    /* The name, or the one that may have been meant */
+    for (size_t i = 0; i < names->count; i++) {
+        const char *known = names->at(control, i);
+
+        if (strcmp(known, name) == 0) {
+            *index = i;
+            return ERROR_NONE;
+        }
+        /* The nearest of two, over and over, is the nearest of all */
+        nearest = text_nearest(name, (const char *[]){nearest ? nearest : known, known}, 2);
+    }
+    if (names->count == 0) {
+        return error_set(error, ERROR_INPUT, "found no %s \"%.80s\": this run has none",
+                         names->what, name);
+    }
+    return error_set(error, ERROR_INPUT, "found no %s \"%.80s\", expected one of %zu%s%s%s",
+                     names->what, name, names->count, nearest ? "; the nearest is \"" : "",
+                     nearest ? nearest : "", nearest ? "\"" : "");
+}
+
+static enum error_code find_tunable(const struct control *control, const char *name, size_t *index,
+                                    struct error *error)
+{
+    const struct names names = {"tunable", requests_tunables(control->config.requests), tunable_at};
+
+    return find_name_index(control, &names, name, index, error);
+}
+
+static enum error_code find_fault(const struct control *control, const char *name, size_t *index,
+                                  struct error *error)
+{
+    const struct names names = {"fault", faults_count(simulator_faults(control->config.simulator)),
+                                fault_at};
+
+    return find_name_index(control, &names, name, index, error);
+}
+
+static enum error_code find_body(const struct control *control, const char *name, size_t *index,
+                                 struct error *error)
+{
+    const struct names names = {"body", control->rig->robot->nbody + control->rig->nfree, body_at};
+
+    return find_name_index(control, &names, name, index, error);
+}
+
+/* ---- requests to the loop ---- */
+
+/* Completes a loop's request to set a tunable, within its range. */
+static enum error_code request_set(const struct control *control,
+                                   const struct control_request *request, struct loop_request *to,
+                                   struct error *error)
+{
+    enum error_code code = find_tunable(control, request->name, &to->index, error);
+    const struct tunable *tunable;
+
+    if (code) {
+        return code;
+    }
+    tunable = requests_tunable(control->config.requests, to->index);
+    if (!(request->value >= tunable->min && request->value <= tunable->max) ||
+        (tunable->whole && request->value != floor(request->value))) {
+        return error_set(error, ERROR_INPUT, "set: %s: found %.15g, expected %s%.15g to %.15g%s%s",
+                         tunable->name, request->value, tunable->whole ? "a whole number, " : "",
+                         tunable->min, tunable->max, tunable->unit[0] ? " " : "", tunable->unit);
+    }
+    to->value = request->value;
+    return ERROR_NONE;
+}
+
+/* Completes a loop's request to push a body; the duration is in ns. */
+static enum error_code request_push(const struct control *control,
+                                    const struct control_request *request, struct loop_request *to,
+                                    struct error *error)
+{
+    memcpy(to->force_n, request->force_n, sizeof to->force_n);
+    memcpy(to->moment_nm, request->moment_nm, sizeof to->moment_nm);
+    to->duration_ns = (int64_t)llround(request->time_s * 1e9);
+    return find_body(control, request->name, &to->index, error);
+}
+
+/* Makes the loop's request out of a client's; names become indices. */
+static enum error_code make_loop_request(const struct control *control,
+                                         const struct control_request *request,
+                                         struct loop_request *to, struct error *error)
+{
+    switch (request->command) {
+    /* Commands of the clock */
+    case CONTROL_PAUSE:
+        to->kind = REQUEST_PAUSE;
+        return ERROR_NONE;
+    case CONTROL_RESUME:
+        to->kind = REQUEST_RESUME;
+        return ERROR_NONE;
+    case CONTROL_RESET:
+        to->kind = REQUEST_RESET;
+        return ERROR_NONE;
+    case CONTROL_STEP:
+        to->kind = REQUEST_STEP;
+        to->count = (uint64_t)request->count;
+        return ERROR_NONE;
+    case CONTROL_SPEED:
+        to->kind = REQUEST_SPEED;
+        to->value = request->value;
+        return ERROR_NONE;
+
+    /* The state */
+    case CONTROL_CHECKPOINT:
+    case CONTROL_RESTORE:
+        to->kind = request->command == CONTROL_RESTORE ? REQUEST_RESTORE : REQUEST_CHECKPOINT;
+        to->index = (size_t)request->count;
+        return ERROR_NONE;
+
+    /* Commands that act on the robot: names become indices here, outside the loop */
+    case CONTROL_FAULT:
+        to->kind = REQUEST_FAULT;
+        to->on = request->on;
+        return find_fault(control, request->name, &to->index, error);
+    case CONTROL_PUSH:
+        to->kind = REQUEST_PUSH;
+        return request_push(control, request, to, error);
+    default:
+        to->kind = REQUEST_SET;
+        return request_set(control, request, to, error);
+    }
+}
+
+/* Hands the request to the loop, or waits for room in its ring. */
+static void client_ask_loop(struct control *control, struct control_client *client)
+{
+    client->waiting =
+        requests_ask(control->config.requests, &client->loop_request) ? WAITING_LOOP : WAITING_ROOM;
+}
+
+/* Returns a new ticket, by which the loop's answer is recognized. It also tells which checkpoint
+ * was written, in case the client has left by then. */
+static uint64_t new_ticket(struct control *control, const struct loop_request *to)
+{
+    return ++control->tickets * CHECKPOINT_SLOTS + (to->kind == REQUEST_CHECKPOINT ? to->index : 0);
+}
+
+/* Begins a request that the loop carries out, or refuses it. */
+static void begin_loop_request(struct control *control, struct control_client *client)
+{
+    struct error error;
+
+    client->loop_request = (struct loop_request){.ticket = 0};
+    if (make_loop_request(control, &client->request, &client->loop_request, &error)) {
+        control_refuse(control, client, client->request.id, "input", error.text, NULL);
+        control_request_clear(&client->request);
+        return;
+    }
+    client->loop_request.ticket = new_ticket(control, &client->loop_request);
+    client_ask_loop(control, client);
+}
+
+/* ---- requests answered at once ---- */
+
+/* Makes the answer to get; NULL with an error if there is no such tunable. */
+static json_t *answer_get(const struct control *control, const struct control_request *request,
+                          struct error *error)
+{
+    size_t index;
+
+    return find_tunable(control, request->name, &index, error) ? NULL
+                                                               : control_tunable(control, index);
+}
+
+/* Ends the run. */
+static json_t *answer_stop(struct control *control, const struct control_client *client)
+{
+    control_log(control, KEY_STOP, "control: process %ld ends the run", (long)client->pid);
+    atomic_store(&control->stopped, true);
+    simulator_stop(control->config.simulator);
+    return json_object();
+}
+
+/* Answers a request that the loop has no part in. */
+static void answer_now(struct control *control, struct control_client *client)
+{
+    struct control_request request = client->request;
+    struct error error;
+    json_t *body = NULL;
+
+    /* A NULL body without another error means that memory ran out */
+    error_set(&error, ERROR_MEMORY, "no memory for the answer");
+    switch (request.command) {
+    case CONTROL_HELLO:
+        body = control_hello(control);
+        break;
+    case CONTROL_STATUS:
+        body = control_status(control, client);
+        break;
+    case CONTROL_STATISTICS:
+        body = control_statistics(control);
+        break;
+    case CONTROL_LIST:
+        body = control_list(control, &request);
+        break;
+    case CONTROL_GET:
+        body = answer_get(control, &request, &error);
+        break;
+    case CONTROL_SUBSCRIBE:
+        body = control_subscribe(control, client, &request, &error);
+        break;
+    case CONTROL_UNSUBSCRIBE:
+        body = control_unsubscribe(control, client);
+        break;
+    default:
+        body = answer_stop(control, client);
+        break;
+    }
+
+    /* The request stays valid until its id has been repeated */
+    if (body) {
+        control_answer(control, client, request.id, body);
+    } else {
+        control_refuse(control, client, request.id, error.code == ERROR_MEMORY ? "memory" : "input",
+                       error.text, NULL);
+    }
+    control_request_clear(&client->request);
+}
+
+void control_execute(struct control *control, struct control_client *client)
+{
+    switch (client->request.command) {
+    case CONTROL_SET:
+    case CONTROL_FAULT:
+    case CONTROL_PUSH:
+    case CONTROL_PAUSE:
+    case CONTROL_RESUME:
+    case CONTROL_STEP:
+    case CONTROL_SPEED:
+    case CONTROL_RESET:
+    case CONTROL_CHECKPOINT:
+    case CONTROL_RESTORE:
+        begin_loop_request(control, client);
+        break;
+    case CONTROL_WAIT:
+        client->waiting = WAITING_TICK;
+        break;
+    default:
+        answer_now(control, client);
+        break;
+    }
+}
+
+/* ---- waiting ---- */
+
+/* Makes an answer with tick and time; NULL = no memory. */
+static json_t *answer_moment(uint64_t tick, int64_t time_ns)
+{
+    json_t *body = json_object();
+
+    if (!control_put(body, "tick", control_count(tick)) ||
+        !control_put(body, "time_s", control_number((double)time_ns * 1e-9))) {
+        json_decref(body);
+        return NULL;
+    }
+    return body;
+}
+
+/* Returns the protocol's code for a verdict of the loop. */
+static const char *verdict_code(enum request_verdict verdict)
+{
+    static const char *const codes[] = {
+        [REQUEST_OK] = "",
+        [REQUEST_RANGE] = "input",
+        [REQUEST_EMPTY] = "empty",
+        [REQUEST_RECORDING] = "recording",
+        [REQUEST_CLOCK] = "clock",
+        [REQUEST_BUSY] = "busy",
+        [REQUEST_UNAVAILABLE] = "unavailable",
+        [REQUEST_CUT] = "cut",
+    };
+
+    return codes[verdict];
+}
+
+/* Returns why the loop refused a command, in terms of this run. */
+static const char *verdict_text(const struct control *control, enum control_command command,
+                                enum request_verdict verdict)
+{
+    bool back =
+        command == CONTROL_RESET || command == CONTROL_CHECKPOINT || command == CONTROL_RESTORE;
+
+    if (verdict == REQUEST_UNAVAILABLE && back &&
+        simulator_task_runner(control->config.simulator)) {
+        return "this run cannot go back: with the real clock its task has a thread of its own; "
+               "start the task as a process (coman-hil task), or run with --clock free or lockstep";
+    }
+    if (verdict == REQUEST_CLOCK && command == CONTROL_SPEED) {
+        return simulator_configuration(control->config.simulator)->clock == LOOP_CLOCK_LOCKSTEP
+                   ? "in lockstep the STEPs are the pace"
+                   : "the task has a thread of its own, which needs a speed greater than 0";
+    }
+    return request_verdict_text(verdict);
+}
+
+/* Passes the loop's answer on to the client. */
+static void finish_loop_request(struct control *control, struct control_client *client,
+                                const struct request_answer *answer)
+{
+    struct control_request request = client->request;
+    json_t *body = answer_moment(answer->tick, answer->time_ns);
+
+    if (!control_put(body, "state_hash", control_hash(answer->state_hash))) {
+        json_decref(body);
+        body = NULL;
+    }
+    client->request.root = NULL;
+    client->waiting = WAITING_NOT;
+    if (answer->verdict == REQUEST_OK) {
+        control_answer(control, client, request.id, body);
+    } else {
+        control_refuse(control, client, request.id, verdict_code(answer->verdict),
+                       verdict_text(control, request.command, answer->verdict), body);
+    }
+    control_request_clear(&request);
+}
+
+/* Takes the loop's answers and passes each to the client that waits for it. */
+static void take_loop_answers(struct control *control)
+{
+    struct request_answer answer;
+
+    while (requests_answer(control->config.requests, &answer)) {
+        size_t slot = answer.ticket % CHECKPOINT_SLOTS;
+
+        control_rows(control); /* rows of earlier ticks are sent before the answer */
+        if (slot > 0 && answer.verdict == REQUEST_OK) {
+            control->slot[slot] = answer;
+        }
+        for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+            struct control_client *client = &control->client[i];
+
+            if (client->socket >= 0 && client->waiting == WAITING_LOOP &&
+                client->loop_request.ticket == answer.ticket) {
+                finish_loop_request(control, client, &answer);
+            }
+        }
+    }
+}
+
+/* Checks whether the tick or time that a client waits for has been reached. */
+static bool wait_is_over(const struct control_request *request,
+                         const struct simulator_status *status)
+{
+    return request->wait_time ? (double)status->time_ns * 1e-9 >= request->time_s
+                              : status->tick >= (uint64_t)request->count;
+}
+
+/* Answers a client whose tick or time has been reached. */
+static void answer_when_reached(struct control *control, struct control_client *client)
+{
+    struct simulator_status status = {0};
+    struct control_request request = client->request;
+
+    simulator_read(control->config.simulator, &status);
+    if (wait_is_over(&request, &status)) {
+        client->request.root = NULL;
+        client->waiting = WAITING_NOT;
+        control_answer(control, client, request.id, answer_moment(status.tick, status.time_ns));
+        control_request_clear(&request);
+    }
+}
+
+bool control_pump(struct control *control)
+{
+    bool more = false;
+
+    take_loop_answers(control);
+    for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+        struct control_client *client = &control->client[i];
+
+        if (client->socket < 0) {
+            continue;
+        }
+        if (client->waiting == WAITING_ROOM) {
+            client_ask_loop(control, client);
+        } else if (client->waiting == WAITING_TICK) {
+            answer_when_reached(control, client);
+        }
+        if (client->received > 0 && control_carry_out_requests(control, client)) {
+            more = true;
+        }
+    }
+    return more;
+}
+
+void control_end(struct control *control)
+{
+    take_loop_answers(control);
+    for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+        struct control_client *client = &control->client[i];
+
+        if (client->socket >= 0 && client->waiting != WAITING_NOT) {
+            struct control_request request = client->request;
+
+            client->request.root = NULL;
+            control_refuse(control, client, request.id, "ended", "the run is over", NULL);
+            control_request_clear(&request);
+        }
+        control_flush(control, client);
+        control_drop(control, client);
+    }
+}

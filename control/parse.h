@@ -1,0 +1,88 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Parses a request of the control socket (control/control.h) from a line of text: JSON first,
+ * then a table of the keys of each command. Names of tunables, signals and so on are not looked up
+ * here. Not RT-safe.
+ */
+#ifndef CONTROL_PARSE_H
+#define CONTROL_PARSE_H
+
+#include "base/error.h"
+
+#include <jansson.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum control_command {
+    CONTROL_HELLO,
+    CONTROL_STATUS,
+    CONTROL_STATISTICS,
+    CONTROL_LIST,
+    CONTROL_GET,
+    CONTROL_SET,
+    CONTROL_FAULT,
+    CONTROL_PUSH,
+    CONTROL_PAUSE,
+    CONTROL_RESUME,
+    CONTROL_STEP,
+    CONTROL_SPEED,
+    CONTROL_RESET,
+    CONTROL_CHECKPOINT,
+    CONTROL_RESTORE,
+    CONTROL_WAIT,
+    CONTROL_SUBSCRIBE,
+    CONTROL_UNSUBSCRIBE,
+    CONTROL_STOP,
+    CONTROL_COMMANDS,
+};
+
+enum control_list {
+    CONTROL_LIST_TUNABLES,
+    CONTROL_LIST_FAULTS,
+    CONTROL_LIST_BODIES,
+    CONTROL_LIST_SIGNALS,
+    CONTROL_LIST_CHECKPOINTS,
+    CONTROL_LIST_COMMANDS,
+    CONTROL_LISTS,
+};
+
+enum { CONTROL_ID_MAX = 256, CONTROL_PATTERNS_MAX = 1024 };
+
+struct control_request {
+    json_t *root; /* owns what the pointers point to */
+    json_t *id;   /* a number or string; NULL = none */
+    enum control_command command;
+    enum control_list list;
+    const char *name;  /* tunable, fault or body */
+    const char *match; /* NULL = everything */
+    double value;      /* of set; factor of speed */
+    bool on;
+    int64_t count;  /* ticks of step, slot, tick of wait */
+    bool wait_time; /* wait: time_s was given, not tick */
+    double time_s;  /* of wait; duration of push */
+    double force_n[3], moment_nm[3];
+    const json_t *signals; /* a non-empty array of strings */
+    double period_ms;
+};
+
+/* Parses one line (size bytes, without its end). number: the line's, from 1, for messages. On an
+ * error, which is one printable line, root and id are set as far as parsing got; the caller must
+ * call control_request_clear either way. */
+enum error_code control_parse(const char *line, size_t size, uint64_t number,
+                              struct control_request *request, struct error *error);
+
+void control_request_clear(struct control_request *request);
+
+/* Return the name of a command ("set") and of a list ("tunables"). */
+const char *control_command_name(enum control_command command);
+const char *control_list_name(enum control_list list);
+
+/* Checks whether a name matches a pattern with * (any characters) and ? (one). */
+bool control_matches(const char *pattern, const char *name);
+
+/* Makes a string for an answer; if text is not UTF-8 (cut in the middle of a character, or
+ * arbitrary bytes of a client), every byte that is not ASCII becomes "?". NULL = no memory. */
+json_t *control_text(const char *text);
+
+#endif

@@ -1,0 +1,448 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Reads a fault from its line of text (faults/faults.h): a name, a target, a kind, the rest. */
+#include "faults/kinds.h"
+
+#include "base/text.h"
+
+#include <stdio.h>
+#include <string.h>
+
+enum { WORDS_MAX = 8, NAMES_MAX = 512, WORD_SIZE = 64 };
+
+struct fault_reader {
+    const char *line;
+    char buffer[FAULT_TEXT_SIZE];
+    char *word[WORDS_MAX];
+    size_t count, at;
+    const struct fault_names *names;
+    struct error *error;
+};
+
+/* Sets the error for a word, or for the end of the line. */
+static enum error_code fault_refuse_word(struct fault_reader *r, const char *found,
+                                         const char *expected)
+{
+    return error_set(r->error, ERROR_INPUT, "fault \"%.159s\": found %s%.64s%s, expected %s",
+                     r->line, found ? "\"" : "", found ? found : "nothing", found ? "\"" : "",
+                     expected);
+}
+
+/* Sets the error for an unknown name, with the nearest of those that exist. */
+static enum error_code fault_refuse_name(struct fault_reader *r, const char *what, const char *name,
+                                         const char *const *names, size_t count)
+{
+    const char *nearest = text_nearest(name, names, count < NAMES_MAX ? count : NAMES_MAX);
+    char expected[256];
+    size_t used = (size_t)snprintf(expected, sizeof expected, "%s", what);
+
+    if (nearest) {
+        snprintf(expected + used, sizeof expected - used, " \"%.64s\"", nearest);
+    } else if (count > 0 && count <= 20) {
+        for (size_t i = 0; i < count && used < sizeof expected; i++) {
+            used += (size_t)snprintf(expected + used, sizeof expected - used, "%s%.64s",
+                                     i ? ", " : ": ", names[i]);
+        }
+    }
+    return fault_refuse_word(r, name, expected);
+}
+
+/* Finds a name in a list; returns false when it is not there. */
+static bool fault_find_word(const char *name, const char *const *names, size_t count, size_t *index)
+{
+    for (size_t i = 0; i < count; i++) {
+        if (!strcmp(name, names[i])) {
+            *index = i;
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Splits the line into words. */
+static enum error_code fault_split_line(struct fault_reader *r)
+{
+    char *rest = NULL;
+
+    /* The line is repeated in messages and logs, so it must be plain text */
+    for (const char *at = r->line; *at; at++) {
+        if (((unsigned char)*at < 0x20 && *at != '\t') || *at == 0x7f) {
+            return error_set(r->error, ERROR_INPUT,
+                             "fault: found a control character at column %td, expected text",
+                             at - r->line + 1);
+        }
+    }
+    if (strlen(r->line) >= sizeof r->buffer) {
+        return error_set(r->error, ERROR_INPUT,
+                         "fault \"%.40s...\": found %zu characters, expected at most %zu", r->line,
+                         strlen(r->line), sizeof r->buffer - 1);
+    }
+    memcpy(r->buffer, r->line, strlen(r->line) + 1);
+    for (char *word = strtok_r(r->buffer, " \t", &rest); word;
+         word = strtok_r(NULL, " \t", &rest)) {
+        if (r->count == WORDS_MAX) {
+            return fault_refuse_word(r, word, "nothing more");
+        }
+        r->word[r->count++] = word;
+    }
+    return ERROR_NONE;
+}
+
+/* Returns the word at the reader's place, or NULL at the end. */
+static const char *fault_next_word(const struct fault_reader *r)
+{
+    return r->at < r->count ? r->word[r->at] : NULL;
+}
+
+/* Reads a name before the target, "knee:"; none is no error. */
+static enum error_code fault_read_name(struct fault_reader *r, struct fault *fault)
+{
+    char *word = r->count ? r->word[0] : NULL;
+    size_t length = word ? strlen(word) : 0;
+
+    if (length < 2 || word[length - 1] != ':') {
+        return ERROR_NONE;
+    }
+    word[length - 1] = '\0';
+    if (!text_is_name(word)) {
+        return fault_refuse_word(r, word, "a name of at most 63 letters, digits and _ - .");
+    }
+    snprintf(fault->name, sizeof fault->name, "%s", word);
+    r->at = 1;
+    return ERROR_NONE;
+}
+
+/* Reads a joint, which must have the drive that the target means. */
+static enum error_code fault_read_motor(struct fault_reader *r, const char *name,
+                                        struct fault *fault)
+{
+    if (!fault_find_word(name, r->names->joint, r->names->njoint, &fault->index)) {
+        return fault_refuse_name(r, "a joint", name, r->names->joint, r->names->njoint);
+    }
+    if (!r->names->driven[fault->index]) {
+        return error_set(r->error, ERROR_UNSUPPORTED,
+                         "fault \"%.159s\": joint %.64s has no drive that could break", r->line,
+                         name);
+    }
+    if (r->names->hydraulic[fault->index] != (fault->target == FAULT_VALVE)) {
+        return fault->target == FAULT_VALVE
+                   ? error_set(
+                         r->error, ERROR_UNSUPPORTED,
+                         "fault \"%.159s\": joint %.64s has a motor, expected \"motor %.64s\" "
+                         "or a hydraulic joint",
+                         r->line, name, name)
+                   : error_set(r->error, ERROR_UNSUPPORTED,
+                               "fault \"%.159s\": joint %.64s has a hydraulic cylinder, expected "
+                               "\"valve %.64s\" or a joint with a motor",
+                               r->line, name, name);
+    }
+    return ERROR_NONE;
+}
+
+/* Reads a channel of a group that starts at first, or takes all of it when the line names none. */
+static enum error_code fault_read_channel(struct fault_reader *r, const char *channel,
+                                          const char *const *channels, size_t count, size_t first,
+                                          struct fault *fault)
+{
+    size_t index = 0;
+
+    if (channel && !fault_find_word(channel, channels, count, &index)) {
+        return fault_refuse_name(r, "a channel", channel, channels, count);
+    }
+    fault->index = first + index;
+    fault->channels = channel ? 1 : count;
+    return ERROR_NONE;
+}
+
+/* Reads a sensor. Names may hold dots themselves, so that the name ends at the last dot unless
+ * the whole is known. */
+static enum error_code fault_read_sensor(struct fault_reader *r, const char *text,
+                                         struct fault *fault)
+{
+    const struct fault_names *names = r->names;
+    char name[WORD_SIZE * 2];
+    size_t ft_first = names->njoint * SENSOR_JOINT_CHANNELS, index;
+    const char *channel = NULL;
+    char *dot;
+
+    /* SENSOR or SENSOR.CHANNEL, unless the whole is the name of a force-torque sensor */
+    snprintf(name, sizeof name, "%s", text);
+    dot = strrchr(name, '.');
+    if (dot && !fault_find_word(name, names->ft, names->nft, &index)) {
+        *dot = '\0';
+        channel = dot + 1;
+    }
+
+    /* The inertial sensor and force-torque sensors may break as a whole */
+    if (names->imu && !strcmp(name, "imu")) {
+        return fault_read_channel(r, channel, sensor_imu_channels, SENSOR_IMU_CHANNELS,
+                                  ft_first + names->nft * SENSOR_FT_CHANNELS, fault);
+    }
+    if (fault_find_word(name, names->ft, names->nft, &index)) {
+        return fault_read_channel(r, channel, sensor_ft_channels, SENSOR_FT_CHANNELS,
+                                  ft_first + index * SENSOR_FT_CHANNELS, fault);
+    }
+
+    /* Of a joint's sensors one is meant */
+    if (!fault_find_word(name, names->joint, names->njoint, &index)) {
+        bool no_ft = text_nearest(name, names->joint, names->njoint) || names->nft == 0;
+
+        return no_ft ? fault_refuse_name(r, "a joint", name, names->joint, names->njoint)
+                     : fault_refuse_name(r, "a joint or a force-torque sensor", name, names->ft,
+                                         names->nft);
+    }
+    if (!channel) {
+        return fault_refuse_word(
+            r, text,
+            "JOINT.CHANNEL, a channel being link_encoder, motor_encoder, current, torque "
+            "or temperature");
+    }
+    return fault_read_channel(r, channel, sensor_joint_channels, SENSOR_JOINT_CHANNELS,
+                              index * SENSOR_JOINT_CHANNELS, fault);
+}
+
+/* Reads a board by its name or as "BUS/ADDRESS". */
+static enum error_code fault_read_board(struct fault_reader *r, const char *text,
+                                        struct fault *fault)
+{
+    const struct fault_names *names = r->names;
+    const char *slash = strrchr(text, '/');
+    int64_t address;
+
+    if (fault_find_word(text, names->board, names->nboard, &fault->index)) {
+        return ERROR_NONE;
+    }
+    if (slash && text_to_int(slash + 1, 0, 255, &address)) {
+        for (size_t i = 0; i < names->nboard; i++) {
+            const char *bus = names->bus[names->board_bus[i]];
+
+            if (names->board_address[i] == address && strlen(bus) == (size_t)(slash - text) &&
+                !strncmp(bus, text, (size_t)(slash - text))) {
+                fault->index = i;
+                return ERROR_NONE;
+            }
+        }
+    }
+    return fault_refuse_name(r, "a board, as BUS/ADDRESS or by its name,", text, names->board,
+                             names->nboard);
+}
+
+/* Reads the kind of target and which one it is. */
+static enum error_code fault_read_target(struct fault_reader *r, struct fault *fault)
+{
+    static const char expected[] = "sensor, board, motor, bus, supply, valve or hydraulic_supply";
+    const char *word = fault_next_word(r), *name;
+    size_t target;
+
+    /* What kind of thing it is */
+    if (!word) {
+        return fault_refuse_word(r, NULL, expected);
+    }
+    if (!fault_find_word(word, fault_target_words, FAULT_TARGETS, &target)) {
+        return fault_refuse_name(r, expected, word, fault_target_words, 0);
+    }
+    fault->target = (enum fault_target)target;
+    r->at++;
+    if (fault->target == FAULT_HYDRAULIC_SUPPLY && !r->names->oil_store) {
+        return error_set(
+            r->error, ERROR_UNSUPPORTED,
+            "fault \"%.159s\": found no hydraulic supply with an accumulator, expected "
+            "one: a constant pressure cannot be lost",
+            r->line);
+    }
+    if (fault->target == FAULT_SUPPLY || fault->target == FAULT_HYDRAULIC_SUPPLY) {
+        return ERROR_NONE;
+    }
+
+    /* Which one */
+    name = fault_next_word(r);
+    if (!name) {
+        return fault_refuse_word(r, NULL, "what is broken");
+    }
+    r->at++;
+    switch (fault->target) {
+    case FAULT_MOTOR:
+    case FAULT_VALVE:
+        return fault_read_motor(r, name, fault);
+    case FAULT_SENSOR:
+        return fault_read_sensor(r, name, fault);
+    case FAULT_BOARD:
+        return fault_read_board(r, name, fault);
+    default:
+        return fault_find_word(name, r->names->bus, r->names->nbus, &fault->index)
+                   ? ERROR_NONE
+                   : fault_refuse_name(r, "a bus", name, r->names->bus, r->names->nbus);
+    }
+}
+
+/* Reads the word of the kind, which must be one of the target's and possible there. */
+static enum error_code fault_read_kind(struct fault_reader *r, struct fault *fault,
+                                       const struct fault_rule **out)
+{
+    const char *word = fault_next_word(r), *kinds[FAULT_RULES];
+    size_t count = 0;
+
+    for (size_t i = 0; i < FAULT_RULES; i++) {
+        if (fault_rules[i].target != fault->target) {
+            continue;
+        }
+        if (word && !strcmp(word, fault_rules[i].word)) {
+            *out = &fault_rules[i];
+            fault->kind = fault_rules[i].kind;
+            r->at++;
+            if (fault_rules[i].needs_wire && !r->names->wire[fault->index]) {
+                return error_set(r->error, ERROR_UNSUPPORTED,
+                                 "fault \"%.159s\": bus %.64s is not in wire mode, which this kind "
+                                 "needs",
+                                 r->line, r->names->bus[fault->index]);
+            }
+            return ERROR_NONE;
+        }
+        kinds[count++] = fault_rules[i].word;
+    }
+    return fault_refuse_name(r, "a kind of fault of this target", word ? word : "nothing", kinds,
+                             count);
+}
+
+/* Reads the time in which the fault is active. */
+static enum error_code fault_read_window(struct fault_reader *r, const char *word,
+                                         struct fault *fault)
+{
+    const char *dots = strstr(word, "..");
+    char from[WORD_SIZE];
+    double begin = 0.0, end = 0.0;
+
+    if (!strcmp(word, "manual")) {
+        fault->from_ns = fault->to_ns = INT64_MAX;
+        return ERROR_NONE;
+    }
+    snprintf(from, sizeof from, "%.*s", (int)(dots - word), word);
+    if (dots - word >= (ptrdiff_t)sizeof from || !text_to_double(from, &begin) || begin < 0.0 ||
+        begin > 1e9 ||
+        (dots[2] && (!text_to_double(dots + 2, &end) || end <= begin || end > 1e9))) {
+        return fault_refuse_word(r, word, "FROM..TO in seconds, FROM before TO, or FROM..");
+    }
+    fault->from_ns = (int64_t)(begin * 1e9 + 0.5);
+    fault->to_ns = dots[2] ? (int64_t)(end * 1e9 + 0.5) : INT64_MAX;
+    return ERROR_NONE;
+}
+
+/* Returns whether a word is a time. */
+static bool fault_is_window(const char *word)
+{
+    return strstr(word, "..") || !strcmp(word, "manual");
+}
+
+/* Reads a parameter of the kind, or the identifier of a bus's frames. */
+static enum error_code fault_read_parameter(struct fault_reader *r, const struct fault_rule *rule,
+                                            const char *word, bool given[FAULT_PARAMETERS],
+                                            struct fault *fault)
+{
+    const char *equals = strchr(word, '=');
+    size_t length = equals ? (size_t)(equals - word) : 0;
+    char expected[128];
+    double value;
+
+    /* Every fault of a bus may be of one identifier only */
+    if (length == 2 && !strncmp(word, "id", 2) && fault->target == FAULT_BUS) {
+        return text_to_int(equals + 1, 0, 0x1fffffff, &fault->id)
+                   ? ERROR_NONE
+                   : fault_refuse_word(r, word, "id=0 to id=0x1fffffff");
+    }
+
+    /* KEY=VALUE, or the first parameter's value alone */
+    for (int i = 0; i < FAULT_PARAMETERS; i++) {
+        const struct fault_parameter *p = &rule->parameter[i];
+        bool meant = p->key &&
+                     (equals ? strlen(p->key) == length && !strncmp(p->key, word, length) : i == 0);
+
+        if (!meant) {
+            continue;
+        }
+        snprintf(expected, sizeof expected, "%s=%g to %g %s, once", p->key, p->min, p->max,
+                 p->unit);
+        if (given[i] || !text_to_double(equals ? equals + 1 : word, &value) || value < p->min ||
+            value > p->max) {
+            return fault_refuse_word(r, word, expected);
+        }
+        given[i] = true;
+        fault->value[i] = value;
+        return ERROR_NONE;
+    }
+
+    snprintf(
+        expected, sizeof expected, "%s%s%s%sFROM..TO or manual",
+        rule->parameter[0].key ? rule->parameter[0].key : "", rule->parameter[0].key ? "=, " : "",
+        rule->parameter[1].key ? rule->parameter[1].key : "", rule->parameter[1].key ? "=, " : "");
+    return fault_refuse_word(r, word, expected);
+}
+
+/* Reads the parameters and the time; parameters that are not given take their defaults. */
+static enum error_code fault_read_parameters(struct fault_reader *r, const struct fault_rule *rule,
+                                             struct fault *fault)
+{
+    bool given[FAULT_PARAMETERS] = {false};
+
+    for (int i = 0; i < FAULT_PARAMETERS; i++) {
+        fault->value[i] = rule->parameter[i].otherwise;
+    }
+
+    /* Parameters come first, the time ends the line */
+    for (const char *word = fault_next_word(r); word; word = fault_next_word(r)) {
+        enum error_code code;
+
+        r->at++;
+        code = fault_is_window(word) ? fault_read_window(r, word, fault)
+                                     : fault_read_parameter(r, rule, word, given, fault);
+        if (code) {
+            return code;
+        }
+        if (fault_is_window(word) && fault_next_word(r)) {
+            return fault_refuse_word(r, fault_next_word(r), "nothing after the time");
+        }
+    }
+
+    for (int i = 0; i < FAULT_PARAMETERS; i++) {
+        if (rule->parameter[i].required && !given[i]) {
+            return fault_refuse_word(r, NULL, rule->parameter[i].key);
+        }
+    }
+    return ERROR_NONE;
+}
+
+enum error_code fault_parse(const char *text, const struct fault_names *names, struct fault *fault,
+                            struct error *error)
+{
+    struct fault_reader r = {.line = text, .names = names, .error = error};
+    const struct fault_rule *rule = NULL;
+    enum error_code code;
+
+    /* No name, all frames, from the start without an end, unless the line says so */
+    memset(fault, 0, sizeof *fault);
+    fault->id = -1;
+    fault->to_ns = INT64_MAX;
+
+    /* [NAME:] TARGET KIND [PARAMETER...] [WHEN] */
+    code = fault_split_line(&r);
+    if (code) {
+        return code;
+    }
+    code = fault_read_name(&r, fault);
+    if (code) {
+        return code;
+    }
+    code = fault_read_target(&r, fault);
+    if (code) {
+        return code;
+    }
+    code = fault_read_kind(&r, fault, &rule);
+    if (code) {
+        return code;
+    }
+    code = fault_read_parameters(&r, rule, fault);
+    if (code) {
+        return code;
+    }
+
+    snprintf(fault->text, sizeof fault->text, "%s", text);
+    return ERROR_NONE;
+}

@@ -1,0 +1,98 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Makes robots from other robots: a copy, and one whose base is fixed. */
+#include "model/robot.h"
+
+#include "model/spatial.h"
+
+#include <string.h>
+
+/* Copies an array into the arena. Returns NULL when the arena is used up. */
+static void *copy_array(struct arena *arena, const void *from, size_t count, size_t size)
+{
+    void *to = arena_alloc(arena, count, size);
+
+    if (to && count) {
+        memcpy(to, from, count * size);
+    }
+    return to;
+}
+
+enum error_code robot_copy(const struct robot *robot, struct arena *arena, struct robot **out,
+                           struct error *error)
+{
+    struct robot *copy = copy_array(arena, robot, 1, sizeof *copy);
+
+    if (copy) {
+        copy->body = copy_array(arena, robot->body, robot->nbody, sizeof *copy->body);
+        copy->joint = copy_array(arena, robot->joint, robot->njoint, sizeof *copy->joint);
+        copy->frame = copy_array(arena, robot->frame, robot->nframe, sizeof *copy->frame);
+        copy->capsule = copy_array(arena, robot->capsule, robot->ncapsule, sizeof *copy->capsule);
+        copy->visual = copy_array(arena, robot->visual, robot->nvisual, sizeof *copy->visual);
+    }
+    if (!copy || !copy->body || !copy->joint || !copy->frame || !copy->capsule || !copy->visual) {
+        return error_set(error, ERROR_MEMORY, "no memory for another robot like %s", robot->name);
+    }
+    *out = copy;
+    return ERROR_NONE;
+}
+
+/* Transforms a point from the axes of a frame at p, rotated by R, to those that R and p are
+ * given in. */
+static void place_point(const double R[9], const double p[3], double point[3])
+{
+    double turned[3];
+
+    mat3_apply(R, point, turned);
+    for (int i = 0; i < 3; i++) {
+        point[i] = p[i] + turned[i];
+    }
+}
+
+/* Rotates a rotation matrix by R: rotation <- R * rotation. */
+static void place_rotation(const double R[9], double rotation[9])
+{
+    double turned[9];
+
+    mat3_mul(R, rotation, turned);
+    memcpy(rotation, turned, sizeof turned);
+}
+
+enum error_code robot_fix_base(struct robot *robot, const double position[3],
+                               const double quaternion[4], struct error *error)
+{
+    struct robot_inertia *inertia = &robot->body[0].inertia;
+    double R[9];
+
+    mat3_from_quaternion(quaternion, R);
+    /* The base becomes the world: all that was given in its frame moves by its pose */
+    robot->floating = false;
+    place_point(R, position, inertia->com);
+    sym3_rotate(R, inertia->I);
+    /* Joints of the bodies that hang on the base */
+    for (size_t j = 0; j < robot->njoint; j++) {
+        if (robot->body[j + 1].parent == 0) {
+            place_point(R, position, robot->joint[j].origin);
+            place_rotation(R, robot->joint[j].rotation);
+        }
+    }
+    /* Frames, capsules and visuals of the base */
+    for (size_t f = 0; f < robot->nframe; f++) {
+        if (robot->frame[f].body == 0) {
+            place_point(R, position, robot->frame[f].position);
+            place_rotation(R, robot->frame[f].rotation);
+        }
+    }
+    for (size_t c = 0; c < robot->ncapsule; c++) {
+        if (robot->capsule[c].body == 0) {
+            place_point(R, position, robot->capsule[c].position);
+            place_rotation(R, robot->capsule[c].rotation);
+        }
+    }
+    for (size_t v = 0; v < robot->nvisual; v++) {
+        if (robot->visual[v].body == 0) {
+            place_point(R, position, robot->visual[v].position);
+            place_rotation(R, robot->visual[v].rotation);
+        }
+    }
+    return robot_finish(robot, error);
+}

@@ -1,0 +1,593 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Checks of a robot description, however it was made, and what follows from it. What robot_finish
+ * lets pass, the dynamics can compute with: nothing singular is discovered at run time.
+ */
+#include "model/robot.h"
+
+#include "base/count.h"
+#include "base/hash.h"
+#include "base/portable_math.h"
+#include "model/drives/effects.h"
+#include "model/spatial.h"
+
+#include <stdlib.h>
+
+/* A unit vector, rotation or quaternion may be off by this much. */
+#define UNIT_TOLERANCE 1e-9
+/* Relative tolerance of inertias, which are written with six digits or more. */
+#define INERTIA_TOLERANCE 1e-6
+/* Least part of a joint's rigid inertia that must be left when all joints behind it give way. */
+#define SINGULAR_RATIO 1e-12
+
+/* Checks whether all numbers are finite. */
+static bool all_finite(const double *value, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        if (!isfinite(value[i])) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* Checks whether a vector or quaternion has unit length. */
+static bool is_unit(const double *value, size_t count)
+{
+    double square = 0.0;
+
+    for (size_t i = 0; i < count; i++) {
+        square += value[i] * value[i];
+    }
+    return fabs(square - 1.0) <= 2.0 * UNIT_TOLERANCE;
+}
+
+/* Checks whether a 3x3 matrix (by rows) is a rotation: orthonormal, determinant +1. */
+static bool is_rotation_matrix(const double R[9])
+{
+    double third[3];
+
+    vec3_cross(R, R + 3, third);
+    for (int m = 0; m < 3; m++) {
+        if (!(fabs(third[m] - R[6 + m]) <= UNIT_TOLERANCE)) {
+            return false;
+        }
+    }
+    return is_unit(R, 3) && is_unit(R + 3, 3) && fabs(vec3_dot(R, R + 3)) <= UNIT_TOLERANCE;
+}
+
+/* Computes the principal moments of a symmetric tensor, in rising order. */
+static void principal_moments(const double I[6], double moment[3])
+{
+    double mean = (I[0] + I[3] + I[5]) / 3.0;
+    double a = I[0] - mean, b = I[3] - mean, c = I[5] - mean;
+    double spread = a * a + b * b + c * c + 2.0 * (I[1] * I[1] + I[2] * I[2] + I[4] * I[4]);
+    double p = sqrt(spread / 6.0), determinant, angle;
+
+    /* Closed form for a symmetric matrix: eigenvalues are mean + 2 p cos(angle + 2 pi n / 3) */
+    moment[0] = moment[1] = moment[2] = mean;
+    if (p > 0.0) {
+        a /= p;
+        b /= p;
+        c /= p;
+        double xy = I[1] / p, xz = I[2] / p, yz = I[4] / p;
+
+        determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz);
+        angle = portable_acos(fmax(-1.0, fmin(1.0, 0.5 * determinant))) / 3.0;
+        moment[2] = mean + 2.0 * p * portable_cos(angle);
+        moment[0] = mean + 2.0 * p * portable_cos(angle + 2.0 * M_PI / 3.0);
+        moment[1] = 3.0 * mean - moment[0] - moment[2];
+    }
+}
+
+enum error_code robot_check_inertia(const struct robot_inertia *inertia, struct error *error)
+{
+    double moment[3], trace = inertia->I[0] + inertia->I[3] + inertia->I[5];
+
+    if (!all_finite(&inertia->mass, 1) || !all_finite(inertia->com, 3) ||
+        !all_finite(inertia->I, 6)) {
+        return error_set(error, ERROR_INPUT, "a mass property is not finite");
+    }
+    if (inertia->mass < 0.0) {
+        return error_set(error, ERROR_INPUT, "mass %g kg is negative", inertia->mass);
+    }
+    principal_moments(inertia->I, moment);
+    if (moment[0] < -INERTIA_TOLERANCE * trace || trace < 0.0) {
+        return error_set(error, ERROR_INPUT,
+                         "inertia is not positive: its principal moments are %g, %g, %g kg m2",
+                         moment[0], moment[1], moment[2]);
+    }
+    if (moment[2] - moment[0] - moment[1] > INERTIA_TOLERANCE * trace) {
+        return error_set(error, ERROR_INPUT,
+                         "no body has the principal moments of inertia %g, %g, %g kg m2: the "
+                         "largest exceeds the sum of the others",
+                         moment[0], moment[1], moment[2]);
+    }
+    if (inertia->mass == 0.0 && trace > 0.0) {
+        return error_set(error, ERROR_INPUT, "inertia without mass");
+    }
+    return ERROR_NONE;
+}
+
+/* Checks that there is one joint for each body but the base, parents first. */
+static enum error_code check_tree(const struct robot *robot, struct error *error)
+{
+    if (robot->nbody == 0 || robot->njoint != robot->nbody - 1) {
+        return error_set(error, ERROR_INPUT,
+                         "%s: found %zu bodies and %zu joints, expected one "
+                         "joint for each body but the base",
+                         robot->name, robot->nbody, robot->njoint);
+    }
+    if (robot->body[0].parent != -1) {
+        return error_set(error, ERROR_INPUT, "%s: the base %s has a parent", robot->name,
+                         robot->body[0].name);
+    }
+    for (size_t b = 1; b < robot->nbody; b++) {
+        if (robot->body[b].parent < 0 || (size_t)robot->body[b].parent >= b) {
+            return error_set(error, ERROR_INPUT,
+                             "%s: the parent of body %s does not come before it", robot->name,
+                             robot->body[b].name);
+        }
+    }
+    if (!all_finite(robot->gravity, 3)) {
+        return error_set(error, ERROR_INPUT, "%s: gravity is not finite", robot->name);
+    }
+    return ERROR_NONE;
+}
+
+/* Checks the mass properties of all bodies, and those below the force-torque sensors. */
+static enum error_code check_body_inertias(const struct robot *robot, struct error *error)
+{
+    for (size_t b = 0; b < robot->nbody; b++) {
+        if (robot_check_inertia(&robot->body[b].inertia, error)) {
+            return error_prefix(error, "%s: body %s", robot->name, robot->body[b].name);
+        }
+    }
+    for (size_t s = 0; s < robot->nft; s++) {
+        if (robot_check_inertia(&robot->ft[s].distal, error)) {
+            return error_prefix(error, "%s: what hangs below sensor %s", robot->name,
+                                robot->ft[s].name);
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Checks whether the parameters of a stop are finite and not negative. */
+static bool stop_is_possible(const struct robot_stop *stop)
+{
+    return isfinite(stop->stiffness) && isfinite(stop->damping) && stop->stiffness >= 0.0 &&
+           stop->damping >= 0.0;
+}
+
+/* Checks whether the parameters of an electric drive are possible. */
+static bool drive_is_possible(const struct robot_sea *sea)
+{
+    const double value[] = {sea->J,  sea->Dm, sea->Ks, sea->Ds, sea->N,
+                            sea->Kt, sea->Kw, sea->R,  sea->L};
+
+    return all_finite(value, ARRAY_COUNT(value)) && sea->J > 0.0 && sea->L > 0.0 && sea->N > 0.0 &&
+           sea->R >= 0.0 && sea->Dm >= 0.0 && sea->Ks >= 0.0 && sea->Ds >= 0.0 &&
+           sea->deflection >= 0.0 && isfinite(sea->deflection) && stop_is_possible(&sea->stop);
+}
+
+/* Checks whether the parameters of a parallel spring are possible. */
+static bool spring_is_possible(const struct robot_parallel_spring *spring)
+{
+    const double value[] = {spring->k_p, spring->d_p, spring->r};
+
+    return all_finite(value, ARRAY_COUNT(value)) && spring->k_p >= 0.0 && spring->d_p >= 0.0 &&
+           spring->r > 0.0 && (spring->s == 1.0 || spring->s == -1.0);
+}
+
+/* Checks type, axis, place, limits, stops, drive and spring of a joint. */
+static enum error_code check_joint(const struct robot_joint *joint, struct error *error)
+{
+    /* Kinematics: type, axis and place */
+    if (joint->type != JOINT_REVOLUTE && joint->type != JOINT_PRISMATIC) {
+        return error_set(error, ERROR_INPUT, "unknown type %d", (int)joint->type);
+    }
+    if (!is_unit(joint->axis, 3)) {
+        return error_set(error, ERROR_INPUT, "axis [%g, %g, %g] is not of unit length",
+                         joint->axis[0], joint->axis[1], joint->axis[2]);
+    }
+    if (!is_rotation_matrix(joint->rotation) || !all_finite(joint->origin, 3)) {
+        return error_set(error, ERROR_INPUT, "origin: expected a finite position and a rotation");
+    }
+    /* Range and stops */
+    if (!(joint->lower <= joint->upper) || !(joint->torque_limit >= 0.0)) {
+        return error_set(error, ERROR_INPUT, "limits %g to %g, torque limit %g", joint->lower,
+                         joint->upper, joint->torque_limit);
+    }
+    if (!stop_is_possible(&joint->stop)) {
+        return error_set(error, ERROR_INPUT, "the stops need a stiffness and a damping >= 0");
+    }
+    /* Actuators */
+    if (joint->sea.present && !drive_is_possible(&joint->sea)) {
+        return error_set(error, ERROR_INPUT,
+                         "the drive needs J, L, N > 0 and no negative constant");
+    }
+    if (joint->sea.present && joint->sea.effects && effects_check(&joint->sea, error)) {
+        return ERROR_INPUT;
+    }
+    if (joint->spring.present && !spring_is_possible(&joint->spring)) {
+        return error_set(error, ERROR_INPUT,
+                         "the parallel spring needs r > 0, s = +1 or -1 and "
+                         "no negative constant");
+    }
+    return ERROR_NONE;
+}
+
+/* Checks that frames lie on bodies, sensors have frames, and poses are rotations. */
+static enum error_code check_frames(const struct robot *robot, struct error *error)
+{
+    /* Frames */
+    for (size_t f = 0; f < robot->nframe; f++) {
+        const struct robot_frame *frame = &robot->frame[f];
+
+        if (frame->body < 0 || (size_t)frame->body >= robot->nbody ||
+            !all_finite(frame->position, 3) || !is_rotation_matrix(frame->rotation)) {
+            return error_set(
+                error, ERROR_INPUT,
+                "%s: frame %s: expected an existing body, a finite position and a rotation",
+                robot->name, frame->name);
+        }
+    }
+
+    /* Sensors */
+    for (size_t s = 0; s < robot->nft; s++) {
+        if (robot->ft[s].frame < 0 || (size_t)robot->ft[s].frame >= robot->nframe) {
+            return error_set(error, ERROR_INPUT, "%s: sensor %s has no frame", robot->name,
+                             robot->ft[s].name);
+        }
+    }
+    if (robot->imu_frame < -1 || robot->imu_frame >= (int)robot->nframe) {
+        return error_set(error, ERROR_INPUT, "%s: the inertial sensor has no frame", robot->name);
+    }
+
+    /* Poses */
+    for (size_t p = 0; p < robot->npose; p++) {
+        if (!is_unit(robot->pose[p].base_quaternion, 4) ||
+            !all_finite(robot->pose[p].base_position, 3) ||
+            !all_finite(robot->pose[p].joint, robot->njoint)) {
+            return error_set(error, ERROR_INPUT, "%s: pose %s is not finite or not a rotation",
+                             robot->name, robot->pose[p].name);
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Checks that capsules lie on bodies and have a size. */
+static enum error_code check_capsules(const struct robot *robot, struct error *error)
+{
+    for (size_t c = 0; c < robot->ncapsule; c++) {
+        const struct robot_capsule *capsule = &robot->capsule[c];
+
+        if (capsule->body < 0 || (size_t)capsule->body >= robot->nbody ||
+            !all_finite(capsule->position, 3) || !is_rotation_matrix(capsule->rotation)) {
+            return error_set(
+                error, ERROR_INPUT,
+                "%s: capsule %s: expected an existing body, a finite position and a rotation",
+                robot->name, capsule->name);
+        }
+        if (!(capsule->radius > 0.0 && capsule->length >= 0.0)) {
+            return error_set(error, ERROR_INPUT,
+                             "%s: capsule %s has radius %g m and length %g m, expected over 0 and "
+                             "0 or more",
+                             robot->name, capsule->name, capsule->radius, capsule->length);
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Checks a coupling by itself. Returns what is wrong with it, "" when nothing is. */
+static const char *find_coupling_fault(const struct robot *robot,
+                                       const struct robot_coupling *coupling)
+{
+    const double value[] = {coupling->multiplier, coupling->offset, coupling->stiffness,
+                            coupling->damping};
+    const int count = (int)robot->njoint;
+
+    if (coupling->follower < 0 || coupling->follower >= count || coupling->leader < 0 ||
+        coupling->leader >= count) {
+        return "one of its joints is none";
+    }
+    if (coupling->follower == coupling->leader) {
+        return "the joint follows itself";
+    }
+    if (!all_finite(value, ARRAY_COUNT(value)) || coupling->multiplier == 0.0 ||
+        !(coupling->stiffness > 0.0) || !(coupling->damping >= 0.0)) {
+        return "it needs a multiplier that is not 0, a stiffness > 0 and no negative damping";
+    }
+    if (robot_joint_is_driven(&robot->joint[coupling->follower])) {
+        return "the joint has a drive of its own";
+    }
+    return "";
+}
+
+/* Checks the couplings, each by itself; a follower has one leader, which follows nothing. */
+static enum error_code check_couplings(const struct robot *robot, struct error *error)
+{
+    if (robot->ncoupling > ROBOT_COUPLINGS_MAX) {
+        return error_set(error, ERROR_INPUT, "%s: found %zu couplings, expected at most %d",
+                         robot->name, robot->ncoupling, ROBOT_COUPLINGS_MAX);
+    }
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+        const char *fault = find_coupling_fault(robot, coupling);
+
+        for (size_t k = 0; k < robot->ncoupling && !*fault; k++) {
+            if (k != i && robot->coupling[k].follower == coupling->follower) {
+                fault = "the joint follows two others";
+            } else if (robot->coupling[k].follower == coupling->leader) {
+                fault = "its leader follows another joint";
+            }
+        }
+        if (*fault) {
+            return error_set(error, ERROR_INPUT, "%s: coupling %zu: %s", robot->name, i, fault);
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Computes y = A s for the unit motion s of a joint; returns s . y, the inertia that the joint
+ * feels. */
+static double joint_inertia(const struct robot_joint *joint, const struct spatial_inertia *A,
+                            struct spatial *y)
+{
+    if (joint->type == JOINT_REVOLUTE) {
+        sym3_apply(A->J, joint->axis, y->a);
+        mat3_apply_transposed(A->H, joint->axis, y->l);
+        return vec3_dot(joint->axis, y->a);
+    }
+    mat3_apply(A->H, joint->axis, y->a);
+    sym3_apply(A->M, joint->axis, y->l);
+    return vec3_dot(joint->axis, y->l);
+}
+
+/* Removes what a free joint does not resist from an articulated inertia: A -= y y^T / d. */
+static void release_joint(const struct spatial *y, double d, struct spatial_inertia *A)
+{
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            A->H[3 * i + j] -= y->a[i] * y->l[j] / d;
+        }
+        for (int j = i; j < 3; j++) {
+            A->J[sym3_index[i][j]] -= y->a[i] * y->a[j] / d;
+            A->M[sym3_index[i][j]] -= y->l[i] * y->l[j] / d;
+        }
+    }
+}
+
+/* Adds a body's inertia to its parent's, with the joint at position q. */
+static void hand_to_parent(const struct robot_joint *joint, double q, struct spatial_inertia A,
+                           struct spatial_inertia *parent)
+{
+    double R[9], turn[9], r[3] = {joint->origin[0], joint->origin[1], joint->origin[2]};
+
+    if (joint->type == JOINT_REVOLUTE) {
+        mat3_about_axis(joint->axis, q, turn);
+        mat3_mul(joint->rotation, turn, R);
+    } else {
+        double slide[3];
+
+        memcpy(R, joint->rotation, sizeof R);
+        mat3_apply(R, joint->axis, slide);
+        for (int m = 0; m < 3; m++) {
+            r[m] += slide[m] * q;
+        }
+    }
+    spatial_inertia_rotate(R, &A);
+    spatial_inertia_shift(r, &A);
+    spatial_inertia_add(&A, parent);
+}
+
+/* Checks whether a free base accelerates under a force in every direction; whole is the inertia
+ * of all bodies, locked. */
+static bool base_is_regular(const struct spatial_inertia *A, const struct spatial_inertia *whole)
+{
+    double m[6][6];
+
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            m[i][j] = A->J[sym3_index[i][j]];
+            m[i][j + 3] = m[j + 3][i] = A->H[3 * i + j];
+            m[i + 3][j + 3] = A->M[sym3_index[i][j]];
+        }
+    }
+    /* Gaussian elimination: each pivot against what a rigid robot would have there */
+    for (int k = 0; k < 6; k++) {
+        double rigid = k < 3 ? whole->J[sym3_index[k][k]] : whole->M[sym3_index[k - 3][k - 3]];
+
+        if (!(m[k][k] > SINGULAR_RATIO * rigid)) {
+            return false;
+        }
+        for (int i = k + 1; i < 6; i++) {
+            double factor = m[i][k] / m[k][k];
+
+            for (int j = k; j < 6; j++) {
+                m[i][j] -= factor * m[k][j];
+            }
+        }
+    }
+    return true;
+}
+
+/* Checks that every joint (and a free base) accelerates under a force: computes the articulated
+ * inertias in an arbitrary pose and compares each with the rigid inertia of the same bodies. */
+static enum error_code check_regular(const struct robot *robot, struct spatial_inertia *A,
+                                     struct spatial_inertia *whole, struct error *error)
+{
+    for (size_t b = 0; b < robot->nbody; b++) {
+        const struct robot_inertia *inertia = &robot->body[b].inertia;
+
+        spatial_inertia_rigid(inertia->mass, inertia->com, inertia->I, &A[b]);
+        whole[b] = A[b];
+    }
+
+    /* Inward, joint by joint; A without what gives way, whole as if all joints were locked */
+    for (size_t b = robot->nbody - 1; b > 0; b--) {
+        const struct robot_joint *joint = &robot->joint[b - 1];
+        int parent = robot->body[b].parent;
+        double q = 0.3 + 0.1 * (double)(b % 7), d, rigid;
+        struct spatial y;
+
+        rigid = joint_inertia(joint, &whole[b], &y);
+        d = joint_inertia(joint, &A[b], &y);
+        if (!(d > SINGULAR_RATIO * rigid)) {
+            return error_set(error, ERROR_INPUT,
+                             "%s: joint %s moves nothing that has inertia about its axis",
+                             robot->name, joint->name);
+        }
+        release_joint(&y, d, &A[b]);
+        hand_to_parent(joint, q, A[b], &A[parent]);
+        hand_to_parent(joint, q, whole[b], &whole[parent]);
+    }
+    if (robot->floating && !base_is_regular(&A[0], &whole[0])) {
+        return error_set(error, ERROR_INPUT, "%s: the floating base has no inertia of its own",
+                         robot->name);
+    }
+    return ERROR_NONE;
+}
+
+/* Adds numbers to a hash, -0 as 0. */
+static uint64_t hash_doubles(uint64_t hash, const double *value, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        double plain = value[i] + 0.0; /* -0 counts as 0 */
+
+        hash = hash_bytes(hash, &plain, sizeof plain);
+    }
+    return hash;
+}
+
+/* Adds an integer to a hash. */
+static uint64_t hash_integer(uint64_t hash, int64_t value)
+{
+    return hash_bytes(hash, &value, sizeof value);
+}
+
+/* Returns the hash of all that the dynamics depend on, with or without the mass properties. */
+static uint64_t robot_hash(const struct robot *robot, bool masses)
+{
+    uint64_t hash = HASH_START;
+
+    hash = hash_integer(hash, robot->floating);
+    hash = hash_doubles(hash, robot->gravity, 3);
+    hash = hash_integer(hash, (int64_t)robot->nbody);
+    for (size_t b = 0; b < robot->nbody; b++) {
+        const struct robot_body *body = &robot->body[b];
+
+        hash = hash_integer(hash, body->parent);
+        hash = hash_integer(hash, body->observed);
+        if (masses) {
+            hash = hash_doubles(hash, &body->inertia.mass, 1);
+            hash = hash_doubles(hash, body->inertia.com, 3);
+            hash = hash_doubles(hash, body->inertia.I, 6);
+        }
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        const struct robot_joint *joint = &robot->joint[j];
+
+        hash = hash_integer(hash, joint->type);
+        hash = hash_doubles(hash, joint->axis, 3);
+        hash = hash_doubles(hash, joint->origin, 3);
+        hash = hash_doubles(hash, joint->rotation, 9);
+    }
+    return hash;
+}
+
+enum error_code robot_finish(struct robot *robot, struct error *error)
+{
+    struct spatial_inertia *scratch;
+    enum error_code code;
+
+    /* Checks of every part by itself */
+    if ((code = check_tree(robot, error)) || (code = check_body_inertias(robot, error)) ||
+        (code = check_frames(robot, error)) || (code = check_capsules(robot, error)) ||
+        (code = check_couplings(robot, error))) {
+        return code;
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        if (check_joint(&robot->joint[j], error)) {
+            return error_prefix(error, "%s: joint %s", robot->name, robot->joint[j].name);
+        }
+    }
+
+    /* Checks of all parts together */
+    scratch = calloc(2 * robot->nbody, sizeof *scratch);
+    if (!scratch) {
+        return error_set(error, ERROR_MEMORY, "no memory to check %s", robot->name);
+    }
+    code = check_regular(robot, scratch, scratch + robot->nbody, error);
+    free(scratch);
+    if (code) {
+        return code;
+    }
+
+    /* Derived numbers: sizes, mass, observed bodies, hashes */
+    robot->nq = robot->njoint + (robot->floating ? BASE_Q_COUNT : 0);
+    robot->nv = robot->njoint + (robot->floating ? BASE_V_COUNT : 0);
+    robot->total_mass = 0.0;
+    for (size_t b = 0; b < robot->nbody; b++) {
+        robot->total_mass += robot->body[b].inertia.mass;
+    }
+    for (size_t f = 0; f < robot->nframe; f++) {
+        robot->body[robot->frame[f].body].observed = true;
+    }
+    for (size_t c = 0; c < robot->ncapsule; c++) {
+        robot->body[robot->capsule[c].body].observed = true;
+    }
+    robot->hash = robot_hash(robot, true);
+    robot->massless_hash = robot_hash(robot, false);
+    return ERROR_NONE;
+}
+
+const struct robot_coupling *robot_find_coupling(const struct robot *robot, size_t j)
+{
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        if (robot->coupling[i].follower == (int)j) {
+            return &robot->coupling[i];
+        }
+    }
+    return NULL;
+}
+
+int robot_find_body(const struct robot *robot, const char *name)
+{
+    for (size_t b = 0; b < robot->nbody; b++) {
+        if (strcmp(robot->body[b].name, name) == 0) {
+            return (int)b;
+        }
+    }
+    return -1;
+}
+
+int robot_find_joint(const struct robot *robot, const char *name)
+{
+    for (size_t j = 0; j < robot->njoint; j++) {
+        if (strcmp(robot->joint[j].name, name) == 0) {
+            return (int)j;
+        }
+    }
+    return -1;
+}
+
+int robot_find_frame(const struct robot *robot, const char *name)
+{
+    for (size_t f = 0; f < robot->nframe; f++) {
+        if (strcmp(robot->frame[f].name, name) == 0) {
+            return (int)f;
+        }
+    }
+    return -1;
+}
+
+int robot_find_pose(const struct robot *robot, const char *name)
+{
+    for (size_t p = 0; p < robot->npose; p++) {
+        if (strcmp(robot->pose[p].name, name) == 0) {
+            return (int)p;
+        }
+    }
+    return -1;
+}

@@ -1,0 +1,230 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Loads robots from YAML: the order of the work, the variant that is asked for, and the checks of
+ * names, which refer to each other across the file, each with its place there.
+ */
+#include "model/description/yaml.h"
+
+#include "base/text.h"
+
+#include <string.h>
+
+/* ---- names ---- */
+
+/* Returns the i-th entry of an array of named structs of stride bytes each. */
+static const struct named *named_entry(const void *array, size_t stride, size_t i)
+{
+    return (const struct named *)((const char *)array + i * stride);
+}
+
+int find_named_entry(const void *array, size_t count, size_t stride, const char *name)
+{
+    for (size_t i = 0; i < count; i++) {
+        if (strcmp(named_entry(array, stride, i)->name, name) == 0) {
+            return (int)i;
+        }
+    }
+    return -1;
+}
+
+enum error_code robot_no_memory(struct robot_builder *b)
+{
+    return error_set(b->error, ERROR_MEMORY, "%.200s: no memory left for this robot",
+                     b->file.mark.file);
+}
+
+enum error_code robot_unknown_name(struct robot_builder *b, const struct yaml_mark *mark,
+                                   const char *what, const char *name, const void *array,
+                                   size_t count, size_t stride)
+{
+    const char **names = arena_alloc(b->arena, count + 1, sizeof *names), *nearest;
+
+    if (!names) {
+        return robot_no_memory(b);
+    }
+    for (size_t i = 0; i < count; i++) {
+        names[i] = named_entry(array, stride, i)->name;
+    }
+    nearest = text_nearest(name, names, count);
+    if (nearest) {
+        return yaml_error(b->error, mark, "found unknown %s \"%s\", expected \"%s\"", what, name,
+                          nearest);
+    }
+    return yaml_error(b->error, mark,
+                      "found unknown %s \"%s\", expected one of the %zu in this file", what, name,
+                      count);
+}
+
+/* Checks that names are words, and that no two of a list are the same. */
+static enum error_code check_named(struct robot_builder *b, const char *what, const void *array,
+                                   size_t count, size_t stride)
+{
+    for (size_t i = 0; i < count; i++) {
+        const struct named *entry = named_entry(array, stride, i);
+        int first = find_named_entry(array, i, stride, entry->name);
+
+        /* They stand in messages, logs and on command lines */
+        if (!text_is_name(entry->name)) {
+            return yaml_error(b->error, &entry->mark,
+                              "found %s name \"%.63s\", expected letters, digits and _ - . only",
+                              what, entry->name);
+        }
+        if (first >= 0) {
+            return yaml_error(b->error, &entry->mark,
+                              "found %s \"%s\" again, expected it once (it stands in line %d)",
+                              what, entry->name,
+                              named_entry(array, stride, (size_t)first)->mark.line);
+        }
+    }
+    return ERROR_NONE;
+}
+
+#define CHECK_NAMED(b, what, list, count) check_named(b, what, list, count, sizeof *(list))
+
+/* Checks the names of all lists of the file and of its variants. */
+static enum error_code check_all_names(struct robot_builder *b)
+{
+    const struct robot_yaml *file = &b->file;
+    enum error_code code;
+
+    if ((code = CHECK_NAMED(b, "body", file->body, file->nbody)) ||
+        (code = CHECK_NAMED(b, "joint", file->joint, file->njoint)) ||
+        (code = CHECK_NAMED(b, "frame", file->frame, file->nframe)) ||
+        (code = CHECK_NAMED(b, "capsule", file->capsule, file->ncapsule)) ||
+        (code = CHECK_NAMED(b, "visual", file->visual, file->nvisual)) ||
+        (code = CHECK_NAMED(b, "sensor", file->ft, file->nft)) ||
+        (code = CHECK_NAMED(b, "pose", file->pose, file->npose)) ||
+        (code = CHECK_NAMED(b, "variant", file->variant, file->nvariant))) {
+        return code;
+    }
+    for (size_t i = 0; i < file->nvariant; i++) {
+        const struct variant_yaml *variant = &file->variant[i];
+
+        if ((code = CHECK_NAMED(b, "body", variant->body, variant->nbody)) ||
+            (code = CHECK_NAMED(b, "frame", variant->frame, variant->nframe)) ||
+            (code = CHECK_NAMED(b, "capsule", variant->capsule, variant->ncapsule)) ||
+            (code = CHECK_NAMED(b, "sensor", variant->ft, variant->nft))) {
+            return code;
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* ---- variants ---- */
+
+/* Merges the entries of change into *list: they replace those of the same name, or follow them. */
+static enum error_code merge_named(struct robot_builder *b, void **list, size_t *count,
+                                   const void *change, size_t nchange, size_t stride)
+{
+    char *merged = arena_alloc(b->arena, *count + nchange, stride);
+
+    if (!merged) {
+        return robot_no_memory(b);
+    }
+    memcpy(merged, *list ? *list : merged, *count * stride);
+    for (size_t i = 0; i < nchange; i++) {
+        const struct named *entry = named_entry(change, stride, i);
+        int at = find_named_entry(merged, *count, stride, entry->name);
+
+        memcpy(merged + (at >= 0 ? (size_t)at : (*count)++) * stride, entry, stride);
+    }
+    *list = merged;
+    return ERROR_NONE;
+}
+
+/* Applies a variant: its bodies replace those of the robot; frames, capsules and sensors may
+ * also be new. */
+static enum error_code apply_variant(struct robot_builder *b, struct variant_yaml *variant)
+{
+    struct robot_yaml *file = &b->file;
+    void *frame = file->frame, *capsule = file->capsule, *ft = file->ft;
+    enum error_code code;
+
+    for (size_t i = 0; i < variant->nbody; i++) {
+        const struct body_yaml *body = &variant->body[i];
+        int at = find_named_entry(file->body, file->nbody, sizeof *body, body->name);
+
+        if (at < 0) {
+            return robot_unknown_name(b, &body->mark, "body", body->name, file->body, file->nbody,
+                                      sizeof *body);
+        }
+        file->body[at] = *body;
+    }
+    if ((code = merge_named(b, &frame, &file->nframe, variant->frame, variant->nframe,
+                            sizeof *file->frame)) ||
+        (code = merge_named(b, &capsule, &file->ncapsule, variant->capsule, variant->ncapsule,
+                            sizeof *file->capsule)) ||
+        (code = merge_named(b, &ft, &file->nft, variant->ft, variant->nft, sizeof *file->ft)) ||
+        (code = robot_change_drive(b, &variant->drive))) {
+        return code;
+    }
+    file->frame = frame;
+    file->capsule = capsule;
+    file->ft = ft;
+    return ERROR_NONE;
+}
+
+/* Applies the variant of that name; NULL or "" stands for the robot as it is. */
+static enum error_code choose_variant(struct robot_builder *b, const char *name)
+{
+    const struct robot_yaml *file = &b->file;
+    int at;
+
+    if (!name || name[0] == '\0') {
+        return ERROR_NONE;
+    }
+    if (file->nvariant == 0) {
+        return error_set(b->error, ERROR_INPUT,
+                         "%.200s: found no variants, expected one named \"%.63s\"", file->mark.file,
+                         name);
+    }
+    at = find_named_entry(file->variant, file->nvariant, sizeof *file->variant, name);
+    if (at < 0) {
+        const struct yaml_mark nowhere = {0};
+
+        if (robot_unknown_name(b, &nowhere, "variant", name, file->variant, file->nvariant,
+                               sizeof *file->variant)) {
+            return error_prefix(b->error, "%.200s", file->mark.file);
+        }
+    }
+    return apply_variant(b, &file->variant[at]);
+}
+
+/* ---- the whole ---- */
+
+enum error_code robot_load(const char *path, const char *variant, struct arena *arena,
+                           const struct robot **robot, struct error *error)
+{
+    struct robot_builder b = {.arena = arena, .error = error};
+    enum error_code code = yaml_read_file(path, &robot_file_schema, arena, &b.file, error);
+
+    if (code) {
+        return code;
+    }
+    b.robot = arena_alloc(arena, 1, sizeof *b.robot);
+    if (!b.robot) {
+        return robot_no_memory(&b);
+    }
+
+    /* First what is on its own, then what refers to what came before */
+    b.robot->name = b.file.name;
+    b.robot->file = b.file.mark.file;
+    b.robot->source_hash = b.file.hash;
+    b.robot->floating = b.file.base.floating;
+    memcpy(b.robot->gravity, b.file.gravity, sizeof b.robot->gravity);
+    if ((code = check_all_names(&b)) || (code = robot_take_drive(&b, &b.file.drive)) ||
+        (code = choose_variant(&b, variant)) || (code = robot_check_own_drives(&b)) ||
+        (code = robot_build_hydraulic_supply(&b)) || (code = robot_build_tree(&b)) ||
+        (code = robot_build_couplings(&b)) || (code = robot_build_frames(&b)) ||
+        (code = robot_build_capsules(&b)) || (code = robot_build_visuals(&b)) ||
+        (code = robot_build_sensors(&b)) || (code = robot_build_poses(&b))) {
+        return code;
+    }
+
+    /* Last the checks of the whole */
+    if (robot_finish(b.robot, error)) {
+        return error_prefix(error, "%.200s", b.file.mark.file);
+    }
+    *robot = b.robot;
+    return ERROR_NONE;
+}

@@ -1,0 +1,130 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Builds the couplings of a robot file: joints that follow others. */
+#include "model/description/yaml.h"
+
+#include <math.h>
+
+/* Least absolute multiplier. Nearer to 0 a joint follows nothing; a fine lead screw has 1e-4
+ * m/rad. */
+#define LEAST_MULTIPLIER 1e-6
+
+/* Finds the joint of a name. */
+static enum error_code find_coupled_joint(struct robot_builder *b, const char *name,
+                                          const struct yaml_mark *mark, int *joint)
+{
+    *joint = robot_find_joint(b->robot, name);
+    return *joint >= 0 ? ERROR_NONE
+                       : robot_unknown_name(b, mark, "joint", name, b->file.joint, b->file.njoint,
+                                            sizeof *b->file.joint);
+}
+
+/* Checks a coupling against those before it: each joint follows one, and no leader follows. */
+static enum error_code check_chain(struct robot_builder *b, size_t i)
+{
+    const struct coupling_yaml *given = &b->file.coupling[i];
+    const struct robot_coupling *own = &b->robot->coupling[i];
+
+    for (size_t k = 0; k < i; k++) {
+        const struct robot_coupling *before = &b->robot->coupling[k];
+        const int line = b->file.coupling[k].mark.line;
+
+        if (before->follower == own->follower) {
+            return yaml_error(b->error, &given->follower_mark,
+                              "found joint \"%s\" as a follower again, expected one leader (it "
+                              "follows \"%s\" in line %d)",
+                              given->follower, b->file.coupling[k].leader, line);
+        }
+        if (before->follower == own->leader) {
+            return yaml_error(b->error, &given->leader_mark,
+                              "found leader \"%s\", which follows \"%s\" itself (line %d), "
+                              "expected a joint that follows none: name \"%s\"",
+                              given->leader, b->file.coupling[k].leader, line,
+                              b->file.coupling[k].leader);
+        }
+        if (before->leader == own->follower) {
+            return yaml_error(b->error, &given->follower_mark,
+                              "found follower \"%s\", which \"%s\" follows (line %d), expected a "
+                              "joint that leads none",
+                              given->follower, b->file.coupling[k].follower, line);
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Finds the two joints of a coupling and checks what one may be to the other. */
+static enum error_code build_coupled_joints(struct robot_builder *b, size_t i)
+{
+    const struct coupling_yaml *given = &b->file.coupling[i];
+    struct robot_coupling *coupling = &b->robot->coupling[i];
+    enum error_code code;
+
+    if ((code =
+             find_coupled_joint(b, given->follower, &given->follower_mark, &coupling->follower)) ||
+        (code = find_coupled_joint(b, given->leader, &given->leader_mark, &coupling->leader))) {
+        return code;
+    }
+    if (coupling->follower == coupling->leader) {
+        return yaml_error(b->error, &given->leader_mark,
+                          "found joint \"%s\" as its own leader, expected another joint",
+                          given->leader);
+    }
+    if (robot_joint_is_driven(&b->robot->joint[coupling->follower])) {
+        return yaml_error(b->error, &given->follower_mark,
+                          "found follower \"%s\" with a drive of its own, expected none: its "
+                          "leader moves it",
+                          given->follower);
+    }
+    return check_chain(b, i);
+}
+
+/* Takes the numbers of a coupling, in the units of the follower, which the keys name. */
+static enum error_code build_coupling_numbers(struct robot_builder *b,
+                                              const struct coupling_yaml *given,
+                                              struct robot_coupling *coupling)
+{
+    const enum joint_type type = b->robot->joint[coupling->follower].type;
+    const bool *own = given->given[type], *other = given->given[1 - type];
+    const double *value = given->value[type];
+
+    if (!own[COUPLING_STIFFNESS] || !own[COUPLING_DAMPING] || other[COUPLING_OFFSET] ||
+        other[COUPLING_STIFFNESS] || other[COUPLING_DAMPING]) {
+        return yaml_error(
+            b->error, &given->mark, "found a coupling of %s joint \"%s\", expected the keys %s",
+            type == JOINT_REVOLUTE ? "revolute" : "prismatic", given->follower,
+            type == JOINT_REVOLUTE ? "stiffness_nm_rad, damping_nm_s_rad and, if not 0, offset_rad"
+                                   : "stiffness_n_m, damping_n_s_m and, if not 0, offset_m");
+    }
+    if (fabs(given->multiplier) < LEAST_MULTIPLIER) {
+        return yaml_error(b->error, &given->multiplier_mark,
+                          "found multiplier %g, expected %g or more, positive or negative",
+                          given->multiplier, LEAST_MULTIPLIER);
+    }
+    coupling->multiplier = given->multiplier;
+    coupling->offset = value[COUPLING_OFFSET];
+    coupling->stiffness = value[COUPLING_STIFFNESS];
+    coupling->damping = value[COUPLING_DAMPING];
+    return ERROR_NONE;
+}
+
+enum error_code robot_build_couplings(struct robot_builder *b)
+{
+    const struct robot_yaml *file = &b->file;
+    struct robot *robot = b->robot;
+    enum error_code code = ERROR_NONE;
+
+    if (file->ncoupling > ROBOT_COUPLINGS_MAX) {
+        return yaml_error(b->error, &file->coupling[ROBOT_COUPLINGS_MAX].mark,
+                          "found %zu couplings, expected at most %d", file->ncoupling,
+                          ROBOT_COUPLINGS_MAX);
+    }
+    robot->coupling = arena_alloc(b->arena, file->ncoupling, sizeof *robot->coupling);
+    if (!robot->coupling) {
+        return robot_no_memory(b);
+    }
+    for (size_t i = 0; i < file->ncoupling && !code; i++) {
+        code = build_coupled_joints(b, i);
+        code = code ? code : build_coupling_numbers(b, &file->coupling[i], &robot->coupling[i]);
+    }
+    robot->ncoupling = file->ncoupling;
+    return code;
+}

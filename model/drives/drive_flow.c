@@ -1,0 +1,133 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Computes the matrix exponential of a drive less the identity, by scaling, Taylor's series and
+ * doubling: with E = exp(M t) - 1 doubling the time is E <- 2 E + E E. Without the identity small
+ * changes keep their digits: of a rotor that is held fast (an inertia of 1e30) the angle changes by
+ * zero.
+ */
+#include "model/drives/drive_flow.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Terms of the series, enough to rounding for a norm of 1/4, and the most doublings: beyond them
+ * nothing is left of a begin, since exp(-2^60) is zero. */
+enum { SERIES_TERMS = 13, DOUBLINGS_MAX = 60 };
+
+/* The rows of the three states; those of r and V are zero. */
+enum { FLOW_STATES = 3 };
+
+typedef double flow_matrix[FLOW_STATES][FLOW_INPUTS];
+
+/* Fills M with the system's matrix times t, for the states deflection, motor speed and current. */
+static void flow_fill_matrix(const struct robot_sea *sea, bool bridge_on, double t, flow_matrix M)
+{
+    const double inertia = t / sea->J, winding = bridge_on ? t / sea->L : 0.0;
+    const flow_matrix filled = {
+        {0.0, t, 0.0, -t, 0.0},
+        {-sea->Ks * inertia, -(sea->Dm + sea->Ds) * inertia, sea->Kt * inertia, sea->Ds * inertia,
+         0.0},
+        {0.0, -sea->Kw * winding, -sea->R * winding, 0.0, winding},
+    };
+
+    memcpy(M, filled, sizeof filled);
+}
+
+/* Returns the row-sum norm of a matrix. */
+static double flow_norm(flow_matrix M)
+{
+    double norm = 0.0;
+
+    for (int i = 0; i < FLOW_STATES; i++) {
+        double row = 0.0;
+
+        for (int j = 0; j < FLOW_STATES; j++) {
+            row += fabs(M[i][j]);
+        }
+        norm = fmax(norm, row);
+    }
+    return norm;
+}
+
+/* Computes C = A B, where the rows of r and V in B are zero. */
+static void flow_multiply(flow_matrix A, flow_matrix B, flow_matrix C)
+{
+    for (int i = 0; i < FLOW_STATES; i++) {
+        for (int j = 0; j < FLOW_INPUTS; j++) {
+            C[i][j] = A[i][0] * B[0][j] + A[i][1] * B[1][j] + A[i][2] * B[2][j];
+        }
+    }
+}
+
+/* Fills a flow from the changes of deflection, speed and current: the motor's angle moves by the
+ * deflection's change and the joint's way. */
+static void flow_take(flow_matrix E, double t, struct drive_flow *flow)
+{
+    flow->t = t;
+    memcpy(flow->qm, E[0], sizeof flow->qm);
+    flow->qm[FLOW_RATE] += t;
+    memcpy(flow->qmd, E[1], sizeof flow->qmd);
+    memcpy(flow->I, E[2], sizeof flow->I);
+}
+
+void drive_flow_make(const struct robot_sea *sea, bool bridge_on, double t, struct drive_flow *flow)
+{
+    flow_matrix M, term, next, E;
+    double norm;
+    int doublings = 0;
+
+    /* Scaled down to a norm of 1/4 by a power of two, which rounds nothing. The balance of the
+     * units (angle against speed) does not matter for the series, only for its length. */
+    flow_fill_matrix(sea, bridge_on, t, M);
+    for (norm = flow_norm(M); norm > 0.25 && doublings < DOUBLINGS_MAX; norm *= 0.5) {
+        doublings++;
+    }
+    flow_fill_matrix(sea, bridge_on, ldexp(t, -doublings), M);
+
+    /* M + M^2/2! + M^3/3! ... */
+    memcpy(E, M, sizeof E);
+    memcpy(term, M, sizeof term);
+    for (int k = 2; k <= SERIES_TERMS; k++) {
+        flow_multiply(M, term, next);
+        for (int i = 0; i < FLOW_STATES; i++) {
+            for (int j = 0; j < FLOW_INPUTS; j++) {
+                term[i][j] = next[i][j] / k;
+                E[i][j] += term[i][j];
+            }
+        }
+    }
+    for (int d = 0; d < doublings; d++) {
+        flow_multiply(E, E, next);
+        for (int i = 0; i < FLOW_STATES; i++) {
+            for (int j = 0; j < FLOW_INPUTS; j++) {
+                E[i][j] = 2.0 * E[i][j] + next[i][j];
+            }
+        }
+    }
+    flow_take(E, t, flow);
+}
+
+/* With the changes x of the three states x = M (input + x), row by row: (1 - M) x = M input. The
+ * current is eliminated first, then the deflection; what remains is positive for any passive
+ * drive. */
+void drive_flow_make_implicit(const struct robot_sea *sea, bool bridge_on, double t, double scale,
+                              struct drive_flow *flow)
+{
+    flow_matrix M, E;
+
+    flow_fill_matrix(sea, bridge_on, t, M);
+    for (int k = 0; k < FLOW_INPUTS; k++) {
+        const double winding = 1.0 - M[2][2];
+        const double pivot = 1.0 - M[1][1] - M[1][0] * M[0][1] - M[1][2] * M[2][1] / winding;
+
+        E[1][k] = (M[1][k] + M[1][0] * M[0][k] + M[1][2] * M[2][k] / winding) / pivot;
+        E[0][k] = M[0][k] + M[0][1] * E[1][k];
+        E[2][k] = (M[2][k] + M[2][1] * E[1][k]) / winding;
+    }
+    for (int i = 0; i < FLOW_STATES; i++) {
+        for (int k = 0; k < FLOW_INPUTS; k++) {
+            E[i][k] *= scale;
+        }
+    }
+    flow_take(E, scale * t, flow);
+}

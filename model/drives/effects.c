@@ -1,0 +1,449 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Laws of a real drive beside the paper's equations, one drive at a time. */
+#include "model/drives/effects.h"
+
+#include "base/portable_math.h"
+#include "model/stop.h"
+
+#include <math.h>
+
+/* Temperature that R, Kt and Kw of a robot file hold at, degree C. */
+#define REFERENCE_C 25.0
+
+/* Least part of its torque constant that a motor keeps however hot it is. */
+#define KT_LEAST 0.1
+
+/* ---- functions of the motor's angle ---- */
+
+/* Returns the sum of sines of the motor's angle qm (rad at the link; N rotor turns each). */
+static double sum_harmonics(const struct robot_harmonic *harmonic, size_t count, double N,
+                            double qm)
+{
+    double sum = 0.0;
+
+    for (size_t i = 0; i < count; i++) {
+        sum +=
+            harmonic[i].amplitude * portable_sin(harmonic[i].per_turn * N * qm + harmonic[i].phase);
+    }
+    return sum;
+}
+
+/* Returns the derivative of that sum by qm. */
+static double slope_harmonics(const struct robot_harmonic *harmonic, size_t count, double N,
+                              double qm)
+{
+    double sum = 0.0;
+
+    for (size_t i = 0; i < count; i++) {
+        double rate = harmonic[i].per_turn * N;
+
+        sum += harmonic[i].amplitude * rate * portable_cos(rate * qm + harmonic[i].phase);
+    }
+    return sum;
+}
+
+double effects_deflection(const struct robot_sea *sea, double qm, double q)
+{
+    return qm - q + sum_harmonics(sea->effects->error, sea->effects->nerror, sea->N, qm);
+}
+
+/* Returns 1 + e', the gear's local ratio at the motor's angle. */
+static double gear_slope(const struct robot_sea *sea, double qm)
+{
+    return 1.0 + slope_harmonics(sea->effects->error, sea->effects->nerror, sea->N, qm);
+}
+
+/* Returns the energy W of the cogging torque, J: c = -dW/dqm. */
+static double cogging_energy(const struct robot_sea *sea, double qm)
+{
+    double energy = 0.0;
+
+    for (size_t i = 0; i < sea->effects->ncogging; i++) {
+        const struct robot_harmonic *harmonic = &sea->effects->cogging[i];
+        double rate = harmonic->per_turn * sea->N;
+
+        energy += harmonic->amplitude / rate * portable_cos(rate * qm + harmonic->phase);
+    }
+    return energy;
+}
+
+/* ---- spring behind the play, friction, temperature ---- */
+
+/* Returns how far the spring is bent, rad: the deflection beyond the play. */
+static double spring_bend(const struct robot_sea *sea, double deflection)
+{
+    double play = 0.5 * sea->effects->backlash;
+
+    return fabs(deflection) > play ? deflection - copysign(play, deflection) : 0.0;
+}
+
+/* Returns how far the bent spring is into its stop, rad. */
+static double bend_depth(const struct robot_sea *sea, double bend)
+{
+    return sea->stop.stiffness > 0.0 ? stop_depth(-sea->deflection, sea->deflection, bend) : 0.0;
+}
+
+/* Returns whether the spring has hysteresis; a broken one (Ks = 0) has none. */
+static bool has_hysteresis(const struct robot_sea *sea)
+{
+    return sea->effects->hysteresis > 0.0 && sea->Ks > 0.0;
+}
+
+/* Computes the spring's torque tau_s (N m) at a bend that changes at a rate, and *elastic, the
+ * part of it that is stored. Tooth flanks that touch at one side only push. */
+static double spring_push(const struct robot_sea *sea, double bend, double rate, double *elastic)
+{
+    double depth = bend_depth(sea, bend), torque;
+
+    *elastic = sea->Ks * bend - stop_torque(&sea->stop, depth, 0.0);
+    if (sea->effects->backlash == 0.0) {
+        return sea->Ks * bend + sea->Ds * rate - stop_torque(&sea->stop, depth, rate);
+    }
+    if (bend == 0.0) {
+        return 0.0;
+    }
+    torque = sea->Ks * bend + sea->Ds * rate - stop_torque(&sea->stop, depth, rate);
+    return torque * bend > 0.0 ? torque : 0.0;
+}
+
+/* tau, and the factors of the motor's angle in it. */
+struct gear_state {
+    double slope, rate, torque; /* 1 + e', d', tau */
+};
+
+/* Computes deflection rate and torque of gear and spring in a state. */
+static struct gear_state find_gear(const struct robot_sea *sea, const struct effects_state *state,
+                                   double q, double qd)
+{
+    const double bend = spring_bend(sea, effects_deflection(sea, state->sea.qm, q));
+    struct gear_state gear = {.slope = gear_slope(sea, state->sea.qm)};
+    double elastic;
+
+    gear.rate = gear.slope * state->sea.qmd - qd;
+    gear.torque = spring_push(sea, bend, gear.rate, &elastic) +
+                  (has_hysteresis(sea) ? state->hysteresis : 0.0);
+    return gear;
+}
+
+double effects_torque(const struct robot_sea *sea, const struct effects_state *state, double q,
+                      double qd)
+{
+    return find_gear(sea, state, q, qd).torque;
+}
+
+double effects_friction(const struct robot_sea *sea, double speed)
+{
+    const struct robot_effects *effects = sea->effects;
+    double x;
+
+    if (effects->stribeck == 0.0) {
+        return effects->breakaway;
+    }
+    x = speed / effects->stribeck;
+    return effects->coulomb + (effects->breakaway - effects->coulomb) * portable_exp(-x * x);
+}
+
+double effects_resistance(const struct robot_sea *sea, double winding_c)
+{
+    const struct robot_thermal *thermal = &sea->effects->thermal;
+
+    return thermal->winding_k_w > 0.0
+               ? sea->R * (1.0 + thermal->R_per_k * (winding_c - REFERENCE_C))
+               : sea->R;
+}
+
+/* Returns the part that is left of Kt and Kw at a housing temperature, degree C. */
+static double magnet_strength(const struct robot_sea *sea, double housing_c)
+{
+    const struct robot_thermal *thermal = &sea->effects->thermal;
+
+    return thermal->winding_k_w > 0.0
+               ? fmax(KT_LEAST, 1.0 + thermal->Kt_per_k * (housing_c - REFERENCE_C))
+               : 1.0;
+}
+
+double effects_hysteresis(const struct robot_sea *sea, double z, double way, double *loss)
+{
+    double sigma = sea->effects->hysteresis_stiffness, goal, part, end;
+
+    *loss = 0.0;
+    if (!has_hysteresis(sea) || way == 0.0) {
+        return has_hysteresis(sea) ? z : 0.0;
+    }
+    /* The exact solution of Dahl's equation over a way in one direction; the loss is the work
+     * less what is stored */
+    goal = copysign(sea->effects->hysteresis, way);
+    part = -portable_expm1(-sigma * fabs(way) / sea->effects->hysteresis);
+    end = z + (goal - z) * part;
+    *loss = goal * way - (goal - z) * part * goal / sigma - 0.5 * (end * end - z * z) / sigma;
+    return end;
+}
+
+/* ---- the equations ---- */
+
+/* Returns the torque on the rotor but for its own friction, N m. */
+static double rotor_load(const struct robot_sea *sea, const struct effects_state *state,
+                         const struct gear_state *gear)
+{
+    const struct robot_effects *effects = sea->effects;
+
+    return magnet_strength(sea, state->housing_c) * sea->Kt * state->sea.I -
+           gear->slope * gear->torque +
+           sum_harmonics(effects->cogging, effects->ncogging, sea->N, state->sea.qm);
+}
+
+static int sign_of(double x)
+{
+    return (x > 0.0) - (x < 0.0);
+}
+
+struct effects_mode effects_find_mode(const struct robot_sea *sea,
+                                      const struct effects_state *state, double q, double qd,
+                                      const struct effects_bridge *bridge)
+{
+    struct effects_mode mode = {.slide = 1, .flow = bridge->conducts};
+
+    /* At rest the rotor breaks away in the sense of its load, or stays */
+    if (sea->effects->breakaway > 0.0) {
+        mode.slide = sign_of(state->sea.qmd);
+        if (mode.slide == 0) {
+            struct gear_state gear = find_gear(sea, state, q, qd);
+            double load = rotor_load(sea, state, &gear);
+
+            mode.slide = fabs(load) > sea->effects->breakaway ? sign_of(load) : 0;
+        }
+    }
+
+    /* Without current: one begins to flow where the voltage exceeds what holds it */
+    if (bridge->conducts && bridge->hold > 0.0) {
+        mode.flow = sign_of(state->sea.I);
+        if (mode.flow == 0) {
+            double Kw = magnet_strength(sea, state->housing_c) * sea->Kw;
+            double drive = bridge->voltage - Kw * state->sea.qmd;
+
+            mode.flow = fabs(drive) > bridge->hold ? sign_of(drive) : 0;
+        }
+    }
+    return mode;
+}
+
+/* Computes the rates of both temperatures (K/s) under a heating power, W. */
+static void warm_rates(const struct robot_thermal *thermal, double power,
+                       const struct effects_state *state, struct effects_state *rate)
+{
+    double passed;
+
+    rate->winding_c = rate->housing_c = 0.0;
+    if (thermal->winding_k_w > 0.0) {
+        passed = (state->winding_c - state->housing_c) / thermal->winding_k_w;
+        rate->winding_c = (power - passed) / thermal->winding_j_k;
+        rate->housing_c =
+            (passed - (state->housing_c - thermal->ambient_c) / thermal->housing_k_w) /
+            thermal->housing_j_k;
+    }
+}
+
+double effects_current_rate(const struct robot_sea *sea, const struct effects_state *state,
+                            const struct effects_bridge *bridge, const struct effects_mode *mode)
+{
+    const double Kw = magnet_strength(sea, state->housing_c) * sea->Kw;
+
+    return mode->flow != 0
+               ? (bridge->voltage - bridge->hold * mode->flow -
+                  effects_resistance(sea, state->winding_c) * state->sea.I - Kw * state->sea.qmd) /
+                     sea->L
+               : 0.0;
+}
+
+void effects_derivative(const struct robot_sea *sea, const struct effects_state *state, double q,
+                        double qd, const struct effects_bridge *bridge,
+                        const struct effects_mode *mode, struct effects_state *derivative)
+{
+    double R = effects_resistance(sea, state->winding_c), qmd = state->sea.qmd, I = state->sea.I;
+    struct gear_state gear = find_gear(sea, state, q, qd);
+
+    /* The rotor, and the deflection's rate */
+    derivative->sea = (struct sea_state){0};
+    if (mode->slide != 0) {
+        derivative->sea.qm = qmd;
+        derivative->sea.qmd = (rotor_load(sea, state, &gear) - sea->Dm * qmd -
+                               mode->slide * effects_friction(sea, qmd)) /
+                              sea->J;
+    }
+    derivative->hysteresis =
+        has_hysteresis(sea)
+            ? sea->effects->hysteresis_stiffness *
+                  (gear.rate - fabs(gear.rate) * state->hysteresis / sea->effects->hysteresis)
+            : 0.0;
+
+    /* The winding */
+    derivative->sea.I = effects_current_rate(sea, state, bridge, mode);
+    warm_rates(&sea->effects->thermal, R * I * I, state, derivative);
+}
+
+void effects_warm(const struct robot_sea *sea, double heat, double t, struct effects_state *state)
+{
+    const struct robot_thermal *thermal = &sea->effects->thermal;
+    struct effects_state rate;
+    double a, b, c, d, x, y, det;
+
+    if (thermal->winding_k_w == 0.0) {
+        return;
+    }
+
+    /* Trapezoidal rule, (1 - t/2 A) change = t rate, solved for two rows by Cramer's rule */
+    warm_rates(thermal, heat / t, state, &rate);
+    b = -0.5 * t / (thermal->winding_k_w * thermal->winding_j_k);
+    a = 1.0 - b;
+    c = -0.5 * t / (thermal->winding_k_w * thermal->housing_j_k);
+    d = 1.0 - c + 0.5 * t / (thermal->housing_k_w * thermal->housing_j_k);
+    x = t * rate.winding_c;
+    y = t * rate.housing_c;
+    det = a * d - b * c;
+    state->winding_c += (d * x - b * y) / det;
+    state->housing_c += (a * y - c * x) / det;
+}
+
+void effects_power_current(const struct robot_sea *sea, const struct effects_state *state,
+                           const struct effects_bridge *bridge, const struct effects_mode *mode,
+                           struct effects_power *power)
+{
+    const double I = state->sea.I;
+
+    power->electrical = (bridge->voltage - (bridge->hold - bridge->diodes) * mode->flow) * I;
+    power->bridge = bridge->diodes * mode->flow * I;
+    power->joule = effects_resistance(sea, state->winding_c) * I * I;
+}
+
+void effects_power(const struct robot_sea *sea, const struct effects_state *state, double q,
+                   double qd, const struct effects_bridge *bridge, const struct effects_mode *mode,
+                   struct effects_power *power)
+{
+    double qmd = state->sea.qmd, elastic, push;
+    double rate = gear_slope(sea, state->sea.qm) * qmd - qd;
+
+    effects_power_current(sea, state, bridge, mode, power);
+    push = spring_push(sea, spring_bend(sea, effects_deflection(sea, state->sea.qm, q)), rate,
+                       &elastic);
+    power->motor = sea->Dm * qmd * qmd + magnet_strength(sea, state->housing_c) *
+                                             (sea->Kw - sea->Kt) * state->sea.I * qmd;
+    power->gear = mode->slide * effects_friction(sea, qmd) * qmd;
+    power->spring_damping = (push - elastic) * rate;
+    power->hysteresis = has_hysteresis(sea) ? fabs(rate) * state->hysteresis * state->hysteresis /
+                                                  sea->effects->hysteresis
+                                            : 0.0;
+}
+
+double effects_energy(const struct robot_sea *sea, const struct effects_state *state, double q)
+{
+    double bend = spring_bend(sea, effects_deflection(sea, state->sea.qm, q));
+    double energy = 0.5 * (sea->L * state->sea.I * state->sea.I +
+                           sea->J * state->sea.qmd * state->sea.qmd + sea->Ks * bend * bend) +
+                    stop_energy(&sea->stop, bend_depth(sea, bend)) +
+                    cogging_energy(sea, state->sea.qm);
+
+    if (has_hysteresis(sea)) {
+        energy += 0.5 * state->hysteresis * state->hysteresis / sea->effects->hysteresis_stiffness;
+    }
+    return energy;
+}
+
+double effects_motor_rest(const struct robot_sea *sea, double q, double tau)
+{
+    double deflection = tau != 0.0 ? sea_deflection(sea, tau) : 0.0, qm = q + deflection;
+
+    if (sea->effects) {
+        if (tau != 0.0) {
+            deflection += copysign(0.5 * sea->effects->backlash, tau);
+        }
+        /* qm + e(qm) - q = d by Newton's rule; e' is less than 1/2 */
+        for (int i = 0; i < 8; i++) {
+            qm -= (effects_deflection(sea, qm, q) - deflection) / gear_slope(sea, qm);
+        }
+    }
+    return qm;
+}
+
+/* ---- what is possible ---- */
+
+/* Checks whether a list of sines is possible. */
+static bool harmonics_are_possible(const struct robot_harmonic *harmonic, size_t count)
+{
+    for (size_t i = 0; i < count && count <= ROBOT_HARMONICS; i++) {
+        if (!(harmonic[i].per_turn > 0.0) || !isfinite(harmonic[i].per_turn) ||
+            !isfinite(harmonic[i].amplitude) || !isfinite(harmonic[i].phase)) {
+            return false;
+        }
+    }
+    return count <= ROBOT_HARMONICS;
+}
+
+/* Largest |e'| of the gear's error: a steeper one would not turn on evenly. */
+#define STEEPEST_ERROR 0.5
+
+/* Checks whether the gear's error is less steep than STEEPEST_ERROR. */
+static bool gear_is_possible(const struct robot_sea *sea)
+{
+    const struct robot_effects *effects = sea->effects;
+    double steep = 0.0;
+
+    for (size_t i = 0; i < effects->nerror; i++) {
+        steep += fabs(effects->error[i].amplitude) * effects->error[i].per_turn * sea->N;
+    }
+    return steep <= STEEPEST_ERROR;
+}
+
+/* Checks whether the thermal model has all of its constants, or none. */
+static bool thermal_is_possible(const struct robot_thermal *thermal)
+{
+    if (thermal->winding_k_w == 0.0) {
+        return true;
+    }
+    return thermal->winding_k_w > 0.0 && thermal->housing_k_w > 0.0 && thermal->winding_j_k > 0.0 &&
+           thermal->housing_j_k > 0.0 && thermal->R_per_k >= 0.0 && thermal->Kt_per_k <= 0.0 &&
+           1.0 + thermal->R_per_k * (thermal->ambient_c - REFERENCE_C) > 0.0;
+}
+
+enum error_code effects_check(const struct robot_sea *sea, struct error *error)
+{
+    const struct robot_effects *effects = sea->effects;
+
+    /* Friction falls from breakaway to Coulomb's */
+    if (!(effects->coulomb >= 0.0 && effects->breakaway >= effects->coulomb) ||
+        (effects->breakaway > effects->coulomb && !(effects->stribeck > 0.0))) {
+        return error_set(error, ERROR_INPUT,
+                         "found gear friction of %g N m and a breakaway torque of %g N m at %g "
+                         "rad/s, expected no less at rest, and a Stribeck speed between two",
+                         effects->coulomb, effects->breakaway, effects->stribeck);
+    }
+    /* Hysteresis has a torque and a stiffness */
+    if (!(effects->backlash >= 0.0) || !(effects->hysteresis >= 0.0) ||
+        (effects->hysteresis > 0.0) != (effects->hysteresis_stiffness > 0.0)) {
+        return error_set(error, ERROR_INPUT,
+                         "found hysteresis of %g N m with %g N m/rad, expected both or none",
+                         effects->hysteresis, effects->hysteresis_stiffness);
+    }
+    /* Sines of gear and cogging */
+    if (!harmonics_are_possible(effects->error, effects->nerror) ||
+        !harmonics_are_possible(effects->cogging, effects->ncogging) || !gear_is_possible(sea)) {
+        return error_set(error, ERROR_INPUT,
+                         "found sines of the motor's angle that cannot be, expected no more than "
+                         "%d each, and of the gear's error the sum of rad times per_turn times N "
+                         "no more than %g",
+                         ROBOT_HARMONICS, STEEPEST_ERROR);
+    }
+    /* Winding and housing, then the bridge */
+    if (!thermal_is_possible(&effects->thermal)) {
+        return error_set(error, ERROR_INPUT,
+                         "found a winding that warms up without two resistances to heat and two "
+                         "heat capacities above zero, or one that does not conduct");
+    }
+    if (!(effects->dead_time >= 0.0 && effects->dead_time * effects->pwm <= 0.25) ||
+        (effects->dead_time > 0.0 && !(effects->pwm > 0.0)) || !(effects->diode >= 0.0)) {
+        return error_set(error, ERROR_INPUT,
+                         "found a dead time of %g s at %g Hz, expected no more than a quarter of "
+                         "the period",
+                         effects->dead_time, effects->pwm);
+    }
+    return ERROR_NONE;
+}

@@ -1,0 +1,106 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What a real drive does beside eqs (2) to (4) of model/drives/actuator.h: friction of the gear,
+ * backlash, hysteresis and kinematic error of a harmonic drive, cogging, a winding that warms up,
+ * and a bridge with dead time and diodes. Equations, sources and keys: docs/drives.md. With all of
+ * them
+ *
+ *     d = qm + e(qm) - q                       deflection behind the gear's error e
+ *     J qm'' = Kt I - Dm qm' - (1 + e') (tau_s + z) + c(qm) - F(qm') sgn qm'
+ *     tau = tau_s + z                          on the link
+ *     L I' = V - V_h sgn I - R I - Kw qm'
+ *     z' = sigma (d' - |d'| z / z_max)         Dahl
+ *
+ * tau_s is the spring's torque beyond the play, c cogging, F Stribeck's curve. Both sgn are sets
+ * at zero: a rotor at rest rests while |load| <= F(0), no current flows while |V - Kw qm'| <= V_h.
+ * What holds at zero is a mode; the equations of a mode are smooth. R, Kt and Kw follow the
+ * temperatures.
+ *
+ * SI units, link side, temperatures in degree C. Pure functions of drives whose effects are not
+ * NULL. RT-safe.
+ */
+#ifndef MODEL_DRIVES_EFFECTS_H
+#define MODEL_DRIVES_EFFECTS_H
+
+#include "model/drives/actuator.h"
+
+struct effects_state {
+    struct sea_state sea;
+    double hysteresis; /* z, N m */
+    double winding_c, housing_c;
+};
+
+/* State of the bridge as the winding sees it. */
+struct effects_bridge {
+    bool conducts;  /* false: no current can flow */
+    double voltage; /* V, on the average over its switching */
+    double hold;    /* V_h: voltage lost to dead time, or to supply and diodes when it is off */
+    double diodes;  /* the part of it that heats diodes */
+};
+
+/* Signs of the rotor's and the current's motion; 0 = held at zero. */
+struct effects_mode {
+    int slide, flow;
+};
+
+/* Returns the mode that follows from a state. */
+struct effects_mode effects_find_mode(const struct robot_sea *sea,
+                                      const struct effects_state *state, double q, double qd,
+                                      const struct effects_bridge *bridge);
+
+/* Computes the time derivatives in a mode. */
+void effects_derivative(const struct robot_sea *sea, const struct effects_state *state, double q,
+                        double qd, const struct effects_bridge *bridge,
+                        const struct effects_mode *mode, struct effects_state *derivative);
+
+/* Checks whether the numbers of effects are possible for a drive; the error says which are not. */
+enum error_code effects_check(const struct robot_sea *sea, struct error *error);
+
+/* Returns tau on the link, N m. */
+double effects_torque(const struct robot_sea *sea, const struct effects_state *state, double q,
+                      double qd);
+
+/* Returns the derivative of the current alone, A/s. */
+double effects_current_rate(const struct robot_sea *sea, const struct effects_state *state,
+                            const struct effects_bridge *bridge, const struct effects_mode *mode);
+
+/* Returns the deflection d, rad. */
+double effects_deflection(const struct robot_sea *sea, double qm, double q);
+
+/* Returns the gear's friction F at a speed, N m (Coulomb and Stribeck). */
+double effects_friction(const struct robot_sea *sea, double speed);
+
+/* Returns the resistance R of a winding, ohm, at its temperature in degree C. */
+double effects_resistance(const struct robot_sea *sea, double winding_c);
+
+/* Returns z after the deflection has changed by way in one direction; *loss gets what that
+ * turned into heat, J. */
+double effects_hysteresis(const struct robot_sea *sea, double z, double way, double *loss);
+
+/* Power balance in a mode, W: electrical (what the supply gives) = bridge (heat of diodes) + joule
+ * + motor (viscous, as in struct sea_power) + gear (friction) + spring_damping + hysteresis + the
+ * rate of effects_energy + tau q' to the link. */
+struct effects_power {
+    double electrical, bridge, joule, motor, gear, spring_damping, hysteresis;
+};
+void effects_power(const struct robot_sea *sea, const struct effects_state *state, double q,
+                   double qd, const struct effects_bridge *bridge, const struct effects_mode *mode,
+                   struct effects_power *power);
+
+/* Computes the first three of them alone, without the motor's angle. */
+void effects_power_current(const struct robot_sea *sea, const struct effects_state *state,
+                           const struct effects_bridge *bridge, const struct effects_mode *mode,
+                           struct effects_power *power);
+
+/* Returns the stored energy, J: as sea_energy, with that of hysteresis and cogging. Heat is not
+ * stored. */
+double effects_energy(const struct robot_sea *sea, const struct effects_state *state, double q);
+
+/* Updates the temperatures by t seconds in which the winding took heat, J (trapezoidal rule). */
+void effects_warm(const struct robot_sea *sea, double heat, double t, struct effects_state *state);
+
+/* Returns the motor's angle qm at which the drive carries tau at rest, without hysteresis, with
+ * the joint at q; for any drive. */
+double effects_motor_rest(const struct robot_sea *sea, double q, double tau);
+
+#endif

@@ -1,0 +1,74 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Equations and steps of the bus of the bridges. */
+#include "model/drives/supply.h"
+
+#include <math.h>
+
+/* Parts of a step, and Newton steps in each: the convergence is quadratic, from a near start. */
+enum { SUPPLY_PARTS = 16, NEWTON_STEPS = 8 };
+
+void supply_rates(const struct supply_bus *bus, double source_v, double ohm, double power,
+                  const double state[SUPPLY_STATE], struct supply_rates *rates)
+{
+    const double V = fmax(SUPPLY_LEAST_V, state[SUPPLY_VOLTAGE]);
+    const double I = fmax(0.0, (source_v - V) / ohm);
+    const double brake = state[SUPPLY_CHOPPING] != 0.0 ? V / bus->brake_ohm : 0.0;
+
+    rates->source = source_v * I;
+    rates->source_loss = ohm * I * I;
+    rates->chopper = V * brake;
+    rates->voltage = (I - brake - power / V) / bus->capacitance_f;
+}
+
+void supply_switch_chopper(const struct supply_bus *bus, double state[SUPPLY_STATE])
+{
+    if (bus->on_v > 0.0 && state[SUPPLY_VOLTAGE] >= bus->on_v) {
+        state[SUPPLY_CHOPPING] = 1.0;
+    } else if (state[SUPPLY_VOLTAGE] <= bus->off_v) {
+        state[SUPPLY_CHOPPING] = 0.0;
+    }
+}
+
+/* Computes the voltage in the middle of a part of h seconds that begins at V, by Newton's
+ * method: the root m of 2 C (m - V) m = h (source - losses) - energy, whose left side is the
+ * change of C V^2/2. */
+static double find_middle(const struct supply_bus *bus, double source_v, double ohm, double energy,
+                          double h, double V, double conductance)
+{
+    double m = V;
+
+    for (int k = 0; k < NEWTON_STEPS; k++) {
+        const double I = fmax(0.0, (source_v - m) / ohm), slope = I > 0.0 ? -1.0 / ohm : 0.0;
+        const double f =
+            2.0 * bus->capacitance_f * (m - V) * m - h * (I * m - conductance * m * m) + energy;
+        const double df =
+            2.0 * bus->capacitance_f * (2.0 * m - V) - h * (I + slope * m - 2.0 * conductance * m);
+
+        m = fmax(0.5 * (V + SUPPLY_LEAST_V), df > 0.0 ? m - f / df : m);
+    }
+    return m;
+}
+
+void supply_advance(const struct supply_bus *bus, double source_v, double ohm, double energy,
+                    double t, double state[SUPPLY_STATE], double work[3])
+{
+    const double h = t / SUPPLY_PARTS, C = bus->capacitance_f;
+
+    for (int part = 0; part < SUPPLY_PARTS; part++) {
+        const double conductance = state[SUPPLY_CHOPPING] != 0.0 ? 1.0 / bus->brake_ohm : 0.0;
+        const double V = state[SUPPLY_VOLTAGE];
+        const double m = find_middle(bus, source_v, ohm, energy / SUPPLY_PARTS, h, V, conductance);
+        const double I = fmax(0.0, (source_v - m) / ohm);
+        const double stored = 2.0 * C * (m - V) * m;
+        const double chopper = h * conductance * m * m, loss = h * ohm * I * I;
+        const double given = h * source_v * I;
+
+        /* At the least voltage the source gives what the bus lacks */
+        work[0] += m > 0.5 * (V + SUPPLY_LEAST_V) ? given
+                                                  : stored + energy / SUPPLY_PARTS + chopper + loss;
+        work[1] += loss;
+        work[2] += chopper;
+        state[SUPPLY_VOLTAGE] = 2.0 * m - V;
+        supply_switch_chopper(bus, state);
+    }
+}

@@ -1,0 +1,100 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A hydraulic cylinder behind a servo valve that turns a joint (docs/hydraulics.md; Merritt,
+ * Hydraulic Control Systems, 1967, chapters 3 and 6; Jelali, Kroll, Hydraulic Servo-systems, 2003):
+ *
+ *     s'' = w^2 (V/V_n - s) - 2 zeta w s'          spool, of full opening; the opening is cut at 1
+ *     Q = K o(s) f(dp),  f = dp / (dp^2 + d^2)^(1/4)   each port; linear within d of zero
+ *     V_1 p_1' = beta (Q_1 - A_1 x')               piston side, V_1 = V_0 + A_1 x
+ *     V_2 p_2' = beta (Q_2 + A_2 x')               rod side, V_2 = V_0 + A_2 (stroke - x)
+ *     tau = (p_1 A_1 - p_2 A_2 - F(x')) dx/dq
+ *
+ * with leakage past the piston, oil that is sucked back from the return where a chamber falls below
+ * it, and friction F = b x' + F_c x' / sqrt(x'^2 + v_c^2). The piston stands at x = l(q) - closed,
+ * l^2 = a^2 + b^2 - 2 a b cos(q + offset): a triangle of the joint and the cylinder's two pins.
+ * A positive opening leads the supply to the piston side; a positive voltage opens to the side that
+ * turns the joint positively, the hoses being joined that way. What feeds it:
+ * model/hydraulics/supply.h.
+ *
+ * SI units, pressures above the air's. Pure functions. RT-safe.
+ */
+#ifndef MODEL_HYDRAULICS_HYDRAULIC_H
+#define MODEL_HYDRAULICS_HYDRAULIC_H
+
+#include "model/robot.h"
+
+/* Parts of a cylinder's state. */
+enum hydraulic_part {
+    HYDRAULIC_SPOOL,      /* s, of full opening */
+    HYDRAULIC_SPOOL_RATE, /* 1/s */
+    HYDRAULIC_P1,         /* Pa */
+    HYDRAULIC_P2,
+    HYDRAULIC_STATE,
+};
+
+/* What a cylinder sees of the joint and of the rest of the machine. */
+struct hydraulic_port {
+    double q, qd;        /* position and rate of the joint, rad, rad/s */
+    double voltage;      /* voltage of the valve, V */
+    double supply, back; /* pressures of supply and return, Pa */
+    double shift;        /* shift of the spool's middle, relative to its full opening */
+    double leak;         /* leakage past the piston beside the cylinder's own, m3/s per Pa */
+    bool stuck;          /* the spool stays where it is */
+};
+
+/* Powers, W, or over a time works, J: in (oil from the supply, less what returns) = mechanical (on
+ * the piston) + orifice (ports, and the oil's expansion in them) + leakage + the rate of
+ * hydraulic_energy; of the mechanical power friction is lost. drawn: volume from the supply, m3/s
+ * or m3. */
+struct hydraulic_power {
+    double in, mechanical, orifice, leakage, friction, drawn;
+};
+
+/* Returns the length between the pins, m, and computes its derivative dx/dq, m/rad. */
+double hydraulic_length(const struct robot_hydraulic *cylinder, double q, double *lever);
+
+/* Returns the sign of dx/dq over a joint's range, 1 or -1: the way a positive voltage has to
+ * push the piston for the joint to turn positively. */
+double hydraulic_direction(const struct robot_hydraulic *cylinder, double lower, double upper);
+
+/* Returns the voltage for each rad/s at which the joint turns without load in the middle of that
+ * range, the mean of both ways, V s/rad. */
+double hydraulic_speed_constant(const struct robot_hydraulic *cylinder,
+                                const struct robot_hydraulic_supply *supply, double lower,
+                                double upper);
+
+/* Checks whether the triangle is possible for a joint of that range; the error says what is not. */
+enum error_code hydraulic_check(const struct robot_hydraulic *cylinder, double lower, double upper,
+                                struct error *error);
+
+/* Returns tau on the joint, N m. */
+double hydraulic_torque(const struct robot_hydraulic *cylinder, const double *state, double q,
+                        double qd);
+
+/* Returns the energy of the compressed oil in the chambers, J. */
+double hydraulic_energy(const struct robot_hydraulic *cylinder, const double *state, double q);
+
+/* Computes the time derivatives of the state; power may be NULL. */
+void hydraulic_derive(const struct robot_hydraulic *cylinder, const double *state,
+                      const struct hydraulic_port *port, double *derivative,
+                      struct hydraulic_power *power);
+
+/* Advances the state by t seconds in which the joint moves at the constant rate qd from q: the
+ * spool exactly, the pressures in a fixed number of parts by the scheme of docs/integrator.md
+ * (order 2, L-stable). Adds the works to power. slope: of the torque at the end against qd,
+ * never positive. power and slope may be NULL. */
+void hydraulic_advance(const struct robot_hydraulic *cylinder, const struct hydraulic_port *port,
+                       double t, double *state, struct hydraulic_power *power, double *slope);
+
+/* Computes the pressures at rest without force on the joint, between supply and return. */
+void hydraulic_rest(const struct robot_hydraulic *cylinder, const struct robot_hydraulic_supply *s,
+                    double *state);
+
+/* Computes the pressures at rest with that torque on the joint, both changed alike from those
+ * without as far as supply and return let them. Returns false, with the state as it was, where
+ * no pressures between the two give it. */
+bool hydraulic_rest_loaded(const struct robot_hydraulic *cylinder,
+                           const struct robot_hydraulic_supply *s, double q, double torque,
+                           double *state);
+
+#endif

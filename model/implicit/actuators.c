@@ -1,0 +1,370 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Drives and springs in a stage of the implicit integrator: what torque they give at the
+ * stage as a function of the joint's acceleration, how they get there, and their accounts.
+ *
+ * In a stage the joint moves at the rate r = u_base + h a that it has at the stage's end (h that of
+ * the stage). The drive is solved exactly for that (model/drives/drive_flow.h), and linear in r:
+ *     qm+ = qm + f_qm(r), tau+ = Ks (qm+ - q - h r) + Ds (qm'+ - r) = torque - extra a.
+ * A spring at its stop follows another linear law, tau = Ks d + Ds d' + offset with what the stop
+ * adds to Ks and Ds: a flow of its own about the deflection d + offset/Ks. Which law holds is
+ * decided for the whole of a span, by where the free spring would come to in it.
+ */
+#include "model/implicit/private.h"
+#include "model/stop.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Largest angle that a rotor swings on its spring within a stage, rad, for the flow to be exact. */
+#define SWING_RESOLVED 0.5
+
+/* Parts that a span is divided into for the accounts: two applications of Simpson's rule. */
+enum { ACCOUNT_PARTS = 4 };
+
+/* Returns the flow of drive d for a law of its spring, a level of the step and a span. */
+static const struct drive_flow *drive_flow_of(const struct plant *plant, size_t d,
+                                              enum spring_law law, int level,
+                                              enum implicit_span span)
+{
+    return &plant->implicit->flows[d]->of[law][plant->bridge_on[d]][level][span];
+}
+
+/* Computes the flows of a step of h seconds. Both are exact where the rotor's swing on its
+ * spring is resolved; else they are those of the scheme itself, L-stable together with the link:
+ * implicit Euler through the stage, and the change up to the base as much again as (1 -
+ * gamma)/gamma. */
+static void make_step_flows(const struct robot_sea *sea, bool bridge_on, double h,
+                            struct drive_flow flow[SPANS])
+{
+    const double stage = IMPLICIT_GAMMA * h, rest = (1.0 - IMPLICIT_GAMMA) * h;
+
+    if (sea->Ks * stage * stage <= SWING_RESOLVED * SWING_RESOLVED * sea->J) {
+        drive_flow_make(sea, bridge_on, rest, &flow[SPAN_TO_BASE]);
+        drive_flow_make(sea, bridge_on, stage, &flow[SPAN_STAGE]);
+    } else {
+        drive_flow_make_implicit(sea, bridge_on, stage, rest / stage, &flow[SPAN_TO_BASE]);
+        drive_flow_make_implicit(sea, bridge_on, stage, 1.0, &flow[SPAN_STAGE]);
+    }
+}
+
+/* Computes all flows of a drive, for the configuration's step and its parts. */
+static void make_drive_flows(const struct robot_sea *sea, double h, struct drive_flows *flows)
+{
+    struct robot_sea pressed = *sea;
+
+    pressed.Ks += sea->stop.stiffness;
+    pressed.Ds += sea->stop.damping;
+    for (int level = 0; level < FLOW_LEVELS; level++, h *= 0.25) {
+        for (int on = 0; on < 2; on++) {
+            make_step_flows(sea, on, h, flows->of[SPRING_FREE][on][level]);
+            make_step_flows(&pressed, on, h, flows->of[SPRING_PRESSED][on][level]);
+        }
+    }
+}
+
+void implicit_prepare_drives(struct plant *plant)
+{
+    for (size_t d = 0; d < plant->ndrive; d++) {
+        make_drive_flows(&plant->config.robot->joint[plant->drive_joint[d]].sea,
+                         1e-9 * (double)plant->config.substep_ns, &plant->implicit->sound[d]);
+        implicit_prepare_effects(plant, d);
+        implicit_refresh_drive(plant, d);
+    }
+}
+
+void implicit_refresh_drive(struct plant *plant, size_t d)
+{
+    struct implicit *im = plant->implicit;
+    const struct robot_sea *sound = &plant->config.robot->joint[plant->drive_joint[d]].sea;
+
+    implicit_refresh_effects(plant, d);
+    implicit_forget_lane(plant, d);
+    im->flows[d] = &im->sound[d];
+    if (plant->sea[d].J != sound->J || plant->sea[d].Ks != sound->Ks) {
+        make_drive_flows(&plant->sea[d], 1e-9 * (double)plant->config.substep_ns, &im->changed[d]);
+        im->flows[d] = &im->changed[d];
+    }
+}
+
+/* ---- drives ---- */
+
+/* Returns where a flow takes a drive whose spring follows law, the joint moving at rate from q. */
+static struct sea_state flow_drive(const struct plant *plant, size_t d, enum spring_law law,
+                                   const struct drive_flow *flow, const struct sea_state *drive,
+                                   double q, double rate)
+{
+    const struct robot_sea *sea = &plant->sea[d];
+    double shift = 0.0;
+
+    /* The stop's offset, as a shift of the deflection that its stiffness acts on */
+    if (law == SPRING_PRESSED) {
+        shift = copysign(sea->stop.stiffness * sea->deflection / (sea->Ks + sea->stop.stiffness),
+                         drive->qm - q);
+    }
+    return drive_flow_advance(flow, drive, q + shift, rate, plant->voltage[d]);
+}
+
+/* Returns the law that holds in a span: the stop's where the free spring would come to press it,
+ * and the stop then pushes and does not pull. */
+static enum spring_law find_spring_law(const struct plant *plant, size_t d, enum implicit_span span,
+                                       const struct sea_state *drive, double q, double rate)
+{
+    const struct robot_sea *sea = &plant->sea[d];
+    const double t = drive_flow_of(plant, d, SPRING_FREE, (int)plant->implicit->level, span)->t;
+
+    /* Far from its stop, which is the rule */
+    if (fabs(drive->qm - q) + t * fabs(drive->qmd - rate) < STOP_NEAR * sea->deflection) {
+        return SPRING_FREE;
+    }
+    for (int law = SPRING_FREE; sea->stop.stiffness > 0.0 && law < SPRING_LAWS; law++) {
+        const struct drive_flow *flow =
+            drive_flow_of(plant, d, (enum spring_law)law, (int)plant->implicit->level, span);
+        struct sea_state end = flow_drive(plant, d, (enum spring_law)law, flow, drive, q, rate);
+        double twist = end.qm - q - flow->t * rate;
+
+        if (sea_spring_at(sea, twist, end.qmd - rate).Ks == sea->Ks) {
+            return SPRING_FREE;
+        }
+    }
+    return sea->stop.stiffness > 0.0 ? SPRING_PRESSED : SPRING_FREE;
+}
+
+void implicit_linearize_drive(struct plant *plant, size_t d)
+{
+    struct implicit *im = plant->implicit;
+    size_t j = plant->drive_joint[d];
+    double q = plant_joint_position(plant, im->base, j);
+    double rate = plant_joint_rate(plant, im->base, j), torque, slope;
+    struct sea_state begin = plant_drive_state(plant, im->base, d), end;
+    struct sea_spring spring = {.Ks = plant->sea[d].Ks, .Ds = plant->sea[d].Ds};
+    const struct drive_flow *flow;
+
+    if (plant->sea[d].effects) {
+        implicit_linearize_effects(plant, d);
+        return;
+    }
+
+    /* Where the drive comes to if the joint keeps its rate */
+    im->law[d] = find_spring_law(plant, d, SPAN_STAGE, &begin, q, rate);
+    flow = drive_flow_of(plant, d, im->law[d], (int)im->level, SPAN_STAGE);
+    end = flow_drive(plant, d, im->law[d], flow, &begin, q, rate);
+
+    /* The spring's torque there, and its slope against the rate */
+    if (im->law[d] == SPRING_PRESSED) {
+        spring.Ks += plant->sea[d].stop.stiffness;
+        spring.Ds += plant->sea[d].stop.damping;
+        spring.offset =
+            -copysign(plant->sea[d].stop.stiffness * plant->sea[d].deflection, begin.qm - q);
+    }
+    torque = spring.Ks * (end.qm - (q + im->stage_h * rate)) + spring.Ds * (end.qmd - rate) +
+             spring.offset;
+    slope =
+        spring.Ks * (flow->qm[FLOW_RATE] - im->stage_h) + spring.Ds * (flow->qmd[FLOW_RATE] - 1.0);
+    im->torque[j] += torque;
+    im->extra[j] -= slope * im->stage_h;
+}
+
+/* Returns whether all joints end the stage within their ranges, with the accelerations a or,
+ * NULL, at the rates that they have. */
+static bool joints_stay_within(const struct plant *plant, const double *a)
+{
+    const struct implicit *im = plant->implicit;
+    const size_t njoint = plant->config.robot->njoint;
+    const double *q = im->base + plant->at.v - njoint;
+    const double *rate = im->base + plant->at.drive - njoint;
+
+    for (size_t j = 0; j < njoint; j++) {
+        const double end = q[j] + im->stage_h * (a ? rate[j] + im->stage_h * a[j] : rate[j]);
+
+        if (!(end >= im->lower[j] && end <= im->upper[j])) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* Adds the end stops that the joints press at the stage to torque and extra. */
+static void linearize_stops(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+    const struct robot *robot = plant->config.robot;
+
+    /* None of them, which is the rule */
+    if (joints_stay_within(plant, NULL)) {
+        if (!im->stops_rest) {
+            memset(im->stop, 0, robot->njoint * sizeof *im->stop);
+            im->stops_rest = true;
+        }
+        return;
+    }
+    im->stops_rest = false;
+    for (size_t j = 0; j < robot->njoint; j++) {
+        const struct robot_joint *joint = &robot->joint[j];
+        const double q = plant_joint_position(plant, im->base, j);
+        const double rate = plant_joint_rate(plant, im->base, j), end = q + im->stage_h * rate;
+
+        if (end >= joint->lower && end <= joint->upper) {
+            im->stop[j] = (struct stop_step){0};
+            continue;
+        }
+        stop_step_begin(&joint->stop, joint->lower, joint->upper, q, rate, im->stage_h,
+                        &im->stop[j]);
+        if (im->stop[j].side != 0) {
+            im->torque[j] += im->stop[j].torque;
+            im->extra[j] += im->stop[j].extra;
+        }
+    }
+}
+
+bool implicit_revise_stops(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+    const struct robot *robot = plant->config.robot;
+    const double *a = im->a + robot->nv - robot->njoint;
+    bool revised = false;
+
+    if (im->stops_rest && joints_stay_within(plant, a)) {
+        return false;
+    }
+    im->stops_rest = false;
+    for (size_t j = 0; j < robot->njoint; j++) {
+        const struct robot_joint *joint = &robot->joint[j];
+        const double end =
+            plant_joint_position(plant, im->base, j) +
+            im->stage_h * (plant_joint_rate(plant, im->base, j) + im->stage_h * a[j]);
+        struct stop_step before = im->stop[j];
+
+        if (before.side == 0 && end > joint->lower && end < joint->upper) {
+            continue;
+        }
+        if (stop_step_revise(
+                &joint->stop, joint->lower, joint->upper, plant_joint_position(plant, im->base, j),
+                plant_joint_rate(plant, im->base, j), im->stage_h, a[j], &im->stop[j])) {
+            im->torque[j] += im->stop[j].torque - before.torque;
+            im->extra[j] += im->stop[j].extra - before.extra;
+            revised = true;
+        }
+    }
+    return revised;
+}
+
+void implicit_linearize_actuators(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+    const struct robot *robot = plant->config.robot;
+
+    memset(im->extra, 0, robot->njoint * sizeof *im->extra);
+    memset(im->torque, 0, robot->njoint * sizeof *im->torque);
+    implicit_linearize_drives(plant);
+    for (size_t s = 0; s < plant->nspring; s++) {
+        size_t j = plant->spring_joint[s];
+        double torque, extra;
+
+        parallel_spring_step(&robot->joint[j].spring, im->base[plant->at.pretension + s],
+                             plant->pretension_rate[s], plant_joint_position(plant, im->base, j),
+                             plant_joint_rate(plant, im->base, j), im->stage_h, &torque, &extra);
+        im->torque[j] += torque;
+        im->extra[j] += extra;
+    }
+    if (plant->nhydraulic > 0) {
+        implicit_linearize_hydraulics(plant);
+    }
+    linearize_stops(plant);
+    implicit_linearize_couplings(plant);
+}
+
+/* ---- to the end of a span, and the accounts ---- */
+
+/* Adds weight times the powers of a drive to the accounts. */
+static void account_drive(const struct plant *plant, size_t d, const struct sea_state *drive,
+                          double q, double qd, double weight, double *work)
+{
+    struct sea_power power;
+
+    sea_power(&plant->sea[d], drive, q, qd, plant->voltage[d], &power);
+    work[WORK_ELECTRICAL] += weight * power.electrical;
+    work[WORK_JOULE] += weight * power.joule;
+    work[WORK_FRICTION] += weight * power.friction;
+    work[WORK_SPRING_DAMPING] += weight * power.spring_damping;
+}
+
+/* Adds the integrals of a drive's powers over a span, from the exact states at its quarters
+ * (Simpson's rule). */
+static void account_span(struct plant *plant, size_t d, enum spring_law law,
+                         enum implicit_span span, struct sea_state drive, double q, double qd)
+{
+    static const double simpson[ACCOUNT_PARTS + 1] = {1.0, 4.0, 2.0, 4.0, 1.0};
+    struct implicit *im = plant->implicit;
+    const struct drive_flow *part = drive_flow_of(plant, d, law, (int)im->level + 1, span);
+
+    for (int k = 0; k <= ACCOUNT_PARTS; k++) {
+        account_drive(plant, d, &drive, q, qd, simpson[k] * part->t / 3.0, im->work);
+        drive = flow_drive(plant, d, law, part, &drive, q, qd);
+        q += part->t * qd;
+    }
+}
+
+void implicit_advance_drive(struct plant *plant, size_t d, enum implicit_span span, double rate)
+{
+    struct implicit *im = plant->implicit;
+    double *y = im->base + plant_drive_offset(plant, d);
+    double q = plant_joint_position(plant, im->base, plant->drive_joint[d]);
+    struct sea_state drive = plant_drive_state(plant, im->base, d);
+    enum spring_law law = im->law[d];
+
+    if (plant->sea[d].effects) {
+        implicit_advance_effects(plant, d, span, rate, im->base);
+        return;
+    }
+    if (span != SPAN_STAGE) {
+        law = find_spring_law(plant, d, span, &drive, q, rate);
+    }
+    if (plant->accounts) {
+        account_span(plant, d, law, span, drive, q, rate);
+    }
+    drive = flow_drive(plant, d, law, drive_flow_of(plant, d, law, (int)im->level, span), &drive, q,
+                       rate);
+    y[DRIVE_MOTOR_POSITION] = drive.qm;
+    y[DRIVE_MOTOR_SPEED] = drive.qmd;
+    y[DRIVE_CURRENT] = drive.I;
+}
+
+void implicit_advance_actuators(struct plant *plant, enum implicit_span span, const double *u)
+{
+    struct implicit *im = plant->implicit;
+    const struct robot *robot = plant->config.robot;
+    const double t = span == SPAN_STAGE ? im->stage_h : im->h - im->stage_h;
+
+    implicit_advance_drives(plant, span, u + robot->nv - robot->njoint);
+    for (size_t s = 0; s < plant->nspring; s++) {
+        im->base[plant->at.pretension + s] += t * plant->pretension_rate[s];
+    }
+    if (plant->nhydraulic > 0) {
+        implicit_advance_hydraulics(plant, t, u + robot->nv - robot->njoint);
+    }
+}
+
+void implicit_account_joints(struct plant *plant, double weight, const double *state, double offset)
+{
+    const struct robot *robot = plant->config.robot;
+    double *work = plant->implicit->work;
+
+    if (!plant->config.account_energy) {
+        return;
+    }
+    for (size_t s = 0; s < plant->nspring; s++) {
+        size_t j = plant->spring_joint[s];
+        const struct robot_parallel_spring *spring = &robot->joint[j].spring;
+        double q = plant_joint_position(plant, state, j), qd = plant_joint_rate(plant, state, j);
+        double pd = plant->pretension_rate[s];
+        double p = state[plant->at.pretension + s] + offset * pd;
+
+        work[WORK_PRETENSION] += weight * pd * parallel_spring_force(spring, p, pd, q, qd);
+        work[WORK_PARALLEL_DAMPING] += weight * parallel_spring_damping(spring, p, pd, q, qd);
+    }
+    if (!plant->clamped) {
+        work[WORK_STOPS] += weight * plant_stop_loss(plant, state);
+        work[WORK_SPRING_DAMPING] += weight * plant_coupling_loss(plant, state);
+    }
+}

@@ -1,0 +1,40 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The bristles of sticking friction in a stage of the implicit integrator. Contact was evaluated
+ * with them as the velocities at the point would bend them from the base to the stage; what the
+ * velocities at the stage differ by, the tangents take into account in the wrenches, and here in
+ * their slope.
+ */
+#include "model/implicit/private.h"
+
+void implicit_advance_bristles(struct plant *plant, double h)
+{
+    const struct implicit *im = plant->implicit;
+    double *y = plant->state + plant->at.bristle;
+
+    if (plant->nbristle == 0 || !plant->bristles_follow) {
+        return;
+    }
+    for (size_t i = 0; i < plant->nlive; i++) {
+        const size_t from = CONTACT_BRISTLE * (size_t)plant->live[i];
+
+        add_scaled(h, plant->bristle_rate + from, y + from, CONTACT_BRISTLE);
+    }
+    for (size_t t = 0; t < im->nactive; t++) {
+        const struct contact_tangent *tangent = &im->tangent[t];
+        const struct spatial *beyond = &im->active[t].beyond;
+        double *own = y + CONTACT_BRISTLE * (size_t)tangent->pair;
+        double velocity[3], along;
+
+        /* Where they stand */
+        vec3_cross(beyond->a, tangent->bristle_arm, velocity);
+        vec3_add_scaled(velocity, 1, beyond->l, velocity);
+        along = vec3_dot(tangent->normal, velocity);
+        for (int k = 0; k < 3; k++) {
+            own[BRISTLE_SHEAR + k] +=
+                h * tangent->bristle_per_m_s * (velocity[k] - along * tangent->normal[k]);
+        }
+        own[BRISTLE_TWIST] +=
+            h * tangent->bristle_per_rad_s * vec3_dot(tangent->bristle_axis, beyond->a);
+    }
+}

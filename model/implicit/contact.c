@@ -1,0 +1,246 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Contact in a stage of the implicit integrator: the active pairs with their tangents, what they
+ * add to the inertias of their bodies, and the wrenches at the stage.
+ */
+#include "model/implicit/private.h"
+
+#include <math.h>
+#include <string.h>
+
+static const char too_many_pairs[] =
+    "contact: more pairs are active than the implicit integrator takes";
+
+/* Adds to x what body number side of the pair does at the center when y is its motion: b counts
+ * positive, a negative. */
+static void add_relative(const struct plant *plant, const struct active_pair *pair, int side,
+                         const struct spatial *y, struct spatial *x)
+{
+    struct spatial at;
+    double arm[3];
+
+    implicit_arm(plant, pair->body[side], pair->center, arm);
+    at = spatial_motion_at(y, arm);
+    for (int i = 0; i < 3; i++) {
+        x->a[i] += side == PAIR_B ? at.a[i] : -at.a[i];
+        x->l[i] += side == PAIR_B ? at.l[i] : -at.l[i];
+    }
+}
+
+/* What twists of the contact bodies mean for b at the center against a. */
+static struct spatial relative_twist(const struct plant *plant, const struct active_pair *pair,
+                                     const struct spatial *twist)
+{
+    struct spatial x = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+
+    for (int side = PAIR_A; side <= PAIR_B; side++) {
+        if (pair->body[side] >= 0) {
+            add_relative(plant, pair, side, &twist[pair->body[side]], &x);
+        }
+    }
+    return x;
+}
+
+/* One pair: its matrix to both bodies, and to what acts on them what the matrix takes off again
+ * for the acceleration that leads to the point. */
+static void linearize_pair(struct plant *plant, const struct contact_tangent *tangent,
+                           struct active_pair *pair)
+{
+    struct implicit *im = plant->implicit;
+    const double h = im->stage_h;
+    struct spatial back;
+    double A[21];
+
+    /* The pair as it is at the point */
+    pair->index = tangent->pair;
+    pair->body[PAIR_A] = tangent->body_a;
+    pair->body[PAIR_B] = tangent->body_b;
+    memcpy(pair->center, tangent->center, sizeof pair->center);
+
+    /* A = h (D + h K) */
+    for (int i = 0; i < 21; i++) {
+        A[i] = h * (tangent->D[i] + h * tangent->K[i]);
+    }
+    spatial_inertia_unpack(A, &pair->A);
+    pair->point = relative_twist(plant, pair, im->twist_point);
+    spatial_inertia_apply(&pair->A, &pair->point, &back);
+
+    /* Both on the bodies that can move, about their origins; a feels the opposite of b */
+    for (int side = PAIR_A; side <= PAIR_B; side++) {
+        int contact = pair->body[side];
+
+        if (implicit_moves(plant, contact)) {
+            struct spatial f = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+            struct spatial_inertia own = pair->A;
+            double arm[3];
+
+            implicit_arm(plant, contact, pair->center, arm);
+            spatial_add_wrench(side == PAIR_B ? 1.0 : -1.0, &back, arm, &f);
+            add_contact_wrench(plant, contact, &f,
+                               &plant->ext[plant->config.contact_body[contact]]);
+            spatial_inertia_shift(arm, &own);
+            spatial_inertia_add(&own, &im->contact_inertia[contact]);
+        }
+    }
+    im->coupled |=
+        implicit_moves(plant, pair->body[PAIR_A]) && implicit_moves(plant, pair->body[PAIR_B]);
+}
+
+/* Lists the contact bodies of the active pairs, nothing added to their inertias yet. */
+static void list_touched_bodies(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+
+    memset(im->is_touched, 0, plant->config.ncontact * sizeof *im->is_touched);
+    for (size_t t = 0; t < im->nactive; t++) {
+        const struct contact_tangent *tangent = &im->tangent[t];
+
+        if (tangent->body_a >= 0) {
+            im->is_touched[tangent->body_a] = true;
+        }
+        if (tangent->body_b >= 0) {
+            im->is_touched[tangent->body_b] = true;
+        }
+    }
+    im->ntouched = 0;
+    for (size_t c = 0; c < plant->config.ncontact; c++) {
+        if (im->is_touched[c]) {
+            im->touched[im->ntouched++] = (int)c;
+            memset(&im->contact_inertia[c], 0, sizeof im->contact_inertia[c]);
+        }
+    }
+}
+
+enum error_code implicit_linearize_contact(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+
+    im->coupled = false;
+    im->nactive = im->ntouched = 0;
+    if (!plant->config.contact || (plant->clamped && plant->config.nfree == 0)) {
+        return ERROR_NONE;
+    }
+    im->nactive = plant_contact_tangents(plant, im->tangent, IMPLICIT_TANGENTS);
+    if (im->nactive > IMPLICIT_TANGENTS) {
+        plant->failure = too_many_pairs;
+        return ERROR_INPUT;
+    }
+    list_touched_bodies(plant);
+    if (im->nactive > 0) {
+        implicit_contact_accelerations(plant, im->a_point, im->twist_point);
+    }
+    for (size_t t = 0; t < im->nactive; t++) {
+        linearize_pair(plant, &im->tangent[t], &im->active[t]);
+    }
+    return ERROR_NONE;
+}
+
+void implicit_add_contact_inertia(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+
+    memset(im->added, 0, im->nobserved * sizeof *im->added);
+    for (size_t t = 0; t < im->ntouched; t++) {
+        int c = im->touched[t];
+
+        if (!implicit_is_free(plant, c)) {
+            struct spatial_inertia own = im->contact_inertia[c];
+            double back[9], S[21];
+
+            mat3_transpose(implicit_motion(plant, c)->R, back);
+            spatial_inertia_rotate(back, &own);
+            spatial_inertia_pack(&own, S);
+            add_scaled(1.0, S, im->added[im->number[c]].A, 21);
+        }
+    }
+}
+
+/* Takes the wrench of a pair to the stage, on both of its bodies. */
+static void end_pair(struct plant *plant, struct active_pair *pair)
+{
+    struct implicit *im = plant->implicit;
+    struct spatial *beyond = &pair->beyond;
+
+    /* By the relative acceleration beyond that which leads to the point it falls by A times that */
+    *beyond = relative_twist(plant, pair, im->twist_z);
+    for (int i = 0; i < 3; i++) {
+        beyond->l[i] -= pair->point.l[i];
+        beyond->a[i] -= pair->point.a[i];
+    }
+    spatial_inertia_apply(&pair->A, beyond, &pair->decrease);
+    im->jump = fmax(im->jump, im->stage_h * sqrt(vec3_dot(beyond->l, beyond->l)));
+    for (int side = PAIR_A; side <= PAIR_B; side++) {
+        if (pair->body[side] >= 0) {
+            struct contact_wrench *wrench = &im->wrench[pair->body[side]];
+            struct spatial sum = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+            double arm[3];
+
+            implicit_arm(plant, pair->body[side], pair->center, arm);
+            spatial_add_wrench(side == PAIR_B ? -1.0 : 1.0, &pair->decrease, arm, &sum);
+            add_scaled(1.0, sum.l, wrench->force, 3);
+            add_scaled(1.0, sum.a, wrench->moment, 3);
+        }
+    }
+}
+
+void implicit_end_contact(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+
+    im->contact_power = 0.0;
+    memcpy(im->wrench, plant->contact_wrench, plant->config.ncontact * sizeof *im->wrench);
+    if (im->nactive == 0) {
+        return;
+    }
+    implicit_contact_accelerations(plant, im->a, im->twist_z);
+    for (size_t t = 0; t < im->nactive; t++) {
+        end_pair(plant, &im->active[t]);
+    }
+
+    /* Their power, with the bodies' velocities at the stage */
+    for (size_t t = 0; t < im->ntouched; t++) {
+        int c = im->touched[t];
+        const struct body_motion *motion = implicit_motion(plant, c);
+        const struct spatial *to = &im->twist_z[c], *point = &im->twist_point[c];
+
+        for (int i = 0; i < 3; i++) {
+            double v = motion->v[i] + im->stage_h * (to->l[i] - point->l[i]);
+            double w = motion->w[i] + im->stage_h * (to->a[i] - point->a[i]);
+
+            im->contact_power += im->wrench[c].force[i] * v + im->wrench[c].moment[i] * w;
+        }
+    }
+}
+
+void implicit_recall(struct plant *plant)
+{
+    const struct implicit *im = plant->implicit;
+
+    memcpy(plant->vdot, im->a, plant->config.robot->nv * sizeof *plant->vdot);
+    memcpy(plant->contact_wrench, im->wrench,
+           plant->config.ncontact * sizeof *plant->contact_wrench);
+}
+
+void implicit_patches(const struct plant *plant, struct contact_patch *patch, size_t count)
+{
+    const struct implicit *im = plant->implicit;
+
+    for (size_t t = 0; t < im->nactive; t++) {
+        const struct active_pair *pair = &im->active[t];
+
+        for (size_t i = 0; i < count; i++) {
+            if (patch[i].pair == pair->index) {
+                struct spatial sum = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+                double arm[3];
+
+                for (int k = 0; k < 3; k++) {
+                    arm[k] = pair->center[k] - patch[i].center[k];
+                }
+                spatial_add_wrench(-1.0, &pair->decrease, arm, &sum);
+                add_scaled(1.0, sum.l, patch[i].force, 3);
+                add_scaled(1.0, sum.a, patch[i].moment, 3);
+                break;
+            }
+        }
+    }
+}

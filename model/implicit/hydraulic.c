@@ -1,0 +1,147 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Hydraulic joints in a stage of the implicit integrator, as drives with effects are
+ * (model/implicit/effects.c): the torque at the stage is linearized where the cylinder comes to at
+ * the rate that the step foretells, with its own slope against that rate. The supply's pressure is
+ * held over a span and follows by what was drawn in it; that of an empty accumulator, which a drop
+ * of oil moves, is found with what is drawn at it.
+ */
+#include "model/implicit/private.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Tolerance of the pressure of an empty supply, and the steps that its solution may take; five
+ * or six are the rule. */
+#define SUPPLY_TOLERANCE_PA 1e3
+enum { SUPPLY_STEPS = 12 };
+
+static const struct robot_hydraulic *cylinder_of(const struct plant *plant, size_t c)
+{
+    return &plant->config.robot->joint[plant->hydraulic_joint[c]].hydraulic;
+}
+
+void implicit_linearize_hydraulics(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+    const double h = im->stage_h;
+
+    for (size_t c = 0; c < plant->nhydraulic; c++) {
+        const size_t j = plant->hydraulic_joint[c];
+        const double rate = plant_joint_rate(plant, im->point, j);
+        const double *begin = im->base + plant->at.hydraulic + HYDRAULIC_STATE * c;
+        struct hydraulic_port port = plant_hydraulic_port(plant, im->base, c);
+        double state[HYDRAULIC_STATE], slope;
+
+        memcpy(state, begin, sizeof state);
+        port.qd = rate;
+        hydraulic_advance(cylinder_of(plant, c), &port, h, state, NULL, &slope);
+        im->torque[j] += hydraulic_torque(cylinder_of(plant, c), state, port.q + h * rate, rate) +
+                         slope * (plant_joint_rate(plant, im->base, j) - rate);
+        im->extra[j] -= slope * h;
+    }
+}
+
+/* Returns the volume (m3) that the cylinders draw in t seconds of the joints' rates from a
+ * supply of that pressure. */
+static double draw_at_pressure(const struct plant *plant, double supply, double t,
+                               const double *rates)
+{
+    const struct implicit *im = plant->implicit;
+    double drawn = 0.0;
+
+    for (size_t c = 0; c < plant->nhydraulic; c++) {
+        struct hydraulic_port port = plant_hydraulic_port(plant, im->base, c);
+        struct hydraulic_power done = {0};
+        double state[HYDRAULIC_STATE];
+
+        memcpy(state, im->base + plant->at.hydraulic + HYDRAULIC_STATE * c, sizeof state);
+        port.supply = supply;
+        port.qd = rates[plant->hydraulic_joint[c]];
+        hydraulic_advance(cylinder_of(plant, c), &port, t, state, &done, NULL);
+        drawn += done.drawn;
+    }
+    return drawn;
+}
+
+/* Returns how far (Pa) the end pressure of an empty supply is above the pressure held that its
+ * valves draw at. */
+static double supply_excess(const struct plant *plant, double held, double t, const double *rates)
+{
+    struct hydraulic_supply_power unused = {0};
+
+    return hydraulic_supply_advance(&plant->config.robot->hydraulic_supply, &plant->command.oil,
+                                    plant->implicit->base[plant_hydraulic_supply(plant)], held,
+                                    draw_at_pressure(plant, held, t, rates), t, &unused) -
+           held;
+}
+
+/* Returns the pressure at which an empty supply ends (regula falsi, Illinois variant): the
+ * higher it is the more is drawn, so that there is one solution between the return's pressure
+ * and precharge, or one of these is. */
+static double solve_empty_supply(const struct plant *plant, double t, const double *rates)
+{
+    const struct robot_hydraulic_supply *s = &plant->config.robot->hydraulic_supply;
+    double low = s->back, high = s->precharge, middle;
+    double below = supply_excess(plant, low, t, rates), above;
+    int side = 0;
+
+    /* The end is one of the bounds */
+    if (below <= 0.0) {
+        return low;
+    }
+    above = supply_excess(plant, high, t, rates);
+    if (above >= 0.0) {
+        return high;
+    }
+    /* The secant's root replaces the bound of its sign; a bound that stays twice is weighted by
+     * half */
+    for (int k = 0; k < SUPPLY_STEPS && high - low > SUPPLY_TOLERANCE_PA; k++) {
+        double excess;
+
+        middle = low + (high - low) * below / (below - above);
+        excess = supply_excess(plant, middle, t, rates);
+        if (fabs(excess) < SUPPLY_TOLERANCE_PA) {
+            return middle;
+        }
+        if (excess > 0.0) {
+            low = middle;
+            below = excess;
+            above *= side > 0 ? 0.5 : 1.0;
+            side = 1;
+        } else {
+            high = middle;
+            above = excess;
+            below *= side < 0 ? 0.5 : 1.0;
+            side = -1;
+        }
+    }
+    return 0.5 * (low + high);
+}
+
+void implicit_advance_hydraulics(struct plant *plant, double t, const double *rates)
+{
+    const struct robot_hydraulic_supply *s = &plant->config.robot->hydraulic_supply;
+    struct implicit *im = plant->implicit;
+    const size_t at = plant_hydraulic_supply(plant);
+    const double held = hydraulic_supply_is_empty(s, im->base[at])
+                            ? solve_empty_supply(plant, t, rates)
+                            : im->base[at];
+    struct hydraulic_supply_power pump = {0};
+    double drawn = 0.0;
+
+    for (size_t c = 0; c < plant->nhydraulic; c++) {
+        struct hydraulic_port port = plant_hydraulic_port(plant, im->base, c);
+        struct hydraulic_power done = {0};
+
+        port.supply = held;
+        port.qd = rates[plant->hydraulic_joint[c]];
+        hydraulic_advance(cylinder_of(plant, c), &port, t,
+                          im->base + plant->at.hydraulic + HYDRAULIC_STATE * c, &done, NULL);
+        plant_hydraulic_account(&done, port.supply, im->work);
+        drawn += done.drawn;
+    }
+    im->base[at] =
+        hydraulic_supply_advance(s, &plant->command.oil, im->base[at], held, drawn, t, &pump);
+    plant_hydraulic_account_supply(&pump, im->work);
+}

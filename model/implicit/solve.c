@@ -1,0 +1,302 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The linear system of a stage of the implicit integrator, (P + C) a = right-hand side: P falls
+ * into the robot's tree with its joint couplings and the free bodies and is solved directly; C is
+ * what pairs between two moving bodies couple, and takes conjugate gradients (Golub, Van Loan,
+ * Matrix Computations, 11.5) preconditioned by P.
+ */
+#include "model/implicit/private.h"
+
+#include <string.h>
+
+/* Bounds of the conjugate gradients: steps, and the part of the first residual that may be left
+ * (squared, in the norm of P^-1). */
+enum { COUPLING_STEPS = 16 };
+#define COUPLING_LEFT 1e-8
+
+/* Iterations of the free bodies' gyroscopic moments. */
+enum { GYROSCOPIC_PASSES = 3 };
+
+/* Returns the sum of f . x over the contact bodies that are touched. */
+static double inner_product(const struct implicit *im, const struct spatial *f,
+                            const struct spatial *x)
+{
+    double sum = 0.0;
+
+    for (size_t t = 0; t < im->ntouched; t++) {
+        int c = im->touched[t];
+
+        sum += vec3_dot(f[c].l, x[c].l) + vec3_dot(f[c].a, x[c].a);
+    }
+    return sum;
+}
+
+/* Computes y = x + scale y over the contact bodies that are touched. */
+static void scale_and_add(const struct implicit *im, double scale, const struct spatial *x,
+                          struct spatial *y)
+{
+    for (size_t t = 0; t < im->ntouched; t++) {
+        int c = im->touched[t];
+
+        for (int k = 0; k < 3; k++) {
+            y[c].a[k] = x[c].a[k] + scale * y[c].a[k];
+            y[c].l[k] = x[c].l[k] + scale * y[c].l[k];
+        }
+    }
+}
+
+/* Computes Euler's moment of a free body where it leads to: I w' = moment - w x I w with w at
+ * the stage, by fixed-point iteration. Each pass reduces the error by the factor h |w|, h that
+ * of the stage. */
+static void find_gyroscopic_moment(struct plant *plant, size_t b)
+{
+    struct implicit *im = plant->implicit;
+    const size_t first = plant->config.robot->nv + FREE_ACCELERATIONS * b + FREE_ANGULAR;
+    const double moment[3] = {im->free_load[b].a[0], im->free_load[b].a[1], im->free_load[b].a[2]};
+    double w[3];
+
+    memcpy(w, im->u_point + first, sizeof w);
+    for (int pass = 0; pass < GYROSCOPIC_PASSES; pass++) {
+        struct spatial *load = &im->free_load[b], x;
+        double spin[3];
+
+        sym3_apply(plant->config.free[b].inertia.I, w, spin);
+        memcpy(load->a, moment, sizeof load->a);
+        vec3_add_cross(spin, w, load->a);
+        spatial_inertia_solve(&im->free_inertia[b], load, &x);
+        for (int i = 0; i < 3; i++) {
+            w[i] = im->u_base[first + (size_t)i] + im->stage_h * x.a[i];
+        }
+    }
+}
+
+/* Prepares the free bodies' own systems, in their frames about their centers of mass: Newton's
+ * and Euler's laws with the inertias that contact adds. */
+static void prepare_free_bodies(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+    const struct robot *robot = plant->config.robot;
+    static const double origin[3] = {0.0, 0.0, 0.0};
+
+    /* Inertia; weight and loads */
+    for (size_t b = 0; b < plant->config.nfree; b++) {
+        const struct robot_inertia *inertia = &plant->config.free[b].inertia;
+        const struct wrench *ext = &plant->ext[robot->nbody + b];
+        struct spatial *load = &im->free_load[b];
+        double weight[3];
+
+        spatial_inertia_rigid(inertia->mass, origin, inertia->I, &im->free_inertia[b]);
+        mat3_apply_transposed(plant->motion[robot->nbody + b].R, robot->gravity, weight);
+        for (int i = 0; i < 3; i++) {
+            load->l[i] = ext->force[i] + inertia->mass * weight[i];
+            load->a[i] = ext->moment[i];
+        }
+        vec3_add_cross(ext->force, inertia->com, load->a);
+    }
+
+    /* What contact adds, turned and moved there */
+    for (size_t t = 0; t < im->ntouched; t++) {
+        int c = im->touched[t];
+
+        if (implicit_is_free(plant, c)) {
+            size_t b = (size_t)plant->config.contact_body[c] - robot->nbody;
+            const double *com = plant->config.free[b].inertia.com;
+            const double arm[3] = {-com[0], -com[1], -com[2]};
+            struct spatial_inertia own = im->contact_inertia[c];
+            double back[9];
+
+            mat3_transpose(implicit_motion(plant, c)->R, back);
+            spatial_inertia_rotate(back, &own);
+            spatial_inertia_shift(arm, &own);
+            spatial_inertia_add(&own, &im->free_inertia[b]);
+        }
+    }
+    for (size_t b = 0; b < plant->config.nfree; b++) {
+        find_gyroscopic_moment(plant, b);
+    }
+}
+
+/* Corrects the accelerations of the tree alone to those with its joint couplings. */
+static void solve_couplings(struct plant *plant, bool first, double *a)
+{
+    if (plant->config.robot->ncoupling > 0) {
+        if (first) {
+            implicit_find_columns(plant, a);
+        }
+        implicit_hold_couplings(plant, a);
+    }
+}
+
+/* Solves a = P^-1 (right-hand side + w), with wrenches w on the contact bodies; NULL = none,
+ * which has to come first in a stage. */
+static void solve_uncoupled(struct plant *plant, const struct spatial *w, double *a)
+{
+    struct implicit *im = plant->implicit;
+    const struct dynamics *dynamics = plant->config.dynamics;
+    size_t nbody = plant->config.robot->nbody, nv = plant->config.robot->nv;
+    const double *v = im->point + plant->at.v;
+
+    /* The robot: one pass of the dynamics over the tree */
+    memcpy(im->ext, plant->ext, nbody * sizeof *im->ext);
+    for (size_t t = 0; w && t < im->ntouched; t++) {
+        int c = im->touched[t];
+
+        if (!implicit_is_free(plant, c)) {
+            add_contact_wrench(plant, c, &w[c], &im->ext[plant->config.contact_body[c]]);
+        }
+    }
+    if (plant->clamped) {
+        memset(a, 0, nv * sizeof *a);
+    } else {
+        dynamics->ops->implicit(dynamics, plant->q, v, im->torque, im->ext, im->extra, im->added,
+                                a);
+        solve_couplings(plant, !w, a);
+    }
+
+    /* Each free body: its own 6x6 system, in its frame about its center of mass */
+    for (size_t b = 0; b < plant->config.nfree; b++) {
+        const double *com = plant->config.free[b].inertia.com;
+        const double arm[3] = {-com[0], -com[1], -com[2]};
+        double *own = a + nv + FREE_ACCELERATIONS * b;
+        struct spatial f = im->free_load[b], x;
+
+        for (size_t t = 0; w && t < im->ntouched; t++) {
+            int c = im->touched[t];
+
+            if ((size_t)plant->config.contact_body[c] == nbody + b) {
+                struct spatial turned = spatial_turn_back(implicit_motion(plant, c)->R, &w[c]);
+
+                spatial_add_wrench(1.0, &turned, arm, &f);
+            }
+        }
+        spatial_inertia_solve(&im->free_inertia[b], &f, &x);
+        memcpy(own + FREE_LINEAR, x.l, sizeof x.l);
+        memcpy(own + FREE_ANGULAR, x.a, sizeof x.a);
+    }
+}
+
+void implicit_contact_accelerations(struct plant *plant, const double *a, struct spatial *twist)
+{
+    struct implicit *im = plant->implicit;
+    const struct dynamics *dynamics = plant->config.dynamics;
+    size_t nbody = plant->config.robot->nbody, nv = plant->config.robot->nv;
+
+    dynamics->ops->kinematics(dynamics, plant->q, a, im->motion);
+    for (size_t t = 0; t < im->ntouched; t++) {
+        int c = im->touched[t];
+        size_t body = (size_t)plant->config.contact_body[c];
+
+        if (body < nbody) {
+            memcpy(twist[c].l, im->motion[body].v, sizeof twist[c].l);
+            memcpy(twist[c].a, im->motion[body].w, sizeof twist[c].a);
+        } else {
+            const double *own = a + nv + FREE_ACCELERATIONS * (body - nbody);
+            const double *com = plant->config.free[body - nbody].inertia.com;
+            const double arm[3] = {-com[0], -com[1], -com[2]};
+            struct spatial x, at;
+
+            memcpy(x.l, own + FREE_LINEAR, sizeof x.l);
+            memcpy(x.a, own + FREE_ANGULAR, sizeof x.a);
+            at = spatial_motion_at(&x, arm);
+            twist[c] = spatial_turn(implicit_motion(plant, c)->R, &at);
+        }
+    }
+}
+
+/* Computes w += scale C a, given a at the contact bodies (twist). */
+static void add_coupling(struct plant *plant, double scale, const struct spatial *twist,
+                         struct spatial *w)
+{
+    struct implicit *im = plant->implicit;
+
+    for (size_t t = 0; t < im->nactive; t++) {
+        const struct active_pair *pair = &im->active[t];
+
+        if (!implicit_moves(plant, pair->body[PAIR_A]) ||
+            !implicit_moves(plant, pair->body[PAIR_B])) {
+            continue;
+        }
+        /* Each side feels the other's acceleration at the pair's center, through the pair's
+         * inertia A */
+        for (int side = PAIR_A; side <= PAIR_B; side++) {
+            int self = pair->body[side], other = pair->body[PAIR_B - side];
+            struct spatial at, f;
+            double arm[3];
+
+            implicit_arm(plant, other, pair->center, arm);
+            at = spatial_motion_at(&twist[other], arm);
+            spatial_inertia_apply(&pair->A, &at, &f);
+            implicit_arm(plant, self, pair->center, arm);
+            spatial_add_wrench(-scale, &f, arm, &w[self]);
+        }
+    }
+}
+
+/* Computes z = P^-1 r, also as accelerations of the contact bodies; returns their product with
+ * r. */
+static double apply_preconditioner(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+
+    /* What P^-1 makes of the right-hand side alone comes off again */
+    solve_uncoupled(plant, im->r, im->z);
+    add_scaled(-1.0, im->uncoupled, im->z, im->na);
+    implicit_contact_accelerations(plant, im->z, im->twist_z);
+    return inner_product(im, im->r, im->twist_z);
+}
+
+/* Corrects im->a from the solution of P to that of P + C, by conjugate gradients. Residuals are
+ * wrenches on the contact bodies, as C makes nothing else; so is s = P p, and w = (P + C) p. */
+static void solve_coupled(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+    const size_t bytes = plant->config.ncontact * sizeof *im->r;
+    double first, rz;
+
+    /* The solution of P, its residual -C a, and the first direction */
+    memcpy(im->uncoupled, im->a, im->na * sizeof *im->a);
+    implicit_contact_accelerations(plant, im->a, im->twist_z);
+    memset(im->r, 0, bytes);
+    add_coupling(plant, -1.0, im->twist_z, im->r);
+    first = rz = apply_preconditioner(plant);
+    memcpy(im->p, im->z, im->na * sizeof *im->p);
+    memcpy(im->twist_p, im->twist_z, bytes);
+    memcpy(im->s, im->r, bytes);
+
+    for (int step = 0; step < COUPLING_STEPS && rz > COUPLING_LEFT * first; step++) {
+        double length, last = rz;
+
+        /* Along p to where the residual is orthogonal to it */
+        memcpy(im->w, im->s, bytes);
+        add_coupling(plant, 1.0, im->twist_p, im->w);
+        length = rz / inner_product(im, im->w, im->twist_p);
+        add_scaled(length, im->p, im->a, im->na);
+        for (size_t t = 0; t < im->ntouched; t++) {
+            int c = im->touched[t];
+
+            for (int k = 0; k < 3; k++) {
+                im->r[c].a[k] -= length * im->w[c].a[k];
+                im->r[c].l[k] -= length * im->w[c].l[k];
+            }
+        }
+
+        /* The next direction, conjugate to all before */
+        rz = apply_preconditioner(plant);
+        for (size_t i = 0; i < im->na; i++) {
+            im->p[i] = im->z[i] + rz / last * im->p[i];
+        }
+        scale_and_add(im, rz / last, im->twist_z, im->twist_p);
+        scale_and_add(im, rz / last, im->r, im->s);
+    }
+}
+
+void implicit_solve(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+
+    prepare_free_bodies(plant);
+    solve_uncoupled(plant, NULL, im->a);
+    if (im->coupled) {
+        solve_coupled(plant);
+    }
+}

@@ -1,0 +1,215 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * One stage of the implicit integrator: from a base state and a point near the stage to the rates
+ * at the stage, with one evaluation of forces and one linear system; and what moves positions.
+ */
+#include "base/portable_math.h"
+#include "model/implicit/private.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Lever of joints that strike their stops, m: turns their jumps into those of a body. */
+#define STRIKE_LEVER 0.1
+
+/* ---- rates ---- */
+
+/* Returns the index of a free body's rates among all rates. */
+static size_t free_rate(const struct plant *plant, size_t b, enum free_acceleration_part part)
+{
+    return plant->config.robot->nv + FREE_ACCELERATIONS * b + (size_t)part;
+}
+
+/* Returns the index of a free body's part in the state. */
+static size_t free_state(const struct plant *plant, size_t b, enum plant_free_part part)
+{
+    return plant->at.free + PLANT_FREE_STATE * b + (size_t)part;
+}
+
+void implicit_get_rates(const struct plant *plant, const double *state, double *u)
+{
+    const double *v = state + plant->at.v;
+
+    memcpy(u, v, plant->config.robot->nv * sizeof *u);
+    if (plant->config.robot->floating) {
+        double R[9];
+
+        mat3_from_quaternion(state + BASE_Q_QUATERNION, R);
+        mat3_apply(R, v + BASE_V_LINEAR, u + BASE_V_LINEAR);
+    }
+    for (size_t b = 0; b < plant->config.nfree; b++) {
+        memcpy(u + free_rate(plant, b, FREE_LINEAR),
+               state + free_state(plant, b, PLANT_FREE_VELOCITY), 3 * sizeof *u);
+        memcpy(u + free_rate(plant, b, FREE_ANGULAR), state + free_state(plant, b, PLANT_FREE_SPIN),
+               3 * sizeof *u);
+    }
+}
+
+void implicit_set_rates(const struct plant *plant, const double *u, double *state)
+{
+    double *v = state + plant->at.v;
+
+    memcpy(v, u, plant->config.robot->nv * sizeof *u);
+    if (plant->config.robot->floating) {
+        double R[9];
+
+        mat3_from_quaternion(state + BASE_Q_QUATERNION, R);
+        mat3_apply_transposed(R, u + BASE_V_LINEAR, v + BASE_V_LINEAR);
+    }
+    for (size_t b = 0; b < plant->config.nfree; b++) {
+        memcpy(state + free_state(plant, b, PLANT_FREE_VELOCITY),
+               u + free_rate(plant, b, FREE_LINEAR), 3 * sizeof *u);
+        memcpy(state + free_state(plant, b, PLANT_FREE_SPIN), u + free_rate(plant, b, FREE_ANGULAR),
+               3 * sizeof *u);
+    }
+}
+
+/* ---- positions ---- */
+
+/* Rotates a quaternion by h seconds of angular velocity: quaternion <- quaternion exp(h w / 2),
+ * w in the body frame. */
+static void turn_quaternion_in_body(const double w[3], double h, double quaternion[4])
+{
+    double angle = h * sqrt(vec3_dot(w, w));
+    double sinc = angle > 1e-4 ? portable_sin(0.5 * angle) / angle : 0.5 - angle * angle / 48.0;
+    double c = portable_cos(0.5 * angle);
+    double x[3] = {h * sinc * w[0], h * sinc * w[1], h * sinc * w[2]};
+    double scalar = quaternion[0], vector[3] = {quaternion[1], quaternion[2], quaternion[3]};
+
+    quaternion[0] = scalar * c - vec3_dot(vector, x);
+    vec3_cross(vector, x, quaternion + 1);
+    for (int i = 0; i < 3; i++) {
+        quaternion[1 + i] += scalar * x[i] + c * vector[i];
+    }
+}
+
+void implicit_move(const struct plant *plant, const double *u, double h, double *state)
+{
+    const struct robot *robot = plant->config.robot;
+
+    if (robot->floating) {
+        turn_quaternion_in_body(u + BASE_V_ANGULAR, h, state + BASE_Q_QUATERNION);
+        add_scaled(h, u + BASE_V_LINEAR, state + BASE_Q_POSITION, 3);
+    }
+    add_scaled(h, u + robot->nv - robot->njoint, state + robot->nq - robot->njoint, robot->njoint);
+    for (size_t b = 0; b < plant->config.nfree; b++) {
+        add_scaled(h, u + free_rate(plant, b, FREE_LINEAR),
+                   state + free_state(plant, b, PLANT_FREE_POSITION), 3);
+        turn_quaternion_in_body(u + free_rate(plant, b, FREE_ANGULAR), h,
+                                state + free_state(plant, b, PLANT_FREE_QUATERNION));
+    }
+}
+
+/* ---- the stage ---- */
+
+/* Computes the rate of the base's velocity that its frame's rotation alone makes at the point, w
+ * x v, in the base frame. */
+static void find_base_transport(const struct plant *plant, double transport[3])
+{
+    const double *v = plant->implicit->point + plant->at.v;
+
+    vec3_cross(v + BASE_V_ANGULAR, v + BASE_V_LINEAR, transport);
+}
+
+/* Computes the point, and the acceleration that leads to it from the base state in the
+ * coordinates of a: linear parts in the bodies' frames there, and for the robot's base the
+ * derivative in the moving frame. */
+static void find_point(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+    double R[9];
+
+    memcpy(im->point, im->base, plant->at.bristle * sizeof *im->point);
+    implicit_move(plant, im->u_point, im->stage_h, im->point);
+    implicit_set_rates(plant, im->u_point, im->point);
+    for (size_t i = 0; i < im->na; i++) {
+        im->a_point[i] = (im->u_point[i] - im->u_base[i]) / im->stage_h;
+    }
+    if (plant->config.robot->floating) {
+        double linear[3], transport[3];
+
+        mat3_from_quaternion(im->point + BASE_Q_QUATERNION, R);
+        mat3_apply_transposed(R, im->a_point + BASE_V_LINEAR, linear);
+        find_base_transport(plant, transport);
+        vec3_sub(linear, transport, im->a_point + BASE_V_LINEAR);
+    }
+    for (size_t b = 0; b < plant->config.nfree; b++) {
+        double *linear = im->a_point + free_rate(plant, b, FREE_LINEAR);
+        const double world[3] = {linear[0], linear[1], linear[2]};
+
+        mat3_from_quaternion(im->point + free_state(plant, b, PLANT_FREE_QUATERNION), R);
+        mat3_apply_transposed(R, world, linear);
+    }
+}
+
+/* Computes the slope of the rates: a with linear parts in the world frame. */
+static void find_slope(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+    const size_t nbody = plant->config.robot->nbody;
+
+    memcpy(im->slope, im->a, im->na * sizeof *im->slope);
+    if (plant->config.robot->floating && !plant->clamped) {
+        double R[9], linear[3], transport[3];
+
+        mat3_from_quaternion(im->point + BASE_Q_QUATERNION, R);
+        find_base_transport(plant, transport);
+        for (int i = 0; i < 3; i++) {
+            linear[i] = im->a[BASE_V_LINEAR + i] + transport[i];
+        }
+        mat3_apply(R, linear, im->slope + BASE_V_LINEAR);
+    }
+    for (size_t b = 0; b < plant->config.nfree; b++) {
+        const size_t at = free_rate(plant, b, FREE_LINEAR);
+
+        mat3_apply(plant->motion[nbody + b].R, im->a + at, im->slope + at);
+    }
+}
+
+/* Raises jump for joints that strike their stops, as a body at a lever's end would. */
+static void raise_jump_at_stops(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+    const struct robot *robot = plant->config.robot;
+    const size_t first = robot->nv - robot->njoint;
+
+    for (size_t j = 0; j < robot->njoint && !im->stops_rest && !plant->clamped; j++) {
+        const double lever = robot->joint[j].type == JOINT_REVOLUTE ? STRIKE_LEVER : 1.0;
+
+        if (im->stop[j].side != 0) {
+            im->jump = fmax(im->jump,
+                            lever * im->stage_h * fabs(im->a[first + j] - im->a_point[first + j]));
+        }
+    }
+}
+
+enum error_code implicit_solve_stage(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+    enum error_code code;
+
+    /* Forces and tangents at the point */
+    find_point(plant);
+    if ((code = plant_load_bodies(plant, im->point, plant->state + plant->at.bristle, im->stage_h,
+                                  &im->load))) {
+        return code;
+    }
+    if ((code = implicit_linearize_contact(plant))) {
+        return code;
+    }
+    implicit_linearize_actuators(plant);
+    implicit_add_contact_inertia(plant);
+
+    /* Accelerations, and with them contact and rates at the stage */
+    implicit_solve(plant);
+    while (!plant->clamped && implicit_revise_stops(plant)) {
+        implicit_solve(plant); /* ends: each joint's stop changes twice at most */
+    }
+    implicit_end_contact(plant);
+    raise_jump_at_stops(plant);
+    find_slope(plant);
+    for (size_t i = 0; i < im->na; i++) {
+        im->u[i] = im->u_base[i] + im->stage_h * im->slope[i];
+    }
+    return ERROR_NONE;
+}

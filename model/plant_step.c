@@ -1,0 +1,347 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The plant in time: the command that is held over a step, the substeps, what is set from outside
+ * (poses, pushes, clamp, supply) and what can be read of it.
+ */
+#include "model/plant.h"
+
+#include "base/hash.h"
+#include "model/implicit/implicit.h"
+#include "model/integrator.h"
+#include "model/plant_private.h"
+#include "model/spatial.h"
+
+#include <math.h>
+#include <string.h>
+
+static const char not_accurate[] = "dopri5 does not reach its tolerances: the model is too "
+                                   "stiff for it, or an input is far out of range";
+static const char diverged[] =
+    "the state is no longer finite: the substep is too long for the stiffness of the model, or an "
+    "input is far out of range";
+
+/* Inertia of a rotor that is held fast, kg m2: whatever the integrator, it keeps its place to
+ * the last bit. */
+#define JAMMED_INERTIA 1e30
+
+/* Gives a drive the parameters of its condition; energy that is lost thereby counts as friction. */
+static void set_drive_condition(struct plant *plant, size_t d, unsigned condition)
+{
+    size_t j = plant->drive_joint[d];
+    double before = plant_drive_energy(plant, plant->state, d);
+    struct robot_sea *sea = &plant->sea[d];
+
+    /* A rotor that jams, is led by somebody else or comes free is at rest */
+    if ((condition ^ plant->condition[d]) & (DRIVE_JAM | DRIVE_IMPOSED)) {
+        plant->state[plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED] = 0.0;
+    }
+    plant->condition[d] = condition;
+    plant->lost[plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED] = 0.0;
+
+    /* The sound drive's parameters, less what is broken */
+    *sea = plant->config.robot->joint[j].sea;
+    if (condition & DRIVE_SPRING_BREAK) {
+        sea->Ks = sea->Ds = 0.0;
+        sea->stop = (struct robot_stop){0};
+    }
+    if (condition & (DRIVE_JAM | DRIVE_IMPOSED) || plant->balanced) {
+        sea->J = JAMMED_INERTIA;
+    }
+    if (plant->config.account_energy) {
+        plant->state[plant->at.work + WORK_FRICTION] +=
+            before - plant_drive_energy(plant, plant->state, d);
+    }
+    if (plant->implicit) {
+        implicit_refresh_drive(plant, d);
+    }
+}
+
+void plant_balance(struct plant *plant, bool balanced)
+{
+    plant->balanced = balanced;
+    plant->stepped = false;
+    for (size_t d = 0; d < plant->ndrive; d++) {
+        plant->state[plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED] = 0.0;
+        set_drive_condition(plant, d, plant->condition[d]);
+    }
+}
+
+/* Sets the speed of a rotor that somebody else leads; its inertia keeps it over the steps. */
+static void hold_imposed_speed(struct plant *plant, size_t d, const struct motor_command *motor)
+{
+    size_t speed = plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED;
+    bool led = !(motor->condition & DRIVE_JAM) && !plant->balanced;
+
+    plant->state[speed] = led && isfinite(motor->rotor_rad_s) ? motor->rotor_rad_s : 0.0;
+    plant->lost[speed] = 0.0;
+}
+
+/* Holds the command for the coming steps, which last so many seconds together. */
+static void hold_command(struct plant *plant, double seconds)
+{
+    double supply = plant_supply(plant);
+
+    for (size_t d = 0; d < plant->ndrive; d++) {
+        const struct motor_command *motor = &plant->command.motor[plant->drive_joint[d]];
+        double voltage = isnan(motor->voltage_v) ? 0.0 : motor->voltage_v;
+        double *I = &plant->state[plant_drive_offset(plant, d) + DRIVE_CURRENT];
+        bool shorted = motor->condition & DRIVE_SHORT, open = motor->condition & DRIVE_OPEN_PHASE;
+
+        /* What the bridge puts across the winding */
+        if (motor->condition != plant->condition[d]) {
+            set_drive_condition(plant, d, motor->condition);
+        }
+        if (motor->condition & DRIVE_IMPOSED) {
+            hold_imposed_speed(plant, d, motor);
+        }
+        plant->bridge_on[d] = (motor->bridge_on || shorted) && !open;
+        plant->voltage[d] =
+            plant->bridge_on[d] && !shorted ? fmax(-supply, fmin(supply, voltage)) : 0.0;
+
+        /* An open bridge stops the current at once: the winding's energy becomes heat */
+        if (plant->has_effects) {
+            plant_effects_hold(plant, d, supply);
+        }
+        if (!plant->bridge_on[d] && !(plant->has_effects && plant->bridge[d].conducts)) {
+            if (plant->config.account_energy) {
+                plant->state[plant->at.work + WORK_JOULE] += 0.5 * plant->sea[d].L * *I * *I;
+            }
+            *I = 0.0;
+            plant->lost[plant_drive_offset(plant, d) + DRIVE_CURRENT] = 0.0;
+        }
+    }
+
+    plant_hydraulic_hold(plant);
+
+    /* Pretensions move at a constant rate, to arrive at the end */
+    for (size_t s = 0; s < plant->nspring; s++) {
+        double goal = plant->command.motor[plant->spring_joint[s]].pretension_m;
+
+        plant->pretension_rate[s] = (goal - plant->state[plant->at.pretension + s]) / seconds;
+    }
+}
+
+/* Sets pretensions to the command exactly, without the rounding of their integration. */
+static void complete_pretensions(struct plant *plant)
+{
+    for (size_t s = 0; s < plant->nspring; s++) {
+        plant->state[plant->at.pretension + s] =
+            plant->command.motor[plant->spring_joint[s]].pretension_m;
+    }
+}
+
+/* Checks whether the state is finite: all but the bristles, and those of the live pairs. */
+static bool state_is_finite(const struct plant *plant)
+{
+    const double *y = plant->state + plant->at.bristle;
+    double sum = 0.0;
+
+    for (size_t i = 0; i < plant->at.bristle; i++) {
+        if (!isfinite(plant->state[i])) {
+            return false;
+        }
+    }
+    for (size_t i = 0; i < plant->nlive; i++) {
+        for (int k = 0; k < CONTACT_BRISTLE; k++) {
+            sum += fabs(y[CONTACT_BRISTLE * (size_t)plant->live[i] + (size_t)k]);
+        }
+    }
+    return isfinite(sum);
+}
+
+/* Integrates one substep with the integrator of the configuration. */
+static enum error_code integrate_state(struct plant *plant, double h)
+{
+    const struct plant_config *config = &plant->config;
+    size_t count = plant->at.count;
+
+    if (config->integrator == PLANT_IMPLICIT) {
+        return implicit_step(plant, h);
+    }
+    plant->step_code = ERROR_NONE;
+    plant_effects_begin(plant);
+    if (config->integrator == PLANT_RK4) {
+        integrator_rk4(plant_derivative, plant, 0.0, h, count, plant->state, plant->lost,
+                       plant->scratch);
+    } else if (!integrator_dopri5(plant_derivative, plant, 0.0, h, count, plant->state,
+                                  &plant->dopri5, plant->scratch) &&
+               plant->step_code == ERROR_NONE) {
+        plant->failure = not_accurate;
+        return ERROR_INPUT;
+    }
+    plant_effects_end(plant);
+    return plant->step_code;
+}
+
+/* Advances one substep; on failure the state and the time are those before it. */
+static enum error_code advance_substep(struct plant *plant)
+{
+    enum error_code code;
+    size_t count = plant->at.count;
+    double h = 1e-9 * (double)plant->config.substep_ns;
+
+    memcpy(plant->last_good, plant->state, count * sizeof *plant->state);
+    code = integrate_state(plant, h);
+    if (code == ERROR_NONE && !state_is_finite(plant)) {
+        code = ERROR_INPUT;
+        plant->failure = diverged;
+    }
+    if (code != ERROR_NONE) {
+        memcpy(plant->state, plant->last_good, count * sizeof *plant->state);
+        return code;
+    }
+    /* Quaternions keep unit length */
+    if (plant->config.robot->floating) {
+        plant_normalize_quaternion(plant->state + BASE_Q_QUATERNION);
+    }
+    plant_free_normalize(plant);
+    plant->time_ns += plant->config.substep_ns;
+    return ERROR_NONE;
+}
+
+enum error_code plant_step(struct plant *plant, size_t steps)
+{
+    if (steps == 0) {
+        return ERROR_NONE;
+    }
+    plant->stepped = false;
+    plant_list_bristles(plant);
+    hold_command(plant, 1e-9 * (double)plant->config.substep_ns * (double)steps);
+    for (size_t k = 0; k < steps; k++) {
+        enum error_code code = advance_substep(plant);
+
+        if (code != ERROR_NONE) {
+            return code;
+        }
+    }
+    complete_pretensions(plant);
+    plant_drop_bristles(plant);
+    plant->stepped = plant->config.integrator == PLANT_IMPLICIT && !plant->clamped;
+    memcpy(plant->last_good, plant->state, plant->at.count * sizeof *plant->state);
+    return ERROR_NONE;
+}
+
+enum error_code plant_reset(struct plant *plant, const double base_position[3],
+                            const double base_quaternion[4], const double *joint)
+{
+    const struct robot *robot = plant->config.robot;
+    size_t njoint = robot->njoint;
+    enum error_code code;
+
+    /* Pose of the base and of the joints, everything at rest */
+    memset(plant->state, 0, plant->at.count * sizeof *plant->state);
+    memset(plant->lost, 0, plant->at.count * sizeof *plant->lost);
+    plant->nlive = 0;
+    if (robot->floating) {
+        memcpy(plant->state, base_position, 3 * sizeof *base_position);
+        memcpy(plant->state + BASE_Q_QUATERNION, base_quaternion, 4 * sizeof *base_quaternion);
+        plant_normalize_quaternion(plant->state + BASE_Q_QUATERNION);
+    }
+    memcpy(plant->state + plant->at.v - njoint, joint, njoint * sizeof *joint);
+
+    /* Sound drives with relaxed springs, pretensions as commanded, free bodies at their starts */
+    for (size_t d = 0; d < plant->ndrive; d++) {
+        plant->state[plant_drive_offset(plant, d) + DRIVE_MOTOR_POSITION] =
+            joint[plant->drive_joint[d]];
+        plant->voltage[d] = 0.0;
+        plant->bridge_on[d] = false;
+        plant->condition[d] = 0;
+        plant->sea[d] = robot->joint[plant->drive_joint[d]].sea;
+        if (plant->implicit) {
+            implicit_refresh_drive(plant, d);
+        }
+    }
+    complete_pretensions(plant);
+    plant_free_reset(plant);
+    plant_effects_reset(plant);
+    plant_hydraulic_reset(plant);
+    memset(plant->pretension_rate, 0, plant->nspring * sizeof *plant->pretension_rate);
+
+    /* Nothing acts from outside, and nothing is remembered of an earlier run */
+    memset(plant->push, 0, (robot->nbody + plant->config.nfree) * sizeof *plant->push);
+    plant->pushing = false;
+    plant->stepped = false;
+    plant->balanced = false;
+    plant->time_ns = 0;
+    plant->failure = "";
+    plant->dopri5.next = plant->dopri5.last_error = 0.0;
+    if (plant->implicit) {
+        implicit_restart(plant);
+    }
+
+    code = plant_restart_energy(plant);
+    return code == ERROR_NONE ? plant_sample(plant) : code;
+}
+
+void plant_set_push(struct plant *plant, int body, const double force[3], const double moment[3])
+{
+    size_t count = plant->config.robot->nbody + plant->config.nfree;
+
+    memcpy(plant->push[body].force, force, sizeof plant->push[body].force);
+    memcpy(plant->push[body].moment, moment, sizeof plant->push[body].moment);
+    plant->stepped = false;
+    plant->pushing = false;
+    for (size_t b = 0; b < count; b++) {
+        for (int i = 0; i < 3; i++) {
+            plant->pushing |= plant->push[b].force[i] != 0.0 || plant->push[b].moment[i] != 0.0;
+        }
+    }
+}
+
+void plant_set_source(struct plant *plant, double supply_v)
+{
+    plant->config.supply_v = supply_v;
+}
+
+double plant_source(const struct plant *plant)
+{
+    return plant->config.supply_v;
+}
+
+void plant_clamp(struct plant *plant, bool clamped)
+{
+    plant->clamped = clamped;
+    plant->stepped = false;
+    if (clamped) {
+        memset(plant->state + plant->at.v, 0, plant->config.robot->nv * sizeof *plant->state);
+        memset(plant->lost + plant->at.v, 0, plant->config.robot->nv * sizeof *plant->lost);
+        if (plant->implicit) {
+            implicit_restart(plant);
+        }
+    } else if (plant->balanced) {
+        plant_balance(plant, false);
+    }
+}
+
+bool plant_is_clamped(const struct plant *plant)
+{
+    return plant->clamped;
+}
+
+struct plant_command *plant_command(struct plant *plant)
+{
+    return &plant->command;
+}
+
+const char *plant_failure(const struct plant *plant)
+{
+    return plant->failure;
+}
+
+double *plant_state(struct plant *plant, size_t *count)
+{
+    *count = plant->at.count;
+    return plant->state;
+}
+
+int64_t plant_time_ns(const struct plant *plant)
+{
+    return plant->time_ns;
+}
+
+uint64_t plant_hash(const struct plant *plant)
+{
+    uint64_t hash = hash_bytes(HASH_START, plant->state, plant->at.count * sizeof *plant->state);
+
+    return hash_bytes(hash, &plant->time_ns, sizeof plant->time_ns);
+}

@@ -1,0 +1,450 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Carries out, between two ticks, the requests to a running loop (rt/requests.h). */
+#include "rt/loop_private.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Range of the speed, in virtual seconds a second. */
+#define SPEED_MIN 0.001
+#define SPEED_MAX 1000.0
+
+enum { PUSH_GROWS = 10 }; /* a push whose force grows by more than this factor is reported again */
+
+bool loop_requests_create(struct loop *loop, struct arena *arena)
+{
+    struct loop_requests *requests = &loop->requests;
+
+    requests->speed = loop->config.clock == LOOP_CLOCK_REAL ? 1.0 : 0.0;
+    if (loop->config.clock != LOOP_CLOCK_LOCKSTEP) {
+        return true;
+    }
+    for (size_t i = 0; i < CHECKPOINT_SLOTS; i++) {
+        struct loop_moment *moment = &requests->moment[i];
+
+        moment->held = arena_alloc(arena, HELD_MAX, sizeof *moment->held);
+        if (!moment->held) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* Returns the functions by which requests act on the machine. */
+static const struct request_machine *loop_request_machine(const struct loop *loop)
+{
+    return requests_machine(loop->config.requests);
+}
+
+/* ---- checkpoints ---- */
+
+/* Copies the loop's own state (tick, lockstep, held frames) into a checkpoint slot. */
+static void loop_save_moment(struct loop *loop, struct loop_moment *moment)
+{
+    uint64_t rx, tx;
+
+    loop_count_lost(loop, &rx, &tx);
+    moment->kept = true;
+    moment->ticks = loop->stats.ticks;
+    moment->lockstep = loop->lockstep;
+    if (loop->step_asked) {
+        moment->lockstep.ticks = 0; /* a REQUEST_STEP is not repeated after going back */
+    }
+    moment->lost_since_done = rx + tx - loop->lost_at_done;
+    moment->held_count = loop->held_count;
+    moment->held_seen = loop->held_seen;
+    if (moment->held) {
+        memcpy(moment->held, loop->held, loop->held_count * sizeof *loop->held);
+    }
+}
+
+/* Restores the loop's own state; accounts and counters go on, only time goes back. */
+static void loop_restore_moment(struct loop *loop, const struct loop_moment *moment)
+{
+    struct lockstep_counters counters = loop->lockstep.counters;
+
+    loop->stats.ticks = moment->ticks;
+    loop->stats.time_ns = (int64_t)moment->ticks * loop->config.tick_ns;
+    loop->requests.push.until_ns = 0;
+    loop->lockstep = moment->lockstep;
+    loop->lockstep.counters = counters;
+    loop_count_lost(loop, &loop->rx_lost, &loop->tx_lost);
+    loop->lost_at_done = loop->rx_lost + loop->tx_lost - moment->lost_since_done;
+    loop->held_count = moment->held_count;
+    loop->held_seen = moment->held_seen;
+    if (moment->held) {
+        memcpy(loop->held, moment->held, moment->held_count * sizeof *loop->held);
+    }
+}
+
+/* Saves machine and loop into a checkpoint slot, which is empty when that fails. */
+static enum request_verdict loop_save_slot(struct loop *loop, size_t slot)
+{
+    const struct request_machine *machine = loop_request_machine(loop);
+    enum request_verdict verdict = REQUEST_UNAVAILABLE;
+
+    if (machine->save && machine->restore) {
+        verdict = machine->save(machine->context, slot);
+    }
+    if (verdict == REQUEST_OK) {
+        loop_save_moment(loop, &loop->requests.moment[slot]);
+    } else {
+        loop->requests.moment[slot].kept = false;
+    }
+    return verdict;
+}
+
+/* Saves a checkpoint into a slot; slot 0 is the start and cannot be overwritten. */
+static enum request_verdict request_checkpoint(struct loop *loop, size_t slot)
+{
+    enum request_verdict verdict;
+
+    if (slot < 1 || slot >= CHECKPOINT_SLOTS) {
+        return REQUEST_RANGE;
+    }
+    verdict = loop_save_slot(loop, slot);
+    if (verdict == REQUEST_OK) {
+        loop_emit_event(loop, LOOP_EVENT_CHECKPOINT, -1, (int64_t)slot, (int64_t)loop->stats.ticks);
+    }
+    return verdict;
+}
+
+/* Goes back to the state of a slot; refused while a recording runs, as its time never goes back. */
+static enum request_verdict request_restore(struct loop *loop, size_t slot)
+{
+    const struct request_machine *machine = loop_request_machine(loop);
+
+    if (slot >= CHECKPOINT_SLOTS) {
+        return REQUEST_RANGE;
+    }
+    if (!machine->save || !machine->restore) {
+        return REQUEST_UNAVAILABLE;
+    }
+    if (loop->config.recorder) {
+        return REQUEST_RECORDING;
+    }
+    if (!loop->requests.moment[slot].kept) {
+        return slot == 0 ? REQUEST_UNAVAILABLE : REQUEST_EMPTY;
+    }
+    machine->restore(machine->context, slot);
+    loop_restore_moment(loop, &loop->requests.moment[slot]);
+    loop_emit_event(loop, LOOP_EVENT_RESTORED, -1, (int64_t)slot, (int64_t)loop->stats.ticks);
+    return REQUEST_OK;
+}
+
+/* ---- pause and speed ---- */
+
+/* Begins the grid of deadlines anew, now: the time before it, an intended pause or another
+ * speed, is not accounted. */
+static void loop_restart_grid(struct loop *loop)
+{
+    loop->mark_ns = clock_now(loop->config.time);
+    loop->deadline_ns = loop->mark_ns;
+    loop->last_end_ns = loop->mark_ns;
+    loop->awaiting = false;
+}
+
+/* Publishes pause and speed, to other threads and to the machine. */
+static void loop_publish_pace(struct loop *loop)
+{
+    const struct request_machine *machine = loop_request_machine(loop);
+    bool paused = loop->requests.paused;
+
+    requests_publish(loop->config.requests, paused, loop->requests.speed);
+    if (machine->pace) {
+        machine->pace(machine->context, loop->requests.speed, paused);
+    }
+}
+
+/* Answers a request with the present tick and time. */
+static void request_reply(struct loop *loop, uint64_t ticket, enum request_verdict verdict)
+{
+    requests_reply(loop->config.requests, ticket, verdict, loop->stats.ticks, loop->stats.time_ns);
+}
+
+/* Pauses the loop and emits an event about it. */
+static void loop_pause(struct loop *loop)
+{
+    loop->requests.paused = true;
+    loop_publish_pace(loop);
+    loop_emit_event(loop, LOOP_EVENT_PAUSED, -1, (int64_t)loop->stats.ticks, 0);
+}
+
+/* Pauses the loop; a REQUEST_STEP under way is cut. */
+static enum request_verdict request_pause(struct loop *loop)
+{
+    /* A step under way ends here, with its DONE where one is due, and is answered */
+    if (loop->requests.step_left > 0) {
+        loop->requests.step_left = 0;
+        if (loop->step_asked && loop->lockstep.ticks > 0) {
+            loop->lockstep.ticks = 0;
+            loop_send_done(loop, 0);
+        }
+        request_reply(loop, loop->requests.step_ticket, REQUEST_CUT);
+    }
+    if (!loop->requests.paused) {
+        loop_pause(loop);
+    }
+    return REQUEST_OK;
+}
+
+/* Resumes a paused loop. */
+static enum request_verdict request_resume(struct loop *loop)
+{
+    if (loop->requests.paused) {
+        loop->requests.paused = false;
+        loop_publish_pace(loop);
+        loop_emit_event(loop, LOOP_EVENT_RESUMED, -1, (int64_t)loop->stats.ticks, 0);
+    }
+    return REQUEST_OK;
+}
+
+/* Begins to run `count` ticks; loop_requests_tick_ended answers when they have run. */
+static enum request_verdict request_step(struct loop *loop, const struct loop_request *request)
+{
+    if (request->count == 0) {
+        return REQUEST_RANGE;
+    }
+    loop->requests.step_left = request->count;
+    loop->requests.step_ticket = request->ticket;
+    loop->requests.paused = false;
+    loop_publish_pace(loop);
+    return REQUEST_OK;
+}
+
+/* Sets the speed (0 = as fast as possible); the grid of deadlines begins anew. */
+static enum request_verdict request_speed(struct loop *loop, double speed)
+{
+    const struct request_machine *machine = loop_request_machine(loop);
+
+    if (loop->config.clock == LOOP_CLOCK_LOCKSTEP || (speed == 0.0 && machine->pace)) {
+        return REQUEST_CLOCK;
+    }
+    if (!(speed == 0.0 || (speed >= SPEED_MIN && speed <= SPEED_MAX))) {
+        return REQUEST_RANGE;
+    }
+    /* The period of the grid is the tick divided by the speed, at least 1 ns */
+    loop->requests.speed = speed;
+    loop->period_ns =
+        speed > 0.0 ? (int64_t)fmax(1.0, round((double)loop->config.tick_ns / speed)) : 0;
+    loop_restart_grid(loop);
+    loop_publish_pace(loop);
+    loop_emit_event(loop, LOOP_EVENT_SPEED, -1, (int64_t)(speed * 1e6), 0);
+    return REQUEST_OK;
+}
+
+/* ---- the machine: faults, pushes, tunables ---- */
+
+/* Switches a fault of the machine. */
+static enum request_verdict request_fault(struct loop *loop, const struct loop_request *request)
+{
+    const struct request_machine *machine = loop_request_machine(loop);
+
+    return request->index < machine->nfault
+               ? machine->fault(machine->context, request->index, request->on, loop->stats.time_ns)
+               : REQUEST_RANGE;
+}
+
+/* Returns the length of a vector in thousandths of its unit. */
+static int64_t vector_length_milli(const double v[3])
+{
+    return (int64_t)(1e3 * sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]));
+}
+
+/* Emits the event of a push. A push that renews the last one is reported only when it has become
+ * much greater, or ends. */
+static void loop_tell_push(struct loop *loop, const struct loop_request *request)
+{
+    struct loop_push *push = &loop->requests.push;
+    int64_t now_ns = loop->stats.time_ns, force_mn = vector_length_milli(request->force_n);
+    bool goes_on = push->until_ns > now_ns && push->body == request->index;
+    bool ends = force_mn == 0 && vector_length_milli(request->moment_nm) == 0;
+
+    /* The push that goes on, with its greatest force and its end */
+    if (!goes_on) {
+        *push = (struct loop_push){.body = request->index};
+    }
+    push->most_mn = force_mn > push->most_mn ? force_mn : push->most_mn;
+    push->until_ns = ends                       ? 0
+                     : request->duration_ns > 0 ? now_ns + request->duration_ns
+                                                : INT64_MAX;
+    /* One event at its beginning, at each great rise, and at its end */
+    if (goes_on && ends) {
+        loop_emit_event(loop, LOOP_EVENT_LET_GO, -1, (int64_t)push->body, push->most_mn);
+    } else if (!goes_on || force_mn > PUSH_GROWS * push->told_mn) {
+        push->told_mn = force_mn;
+        loop_emit_event(loop, LOOP_EVENT_PUSH, -1, (int64_t)push->body, force_mn);
+    }
+}
+
+/* Applies a force and a moment to a body of the machine. */
+static enum request_verdict request_push(struct loop *loop, const struct loop_request *request)
+{
+    const struct request_machine *machine = loop_request_machine(loop);
+    enum request_verdict verdict =
+        machine->push ? machine->push(machine->context, request, loop->stats.time_ns)
+                      : REQUEST_UNAVAILABLE;
+
+    if (verdict == REQUEST_OK) {
+        loop_tell_push(loop, request);
+    }
+    return verdict;
+}
+
+/* Sets a tunable within its range; its event carries the bits of the double. */
+static enum request_verdict request_set(struct loop *loop, const struct loop_request *request)
+{
+    const struct request_machine *machine = loop_request_machine(loop);
+    const struct tunable *tunable = requests_tunable(loop->config.requests, request->index);
+    enum request_verdict verdict;
+    int64_t bits;
+
+    if (!tunable || !(request->value >= tunable->min && request->value <= tunable->max) ||
+        (tunable->whole && request->value != rint(request->value))) {
+        return REQUEST_RANGE;
+    }
+    verdict = machine->set(machine->context, request->index, request->value);
+    if (verdict == REQUEST_OK) {
+        memcpy(&bits, &request->value, sizeof bits);
+        loop_emit_event(loop, LOOP_EVENT_SET, -1, (int64_t)request->index, bits);
+    }
+    return verdict;
+}
+
+/* ---- requests ---- */
+
+/* Checks whether a request cannot be carried out while a REQUEST_STEP runs. */
+static bool request_conflicts_with_step(enum request_kind kind)
+{
+    return kind == REQUEST_RESUME || kind == REQUEST_STEP || kind == REQUEST_RESET ||
+           kind == REQUEST_RESTORE;
+}
+
+/* Carries out one request and returns the verdict on it. */
+static enum request_verdict request_dispatch(struct loop *loop, const struct loop_request *request)
+{
+    if (loop->requests.step_left > 0 && request_conflicts_with_step(request->kind)) {
+        return REQUEST_BUSY;
+    }
+    switch (request->kind) {
+    case REQUEST_PAUSE:
+        return request_pause(loop);
+    case REQUEST_RESUME:
+        return request_resume(loop);
+    case REQUEST_STEP:
+        return request_step(loop, request);
+    case REQUEST_SPEED:
+        return request_speed(loop, request->value);
+    case REQUEST_RESET:
+        return request_restore(loop, 0);
+    case REQUEST_CHECKPOINT:
+        return request_checkpoint(loop, request->index);
+    case REQUEST_RESTORE:
+        return request_restore(loop, request->index);
+    case REQUEST_FAULT:
+        return request_fault(loop, request);
+    case REQUEST_PUSH:
+        return request_push(loop, request);
+    case REQUEST_SET:
+        return request_set(loop, request);
+    }
+    return REQUEST_UNAVAILABLE;
+}
+
+/* Carries out and answers all waiting requests, in their order. */
+static void request_dispatch_all(struct loop *loop)
+{
+    const struct request_machine *machine = loop_request_machine(loop);
+    struct loop_request request;
+
+    while (requests_next(loop->config.requests, &request)) {
+        enum request_verdict verdict = request_dispatch(loop, &request);
+        bool back = request.kind == REQUEST_RESTORE || request.kind == REQUEST_RESET;
+        bool went_back = back && verdict == REQUEST_OK;
+
+        if (went_back) {
+            loop_restart_grid(loop);
+        }
+
+        /* Other threads see the new state before they have the answer */
+        requests_publish_values(loop->config.requests, went_back);
+        if (machine->publish) {
+            machine->publish(machine->context, loop->stats.time_ns, &loop->stats);
+        }
+
+        /* A step that has begun is answered at its end */
+        if (request.kind != REQUEST_STEP || verdict != REQUEST_OK) {
+            request_reply(loop, request.ticket, verdict);
+        }
+    }
+}
+
+/* ---- the loop's calls ---- */
+
+void loop_requests_begin(struct loop *loop)
+{
+    loop_save_slot(loop, 0);
+    loop_publish_pace(loop);
+}
+
+bool loop_requests_carry_out(struct loop *loop)
+{
+    bool was_paused = false;
+
+    request_dispatch_all(loop);
+    while (loop->requests.paused) {
+        if (loop_stop_requested(loop)) {
+            return false;
+        }
+        was_paused = true;
+        loop->config.machine.idle(loop->config.machine.context);
+        loop_requests_sleep(loop, NULL, clock_now(loop->config.time) + WAIT_SLICE_NS);
+        request_dispatch_all(loop);
+    }
+    if (was_paused) {
+        loop_restart_grid(loop);
+    }
+    return true;
+}
+
+void loop_requests_sleep(struct loop *loop, struct pollfd *fd, int64_t until_ns)
+{
+    struct requests *requests = loop->config.requests;
+    struct pollfd fds[2] = {{.fd = -1, .events = POLLIN}, {.fd = -1}};
+
+    fds[0].fd = requests_sleep_begin(requests);
+    if (fd) {
+        fds[1] = *fd;
+    }
+    if (fds[0].fd >= 0) {
+        clock_wait_readable(loop->config.time, fds, fd ? 2 : 1, until_ns);
+    }
+    requests_sleep_end(requests, (fds[0].revents & POLLIN) != 0);
+}
+
+void loop_requests_tick_begins(struct loop *loop)
+{
+    const struct request_machine *machine = loop_request_machine(loop);
+
+    if (machine->advance) {
+        machine->advance(machine->context, loop->stats.time_ns);
+    }
+}
+
+void loop_requests_tick_ended(struct loop *loop)
+{
+    requests_publish_values(loop->config.requests, false);
+    if (loop->requests.step_left > 0 && --loop->requests.step_left == 0) {
+        loop_pause(loop);
+        request_reply(loop, loop->requests.step_ticket, REQUEST_OK);
+    }
+}
+
+void loop_requests_end(struct loop *loop)
+{
+    if (loop->requests.step_left > 0) {
+        loop->requests.step_left = 0;
+        request_reply(loop, loop->requests.step_ticket, REQUEST_CUT);
+    }
+    requests_close(loop->config.requests, loop->stats.ticks, loop->stats.time_ns);
+}

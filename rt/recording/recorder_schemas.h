@@ -1,0 +1,12 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* JSON Schemas of the messages that a recording's MCAP file holds: of the recorder's own channels
+ * and of scenes. RT-safe: constants. */
+#ifndef RT_RECORDING_RECORDER_SCHEMAS_H
+#define RT_RECORDING_RECORDER_SCHEMAS_H
+
+extern const char recorder_schema_frame[];      /* coman_hil.Frame */
+extern const char recorder_schema_log[];        /* foxglove.Log */
+extern const char recorder_schema_transforms[]; /* foxglove.FrameTransforms */
+extern const char recorder_schema_scene[];      /* foxglove.SceneUpdate */
+
+#endif

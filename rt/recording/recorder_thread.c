@@ -1,0 +1,209 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Formats and writes what the recorder's rings hold, in a thread of its own. */
+#include "rt/recording/recorder_mcap.h"
+
+#include "canbus/candump.h"
+#include "rt/clock.h"
+
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+enum {
+    ROUND = 4096, /* items written before the thread tends its files again */
+    IDLE_NS = 2000000,
+};
+
+#define TEND_NS (250 * CLOCK_MS)
+
+/* Writes a frame to candump.log and to the MCAP file. */
+static void recorder_write_frame(struct recorder *recorder, const struct frame_item *item)
+{
+    size_t size = candump_format(&item->frame, recorder->config.bus[item->bus], recorder->line);
+
+    line_file_put(&recorder->file[FILE_FRAMES], recorder->line, size);
+    if (recorder->mcap) {
+        recorder_mcap_frame(recorder->mcap, item);
+    }
+}
+
+/* ---- rows ---- */
+
+/* Writes a line of a CSV file: the row's time (s), then `count` values. */
+static void recorder_write_values(struct recorder *recorder, enum recorder_file file,
+                                  double time_ns, const double *value, size_t count)
+{
+    char *line = recorder->line;
+    size_t size = (size_t)sprintf(line, "%.6f", time_ns * 1e-9);
+
+    for (size_t i = 0; i < count; i++) {
+        size += (size_t)sprintf(line + size, ",%.9g", value[i]);
+    }
+    line[size++] = '\n';
+    line_file_put(&recorder->file[file], line, size);
+}
+
+/* Writes a row to the files that hold signals and poses. */
+static void recorder_write_row(struct recorder *recorder, const double *row)
+{
+    const struct recorder_config *config = &recorder->config;
+
+    if (recorder->has[FILE_SIGNALS]) {
+        recorder_write_values(recorder, FILE_SIGNALS, row[0], row + 1, config->nsignal);
+    }
+    if (recorder->has[FILE_POSES]) {
+        recorder_write_values(recorder, FILE_POSES, row[0], row + 1 + config->nsignal,
+                              RECORDER_POSE * config->nbody);
+    }
+    if (recorder->mcap) {
+        recorder_mcap_row(recorder->mcap, row);
+    }
+}
+
+/* ---- events ---- */
+
+/* Writes an event to events.log and to the MCAP file. */
+static void recorder_write_event(struct recorder *recorder, const struct event_item *item)
+{
+    int size = snprintf(recorder->line, RECORDER_LINE, "%.6f %s %s\n", (double)item->time_ns * 1e-9,
+                        journal_priority_name(item->priority), item->text);
+
+    line_file_put(&recorder->file[FILE_EVENTS], recorder->line, (size_t)size);
+    if (recorder->mcap) {
+        recorder_mcap_event(recorder->mcap, item);
+    }
+}
+
+/* Writes the first `count` of the waiting events. */
+static void recorder_release_events(struct recorder *recorder, size_t count)
+{
+    struct recorder_order *order = &recorder->order;
+
+    for (size_t i = 0; i < count; i++) {
+        recorder_write_event(recorder, &order->item[i]);
+    }
+    order->count -= count;
+    memmove(order->item, order->item + count, order->count * sizeof *order->item);
+}
+
+/* Inserts an event into the waiting ones in the order of their times; a full list writes its
+ * older half first. */
+static void recorder_hold_event(struct recorder *recorder, const struct event_item *item)
+{
+    struct recorder_order *order = &recorder->order;
+    size_t at;
+
+    if (order->count == RECORDER_HELD) {
+        recorder_release_events(recorder, RECORDER_HELD / 2);
+    }
+    for (at = order->count; at > 0 && order->item[at - 1].time_ns > item->time_ns; at--) {
+        order->item[at] = order->item[at - 1];
+    }
+    order->item[at] = *item;
+    order->count++;
+}
+
+/* Writes the events that were waiting at the previous call, and earlier ones that came since. */
+static void recorder_settle_events(struct recorder *recorder)
+{
+    struct recorder_order *order = &recorder->order;
+    size_t due = 0;
+
+    while (due < order->count && order->item[due].time_ns <= order->settled_ns) {
+        due++;
+    }
+    recorder_release_events(recorder, due);
+    order->settled_ns = order->count ? order->item[order->count - 1].time_ns : INT64_MIN;
+}
+
+/* ---- the thread ---- */
+
+/* Writes up to a round of waiting items from each ring; false = nothing waited. An item leaves
+ * its ring after it was written, so that what a hung thread leaves behind is counted. */
+static bool recorder_drain_rings(struct recorder *recorder)
+{
+    const void *item;
+    int count = 0;
+
+    for (; count < ROUND && (item = ring_front(&recorder->frames)); count++) {
+        recorder_write_frame(recorder, item);
+        ring_drop(&recorder->frames);
+    }
+    for (; count < 2 * ROUND && (item = ring_front(&recorder->rows)); count++) {
+        recorder_write_row(recorder, item);
+        ring_drop(&recorder->rows);
+    }
+    for (; count < 3 * ROUND && (item = ring_front(&recorder->events)); count++) {
+        recorder_hold_event(recorder, item);
+        ring_drop(&recorder->events);
+    }
+    return count > 0;
+}
+
+/* Moves the beat; a few times a second flushes the files and checks that they still exist. */
+static void recorder_tend_files(struct recorder *recorder)
+{
+    int64_t now = clock_now(clock_monotonic());
+
+    atomic_fetch_add_explicit(&recorder->beat, 1, memory_order_relaxed);
+    if (now < recorder->tend_ns) {
+        return;
+    }
+    recorder->tend_ns = now + TEND_NS;
+    recorder_settle_events(recorder);
+    if (recorder->mcap) {
+        recorder_mcap_tend(recorder->mcap, now);
+    }
+    for (int f = 0; f < RECORDER_FILES; f++) {
+        line_file_flush(&recorder->file[f]);
+        line_file_look(&recorder->file[f]);
+    }
+}
+
+/* Writes the events that still wait, ends the MCAP file, and closes all files. */
+static void recorder_close_files(struct recorder *recorder)
+{
+    recorder_release_events(recorder, recorder->order.count);
+    if (recorder->mcap) {
+        recorder_mcap_finish(recorder->mcap);
+    }
+    for (int f = 0; f < RECORDER_FILES; f++) {
+        line_file_look(&recorder->file[f]);
+        line_file_close(&recorder->file[f]);
+    }
+}
+
+static void recorder_thread_ended(void *context)
+{
+    atomic_store(&((struct recorder *)context)->ended, true);
+}
+
+void *recorder_thread_main(void *context)
+{
+    struct recorder *recorder = context;
+    sigset_t of_writing;
+
+    /* A pipe without a reader and a file at its size limit are errors of write, not signals */
+    sigemptyset(&of_writing);
+    sigaddset(&of_writing, SIGPIPE);
+    sigaddset(&of_writing, SIGXFSZ);
+    pthread_sigmask(SIG_BLOCK, &of_writing, NULL);
+    pthread_cleanup_push(recorder_thread_ended, recorder);
+    if (recorder->mcap) {
+        recorder_mcap_start(recorder->mcap);
+    }
+    /* Write until the recorder stops, then what is left */
+    while (!atomic_load(&recorder->stop)) {
+        if (!recorder_drain_rings(recorder)) {
+            nanosleep(&(struct timespec){.tv_nsec = IDLE_NS}, NULL);
+        }
+        recorder_tend_files(recorder);
+    }
+    while (recorder_drain_rings(recorder)) {
+        recorder_tend_files(recorder);
+    }
+    recorder_close_files(recorder);
+    pthread_cleanup_pop(1);
+    return NULL;
+}

@@ -1,0 +1,637 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Sensors as real ones: each error against its statistics or its closed form, each fault against
+ * what it says, and nothing at all where nothing was asked for. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "boards/sensing/sensing.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { JOINTS = 2, FTS = 1, TICK_NS = 1000000, SAMPLES = 100000 };
+
+struct bench {
+    struct arena arena;
+    struct sensor_joint joint[JOINTS];
+    struct sensor_ft ft[FTS];
+    struct sensing_config config;
+    struct sensing *sensing;
+    struct faults *faults;
+    struct plant_sensors truth;
+    struct motor_sense motor[JOINTS];
+    struct ft_sense sense;
+    const struct plant_sensors *measured;
+};
+
+static void assert_close(double value, double expected, double tolerance)
+{
+    if (!(fabs(value - expected) <= tolerance)) {
+        fail_msg("found %.12g, expected %.12g within %g", value, expected, tolerance);
+    }
+}
+
+static int set_up(void **state)
+{
+    static struct bench bench;
+    struct error error;
+
+    memset(&bench, 0, sizeof bench);
+    assert_int_equal(arena_init(&bench.arena, 8 << 20, &error), ERROR_NONE);
+    bench.joint[0].name = "hip";
+    bench.joint[1].name = "knee";
+    bench.ft[0].name = "foot";
+    bench.config = (struct sensing_config){.njoint = JOINTS,
+                                           .nft = FTS,
+                                           .joint = bench.joint,
+                                           .ft = bench.ft,
+                                           .tick_ns = TICK_NS,
+                                           .seed = 1};
+    bench.truth = (struct plant_sensors){
+        .supply_v = 48.0, .njoint = JOINTS, .nft = FTS, .motor = bench.motor, .ft = &bench.sense};
+    *state = &bench;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    arena_fini(&((struct bench *)*state)->arena);
+    return 0;
+}
+
+/* Arms the faults of the lines given, up to the NULL. */
+static void arm(struct bench *bench, const char *const *line)
+{
+    static const char *const joint[] = {"hip", "knee"};
+    static const char *const ft[] = {"foot"};
+    static const bool driven[] = {true, true}, hydraulic[] = {false, false};
+    const struct fault_names names = {.njoint = JOINTS,
+                                      .joint = joint,
+                                      .driven = driven,
+                                      .hydraulic = hydraulic,
+                                      .nft = FTS,
+                                      .ft = ft,
+                                      .imu = true};
+    struct fault fault[8];
+    struct error error;
+    size_t count = 0;
+
+    for (; line && line[count]; count++) {
+        if (fault_parse(line[count], &names, &fault[count], &error)) {
+            fail_msg("%s", error.text);
+        }
+    }
+    assert_int_equal(faults_create(fault, count, 3, &bench->arena, &bench->faults, &error),
+                     ERROR_NONE);
+    bench->config.faults = bench->faults;
+}
+
+static void start(struct bench *bench)
+{
+    struct error error;
+
+    if (sensing_create(&bench->config, &bench->arena, &bench->sensing, &error)) {
+        fail_msg("%s", error.text);
+    }
+}
+
+static void tick(struct bench *bench)
+{
+    if (bench->faults) {
+        faults_step(bench->faults, bench->truth.time_ns);
+    }
+    bench->measured = sensing_sample(bench->sensing, bench->truth.time_ns, &bench->truth);
+    bench->truth.time_ns += TICK_NS;
+}
+
+/* ---- errors ---- */
+
+static void ideal_sensors_hand_on_the_truth_itself(void **state)
+{
+    struct bench *bench = *state;
+
+    arm(bench, NULL);
+    start(bench);
+    tick(bench);
+    assert_ptr_equal(bench->measured, &bench->truth);
+}
+
+static void ideal_channels_beside_a_real_one_are_true_to_the_last_bit(void **state)
+{
+    struct bench *bench = *state;
+
+    bench->joint[0].torque.noise_rms = 0.05;
+    start(bench);
+    for (int i = 0; i < 10; i++) {
+        bench->motor[0] = (struct motor_sense){.q = 0.1 * i,
+                                               .qd = 1.0 / 3.0,
+                                               .qm = sin(i),
+                                               .qmd = 0.7,
+                                               .current_a = 1.1,
+                                               .torque_nm = 2.2,
+                                               .voltage_v = 3.3};
+        bench->motor[1] = bench->motor[0];
+        bench->sense.force_n[2] = 10.0 / 3.0;
+        tick(bench);
+        assert_memory_equal(&bench->measured->motor[1], &bench->motor[1], sizeof bench->motor[1]);
+        assert_memory_equal(&bench->measured->ft[0], &bench->sense, sizeof bench->sense);
+        assert_true(bench->measured->motor[0].q == bench->motor[0].q);
+        assert_true(bench->measured->motor[0].qmd == bench->motor[0].qmd);
+        assert_true(bench->measured->motor[0].torque_nm != bench->motor[0].torque_nm);
+        assert_true(bench->measured->supply_v == 48.0);
+    }
+}
+
+/* Bounds of five standard deviations of each statistic of SAMPLES independent normal numbers. */
+static void noise_is_white_and_gaussian_of_the_size_asked_for(void **state)
+{
+    static double x[SAMPLES];
+    struct bench *bench = *state;
+    const double sigma = 0.05, n = SAMPLES;
+    double sum = 0.0, square = 0.0, fourth = 0.0, lag = 0.0;
+    int beyond = 0;
+
+    bench->joint[1].torque.noise_rms = sigma;
+    bench->motor[1].torque_nm = 7.0;
+    start(bench);
+    for (int i = 0; i < SAMPLES; i++) {
+        tick(bench);
+        x[i] = (bench->measured->motor[1].torque_nm - 7.0) / sigma;
+        sum += x[i];
+        square += x[i] * x[i];
+        fourth += pow(x[i], 4);
+        lag += i ? x[i] * x[i - 1] : 0.0;
+        beyond += fabs(x[i]) > 1.959964;
+    }
+    assert_close(sum / n, 0.0, 5.0 / sqrt(n));
+    assert_close(square / n, 1.0, 5.0 * sqrt(2.0 / n));
+    assert_close(fourth / n, 3.0, 5.0 * sqrt(96.0 / n));
+    assert_close(lag / n, 0.0, 5.0 / sqrt(n));
+    assert_close(beyond / n, 0.05, 5.0 * sqrt(0.05 * 0.95 / n));
+}
+
+static void noise_depends_on_the_seed_and_on_no_other_channel(void **state)
+{
+    struct bench *bench = *state;
+    double first[50], second[50], seeded[50];
+
+    for (int round = 0; round < 3; round++) {
+        bench->joint[1].torque.noise_rms = 1.0;
+        if (round == 1) { /* much more noise elsewhere, and other faults */
+            bench->joint[0].torque.noise_rms = 2.0;
+            bench->joint[1].current.noise_rms = 1.0;
+            bench->config.gyro.noise_rms = 1.0;
+            arm(bench, (const char *const[]){"sensor imu garbage 1", NULL});
+        }
+        bench->config.seed = round == 2 ? 2 : 1;
+        start(bench);
+        for (int i = 0; i < 50; i++) {
+            tick(bench);
+            (round == 0   ? first
+             : round == 1 ? second
+                          : seeded)[i] = bench->measured->motor[1].torque_nm;
+        }
+    }
+    assert_memory_equal(first, second, sizeof first);
+    assert_memory_not_equal(first, seeded, sizeof first);
+}
+
+static void channels_are_independent_of_each_other(void **state)
+{
+    struct bench *bench = *state;
+    const double n = SAMPLES;
+    double product = 0.0;
+
+    bench->joint[0].torque.noise_rms = bench->joint[1].torque.noise_rms = 1.0;
+    start(bench);
+    for (int i = 0; i < SAMPLES; i++) {
+        tick(bench);
+        product += bench->measured->motor[0].torque_nm * bench->measured->motor[1].torque_nm;
+    }
+    assert_close(product / n, 0.0, 5.0 / sqrt(n));
+}
+
+/* The peak of the correlation between truth and reading is at the latency. */
+static void latency_is_a_delay_line_also_between_ticks(void **state)
+{
+    struct bench *bench = *state;
+
+    bench->joint[0].link_encoder.latency_ns = 3 * TICK_NS;
+    bench->joint[0].motor_encoder.latency_ns = 5 * TICK_NS / 2;
+    bench->joint[0].current.latency_ns = 1;
+    bench->motor[0] = (struct motor_sense){.q = 1.0, .qm = 1.0};
+    start(bench);
+    for (int i = 0; i < 100; i++) {
+        bench->motor[0].q = bench->motor[0].qm = 1.0 + i;
+        bench->motor[0].current_a = i;
+        tick(bench);
+        assert_close(bench->measured->motor[0].q, 1.0 + (i < 3 ? 0 : i - 3), 1e-12);
+        assert_close(bench->measured->motor[0].qm, 1.0 + (i < 3 ? fmax(0.0, i - 2.5) : i - 2.5),
+                     1e-12);
+        assert_close(bench->measured->motor[0].current_a, i == 0 ? 0 : i - 1e-6, 1e-9);
+    }
+}
+
+static void converter_saturates_and_rounds_to_its_steps(void **state)
+{
+    struct bench *bench = *state;
+
+    bench->joint[0].current = (struct sensor_error){.full_scale = 20.0, .lsb = 0.01};
+    start(bench);
+    bench->motor[0].current_a = 1.2345;
+    tick(bench);
+    assert_close(bench->measured->motor[0].current_a, 1.23, 1e-12);
+    bench->motor[0].current_a = 1.2351;
+    tick(bench);
+    assert_close(bench->measured->motor[0].current_a, 1.24, 1e-12);
+    bench->motor[0].current_a = -25.0;
+    tick(bench);
+    assert_true(bench->measured->motor[0].current_a == -20.0);
+}
+
+static void gain_and_offset_come_before_the_converter(void **state)
+{
+    struct bench *bench = *state;
+
+    bench->ft[0].force = (struct sensor_error){.gain_error = 0.02, .offset = -3.0, .lsb = 1.0};
+    start(bench);
+    bench->sense.force_n[1] = 100.0;
+    tick(bench);
+    assert_true(bench->measured->ft[0].force_n[1] == 99.0);
+    assert_true(bench->measured->ft[0].force_n[0] == -3.0);
+    assert_true(bench->measured->ft[0].torque_nm[0] == 0.0);
+}
+
+/* A random walk of k per root second has the variance k^2 t; the ramp is exact. */
+static void drift_grows_as_a_random_walk_and_a_ramp(void **state)
+{
+    struct bench *bench = *state;
+    const double k = 0.5, seconds = 0.2;
+    double square = 0.0;
+    int walks = 0;
+
+    for (int round = 0; round < 100; round++) {
+        bench->joint[0].torque.drift_per_sqrt_s = bench->joint[1].torque.drift_per_sqrt_s = k;
+        bench->config.gyro.ramp_per_s = 0.25;
+        bench->config.accel.drift_per_sqrt_s = k;
+        bench->config.seed = (uint64_t)round;
+        start(bench);
+        for (int i = 0; i <= 200; i++) {
+            tick(bench);
+            if (i == 0) {
+                assert_true(bench->measured->motor[0].torque_nm == 0.0);
+            }
+        }
+        assert_close(bench->measured->imu.gyro_rad_s[2], 0.25 * seconds, 1e-12);
+        for (int i = 0; i < 2; i++, walks++) {
+            square += pow(bench->measured->motor[i].torque_nm, 2) / (k * k * seconds);
+        }
+        for (int i = 0; i < 3; i++, walks++) {
+            square += pow(bench->measured->imu.accel_m_s2[i], 2) / (k * k * seconds);
+        }
+    }
+    assert_close(square / walks, 1.0, 5.0 * sqrt(2.0 / walks));
+}
+
+/* Turning about one axis at a constant rate through the angle where w changes its sign in the
+ * plant's convention: 20.5 ms late is the attitude of 20.5 ms ago, on the arc between two ticks. */
+static void late_orientation_turns_through_the_sign_change(void **state)
+{
+    struct bench *bench = *state;
+    const double rate = 30.0, late_s = 0.0205;
+
+    bench->config.orientation.latency_ns = 20500000;
+    bench->config.magnetic.offset = 1e-6;
+    start(bench);
+    for (int i = 0; i < 400; i++) {
+        double half = 0.5 * rate * i * 1e-3, then = half - 0.5 * rate * late_s;
+        double sign = cos(half) < 0.0 ? -1.0 : 1.0;
+        double *q = bench->truth.imu.quaternion;
+        const double *seen;
+
+        q[0] = sign * cos(half);
+        q[2] = sign * sin(half);
+        tick(bench);
+        seen = bench->measured->imu.quaternion;
+        assert_close(seen[0] * seen[0] + seen[2] * seen[2], 1.0, 1e-12);
+        if (i > 21) {
+            assert_close(fabs(seen[0] * cos(then) + seen[2] * sin(then)), 1.0, 1e-12);
+        }
+        assert_true(bench->measured->imu.magnetic_t[1] == 1e-6);
+    }
+}
+
+/* An error of s / 2 in each component is one of s rad about each axis: the angle between truth and
+ * reading is s times the root of a chi-square with three degrees of freedom. */
+static void orientation_noise_is_half_its_angle(void **state)
+{
+    struct bench *bench = *state;
+    const double s = 0.01;
+    double square = 0.0;
+
+    bench->config.orientation.noise_rms = 0.5 * s;
+    bench->truth.imu.quaternion[0] = 0.6;
+    bench->truth.imu.quaternion[3] = 0.8;
+    start(bench);
+    for (int i = 0; i < SAMPLES; i++) {
+        const double *q;
+        double x, y, z;
+
+        tick(bench);
+        q = bench->measured->imu.quaternion;
+        x = 0.6 * q[1] - 0.8 * q[2]; /* of the conjugate truth times the reading */
+        y = 0.6 * q[2] + 0.8 * q[1];
+        z = 0.6 * q[3] - 0.8 * q[0];
+        square += pow(2.0 * asin(sqrt(x * x + y * y + z * z)) / s, 2);
+    }
+    assert_close(square / SAMPLES, 3.0, 5.0 * sqrt(6.0 / SAMPLES) + 1e-3);
+}
+
+static void orientation_that_is_off_is_not_known(void **state)
+{
+    struct bench *bench = *state;
+
+    arm(bench, (const char *const[]){"sensor imu off", NULL});
+    bench->truth.imu = (struct imu_sense){{1, 1, 1}, {1, 1, 1}, {1, 1, 1}, {1, 0, 0, 0}};
+    start(bench);
+    tick(bench);
+    assert_memory_equal(&bench->measured->imu, &(struct imu_sense){0}, sizeof(struct imu_sense));
+}
+
+static void encoder_that_counts_from_its_start_shows_no_angle_at_first(void **state)
+{
+    struct bench *bench = *state;
+
+    bench->joint[0].incremental = true;
+    bench->motor[0].qm = 0.7;
+    bench->motor[1].qm = 0.7;
+    start(bench);
+    tick(bench);
+    assert_true(bench->measured->motor[0].qm == 0.0);
+    assert_true(bench->measured->motor[1].qm == 0.7);
+    bench->motor[0].qm = 0.9;
+    tick(bench);
+    assert_close(bench->measured->motor[0].qm, 0.2, 1e-15);
+}
+
+static void rate_of_a_real_encoder_is_that_of_its_readings(void **state)
+{
+    struct bench *bench = *state;
+
+    bench->joint[0].link_encoder.lsb = 0.01;
+    start(bench);
+    tick(bench);
+    bench->motor[0].q = 0.012;
+    bench->motor[0].qd = 12.0;
+    tick(bench);
+    assert_close(bench->measured->motor[0].qd, 10.0, 1e-9);
+}
+
+/* A drive that warms up in the plant has one temperature: the sensor reads that. */
+static void winding_of_the_plant_is_read_as_it_is(void **state)
+{
+    struct bench *bench = *state;
+
+    bench->joint[0].temperature.offset = 2.0;
+    bench->motor[0].winding_c = 55.0;
+    bench->motor[0].current_a = 6.0;
+    start(bench);
+    tick(bench);
+    assert_true(bench->measured->motor[0].winding_c == 57.0);
+}
+
+/* T - ambient = R I^2 Rth (1 - exp(-t/tau)) */
+static void winding_heats_with_the_square_of_the_current(void **state)
+{
+    struct bench *bench = *state;
+    const struct sensor_thermal thermal = {
+        .ambient_c = 25.0, .resistance_ohm = 0.664, .k_per_w = 1.5, .time_constant_s = 20.0};
+
+    bench->joint[0].thermal = thermal;
+    bench->motor[0].current_a = bench->motor[1].current_a = 6.0;
+    start(bench);
+    for (int i = 0; i <= 10000; i++) {
+        tick(bench);
+        if (i == 0) {
+            assert_true(bench->measured->motor[0].winding_c == 25.0);
+        }
+    }
+    assert_close(bench->measured->motor[0].winding_c, 25.0 + 0.664 * 36.0 * 1.5 * (1.0 - exp(-0.5)),
+                 1e-9);
+    assert_true(bench->measured->motor[1].winding_c == 0.0);
+}
+
+static void crosstalk_shows_the_same_part_of_full_scale_on_every_other_channel(void **state)
+{
+    struct bench *bench = *state;
+
+    bench->ft[0].crosstalk = 0.01;
+    bench->ft[0].force.full_scale = 2000.0;
+    bench->ft[0].torque.full_scale = 40.0;
+    bench->sense.force_n[2] = 1000.0;
+    start(bench);
+    tick(bench);
+    assert_true(bench->measured->ft[0].force_n[2] == 1000.0);
+    for (int i = 0; i < 3; i++) {
+        assert_close(fabs(bench->measured->ft[0].torque_nm[i]), 0.2, 1e-12);
+    }
+    assert_close(fabs(bench->measured->ft[0].force_n[0]), 10.0, 1e-12);
+}
+
+static void refuses_impossible_errors(void **state)
+{
+    struct bench *bench = *state;
+    struct error error;
+
+    bench->joint[1].torque.noise_rms = -1.0;
+    assert_int_equal(sensing_create(&bench->config, &bench->arena, &bench->sensing, &error),
+                     ERROR_INPUT);
+    assert_non_null(strstr(error.text, "knee"));
+    bench->joint[1].torque = (struct sensor_error){.latency_ns = 2 * SENSING_LATENCY_MAX_NS};
+    assert_int_equal(sensing_create(&bench->config, &bench->arena, &bench->sensing, &error),
+                     ERROR_INPUT);
+    bench->joint[1].torque = (struct sensor_error){.offset = (double)NAN};
+    assert_int_equal(sensing_create(&bench->config, &bench->arena, &bench->sensing, &error),
+                     ERROR_INPUT);
+    bench->joint[1].torque = (struct sensor_error){0};
+    bench->ft[0].crosstalk = 0.1;
+    assert_int_equal(sensing_create(&bench->config, &bench->arena, &bench->sensing, &error),
+                     ERROR_INPUT);
+}
+
+/* ---- faults ---- */
+
+/* Torque of the knee while truth is 1 + the number of the sample; the fault from sample 10 to
+ * 20. */
+static void record(struct bench *bench, const char *line, double *torque, int count)
+{
+    arm(bench, (const char *const[]){line, NULL});
+    start(bench);
+    for (int i = 0; i < count; i++) {
+        bench->motor[1].torque_nm = 1.0 + i;
+        tick(bench);
+        torque[i] = bench->measured->motor[1].torque_nm;
+        if (i < 10 || i >= 20) {
+            assert_true(torque[i] == 1.0 + i);
+        }
+    }
+}
+
+static void sensor_that_is_off_reads_zero(void **state)
+{
+    double torque[30];
+
+    record(*state, "sensor knee.torque off 0.01..0.02", torque, 30);
+    for (int i = 10; i < 20; i++) {
+        assert_true(torque[i] == 0.0);
+    }
+}
+
+static void stuck_sensor_keeps_what_it_said_last(void **state)
+{
+    double torque[30];
+
+    record(*state, "sensor knee.torque stuck 0.01..0.02", torque, 30);
+    for (int i = 10; i < 20; i++) {
+        assert_true(torque[i] == 10.0);
+    }
+}
+
+static void garbage_stays_within_its_amplitude_and_repeats_with_the_seed(void **state)
+{
+    double torque[30], again[30];
+
+    record(*state, "sensor knee.torque garbage 3 0.01..0.02", torque, 30);
+    for (int i = 10; i < 20; i++) {
+        assert_true(fabs(torque[i]) <= 3.0 && torque[i] != 1.0 + i);
+        assert_true(torque[i] != torque[i - 1]);
+    }
+    ((struct bench *)*state)->truth.time_ns = 0;
+    record(*state, "sensor knee.torque garbage 3 0.01..0.02", again, 30);
+    assert_memory_equal(torque, again, sizeof torque);
+}
+
+static void wrong_sensor_has_gain_and_offset(void **state)
+{
+    double torque[30];
+
+    record(*state, "sensor knee.torque wrong gain=-2 offset=0.5 0.01..0.02", torque, 30);
+    for (int i = 10; i < 20; i++) {
+        assert_true(torque[i] == -2.0 * (1.0 + i) + 0.5);
+    }
+}
+
+static void slow_sensor_has_a_new_value_only_every_period(void **state)
+{
+    double torque[30];
+
+    record(*state, "sensor knee.torque slow 0.004 0.01..0.02", torque, 30);
+    for (int i = 10; i < 20; i++) {
+        assert_true(torque[i] == 11.0 + 4 * ((i - 10) / 4));
+    }
+}
+
+static void delayed_sensor_shows_the_past(void **state)
+{
+    double torque[30];
+
+    record(*state, "sensor knee.torque delayed 0.003 0.01..0.02", torque, 30);
+    for (int i = 10; i < 20; i++) {
+        assert_close(torque[i], 1.0 + i - 3.0, 1e-12);
+    }
+}
+
+/* Gaps of a mean length of 20 ms that fill half of the time: about 25 gaps a second. */
+static void intermittent_sensor_is_gone_for_its_share_of_the_time(void **state)
+{
+    struct bench *bench = *state;
+    int zero = 0, gaps = 0;
+    bool was = false;
+
+    arm(bench, (const char *const[]){"sensor knee.torque intermittent 0.5 dwell=0.02", NULL});
+    start(bench);
+    bench->motor[1].torque_nm = 1.0;
+    for (int i = 0; i < SAMPLES; i++) {
+        bool gone;
+
+        tick(bench);
+        gone = bench->measured->motor[1].torque_nm == 0.0;
+        zero += gone;
+        gaps += gone && !was;
+        was = gone;
+    }
+    /* five standard deviations: each gap's length is geometric, of mean and deviation 20 */
+    assert_close((double)zero / SAMPLES, 0.5, 0.04);
+    assert_close(gaps, 2500.0, 250.0);
+}
+
+static void fault_of_a_whole_sensor_takes_all_its_channels(void **state)
+{
+    struct bench *bench = *state;
+
+    arm(bench, (const char *const[]){"sensor foot off", "sensor imu.accel_z wrong offset=1", NULL});
+    for (int i = 0; i < 3; i++) {
+        bench->sense.force_n[i] = bench->sense.torque_nm[i] = 5.0;
+    }
+    start(bench);
+    tick(bench);
+    for (int i = 0; i < 3; i++) {
+        assert_true(bench->measured->ft[0].force_n[i] == 0.0);
+        assert_true(bench->measured->ft[0].torque_nm[i] == 0.0);
+        assert_true(bench->measured->imu.accel_m_s2[i] == (i == 2 ? 1.0 : 0.0));
+    }
+}
+
+static void faults_on_one_channel_act_in_their_order(void **state)
+{
+    struct bench *bench = *state;
+
+    arm(bench, (const char *const[]){"sensor knee.torque wrong offset=1",
+                                     "sensor knee.torque wrong gain=2", NULL});
+    start(bench);
+    bench->motor[1].torque_nm = 3.0;
+    tick(bench);
+    assert_true(bench->measured->motor[1].torque_nm == 8.0);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(ideal_sensors_hand_on_the_truth_itself),
+        TEST(ideal_channels_beside_a_real_one_are_true_to_the_last_bit),
+        TEST(noise_is_white_and_gaussian_of_the_size_asked_for),
+        TEST(noise_depends_on_the_seed_and_on_no_other_channel),
+        TEST(channels_are_independent_of_each_other),
+        TEST(latency_is_a_delay_line_also_between_ticks),
+        TEST(converter_saturates_and_rounds_to_its_steps),
+        TEST(gain_and_offset_come_before_the_converter),
+        TEST(drift_grows_as_a_random_walk_and_a_ramp),
+        TEST(late_orientation_turns_through_the_sign_change),
+        TEST(orientation_noise_is_half_its_angle),
+        TEST(orientation_that_is_off_is_not_known),
+        TEST(encoder_that_counts_from_its_start_shows_no_angle_at_first),
+        TEST(rate_of_a_real_encoder_is_that_of_its_readings),
+        TEST(winding_of_the_plant_is_read_as_it_is),
+        TEST(winding_heats_with_the_square_of_the_current),
+        TEST(crosstalk_shows_the_same_part_of_full_scale_on_every_other_channel),
+        TEST(refuses_impossible_errors),
+        TEST(sensor_that_is_off_reads_zero),
+        TEST(stuck_sensor_keeps_what_it_said_last),
+        TEST(garbage_stays_within_its_amplitude_and_repeats_with_the_seed),
+        TEST(wrong_sensor_has_gain_and_offset),
+        TEST(slow_sensor_has_a_new_value_only_every_period),
+        TEST(delayed_sensor_shows_the_past),
+        TEST(intermittent_sensor_is_gone_for_its_share_of_the_time),
+        TEST(fault_of_a_whole_sensor_takes_all_its_channels),
+        TEST(faults_on_one_channel_act_in_their_order),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,363 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The control socket on a running simulator: what each request does and answers. */
+#include "tests/unit/control/control_bench.h"
+
+#include <math.h>
+
+static struct bench bench;
+
+static void assert_refused(const char *request, const char *code, const char *words)
+{
+    json_t *answer = client_ask(&bench.client, request);
+
+    assert_true(json_is_false(json_object_get(answer, "ok")));
+    assert_string_equal(string_of(answer, "code"), code);
+    if (!strstr(string_of(answer, "error"), words)) {
+        fail_msg("%s: found \"%s\", expected \"%s\"", request, string_of(answer, "error"), words);
+    }
+    json_decref(answer);
+}
+
+static json_t *ask(const char *request)
+{
+    json_t *answer = client_ask(&bench.client, request);
+
+    if (!is_ok(answer)) {
+        fail_msg("%s: %s", request, string_of(answer, "error"));
+    }
+    return answer;
+}
+
+static void stop_and_close(void)
+{
+    bench_do(&bench, "{\"cmd\":\"stop\"}");
+    bench_close(&bench);
+    assert_int_equal(bench.end, LOOP_END_STOPPED);
+}
+
+static void hello_says_who_it_is(void **state)
+{
+    json_t *answer;
+
+    (void)state;
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
+    answer = ask("{\"cmd\":\"hello\",\"id\":\"first\"}");
+    assert_string_equal(string_of(answer, "id"), "first");
+    assert_string_equal(string_of(answer, "program"), "coman-hil");
+    assert_string_equal(string_of(answer, "rig"), "coman");
+    assert_int_equal(whole_of(answer, "protocol"), CONTROL_PROTOCOL);
+    assert_int_equal(whole_of(answer, "pid"), getpid());
+    json_decref(answer);
+    stop_and_close();
+}
+
+/* a board that nobody plays is silent from the first tick on, and was never heard */
+static void status_tells_of_external_boards(void **state)
+{
+    json_t *answer, *board;
+
+    (void)state;
+    bench_open(&bench, &(struct bench_options){.rig = "coman-rest-bus", .clock = LOOP_CLOCK_FREE});
+    answer = ask("{\"cmd\":\"status\"}");
+    assert_int_equal(json_array_size(json_object_get(answer, "external")), 0);
+    json_decref(answer);
+    bench_do(&bench, "{\"cmd\":\"step\",\"count\":5}");
+    answer = ask("{\"cmd\":\"status\"}");
+    assert_int_equal(json_array_size(json_object_get(answer, "external")), 3);
+    board = json_array_get(json_object_get(answer, "external"), 2);
+    assert_string_equal(string_of(board, "board"), "hip_yaw");
+    assert_string_equal(string_of(board, "bus"), "left_hip");
+    assert_true(json_is_true(json_object_get(board, "silent")));
+    assert_true(json_is_null(json_object_get(board, "heard_s")));
+    json_decref(answer);
+    stop_and_close();
+}
+
+static void status_is_that_of_the_tick(void **state)
+{
+    json_t *answer;
+
+    (void)state;
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE, .task = "squat"});
+    bench_do(&bench, "{\"cmd\":\"step\",\"count\":250}");
+    answer = ask("{\"cmd\":\"status\",\"id\":3}");
+    assert_int_equal(whole_of(answer, "id"), 3);
+    assert_int_equal(whole_of(answer, "tick"), 250);
+    assert_true(number_of(answer, "time_s") == 0.25);
+    assert_true(json_is_true(json_object_get(answer, "paused")));
+    assert_string_equal(string_of(answer, "clock"), "free");
+    assert_string_equal(string_of(json_object_get(answer, "task"), "name"), "squat");
+    assert_int_equal(json_array_size(json_object_get(answer, "buses")), bench.rig->nbus);
+    assert_int_equal(json_object_size(json_object_get(answer, "joints")), bench.rig->robot->njoint);
+    /* by then it stands: the feet carry the weight, 278 N and what still swings */
+    assert_in_range((uint64_t)(number_of(json_object_get(answer, "contacts"), "LFoot") +
+                               number_of(json_object_get(answer, "contacts"), "RFoot")),
+                    200, 360);
+    json_decref(answer);
+    stop_and_close();
+}
+
+static void statistics_count_every_tick(void **state)
+{
+    json_t *answer, *phases;
+
+    (void)state;
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
+    bench_do(&bench, "{\"cmd\":\"step\",\"count\":400}");
+    answer = ask("{\"cmd\":\"statistics\"}");
+    phases = json_object_get(answer, "phases");
+    assert_int_equal(json_object_size(phases), PHASE_COUNT);
+    assert_int_equal(whole_of(json_object_get(phases, "plant"), "count"), 400);
+    assert_int_equal(whole_of(json_object_get(phases, "publish"), "count"), 400);
+    assert_true(number_of(json_object_get(phases, "plant"), "min_us") <=
+                number_of(json_object_get(phases, "plant"), "median_us"));
+    assert_true(number_of(json_object_get(phases, "plant"), "p99_us") <=
+                number_of(json_object_get(phases, "plant"), "max_us"));
+    assert_int_equal(whole_of(answer, "overruns"), 0);
+    json_decref(answer);
+    stop_and_close();
+}
+
+static void lists_have_patterns(void **state)
+{
+    json_t *answer, *list;
+
+    (void)state;
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
+    answer = ask("{\"cmd\":\"list\",\"what\":\"signals\",\"match\":\"q_?Knee*\"}");
+    list = json_object_get(answer, "signals");
+    assert_int_equal(json_array_size(list), 2);
+    json_decref(answer);
+    answer = ask("{\"cmd\":\"list\",\"what\":\"bodies\"}");
+    assert_int_equal(json_array_size(json_object_get(answer, "bodies")), bench.rig->robot->nbody);
+    json_decref(answer);
+    answer = ask("{\"cmd\":\"list\",\"what\":\"tunables\"}");
+    assert_int_equal(json_array_size(json_object_get(answer, "tunables")),
+                     requests_tunables(simulator_requests(bench.simulator)));
+    json_decref(answer);
+    answer = ask("{\"cmd\":\"list\",\"what\":\"commands\"}");
+    list = json_object_get(answer, "commands");
+    assert_int_equal(json_array_size(list), 19);
+    assert_string_equal(json_string_value(json_array_get(list, 0)), "hello");
+    json_decref(answer);
+    stop_and_close();
+}
+
+static void tunables_are_set_and_read_back(void **state)
+{
+    json_t *answer;
+
+    (void)state;
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
+    bench_do(&bench, "{\"cmd\":\"set\",\"name\":\"joint.LKneeSag.position_kp\",\"value\":123}");
+    answer = ask("{\"cmd\":\"get\",\"name\":\"joint.LKneeSag.position_kp\"}");
+    assert_true(number_of(answer, "value") == 123.0);
+    json_decref(answer);
+    assert_refused("{\"cmd\":\"set\",\"name\":\"joint.LKneeSag.position_kp\",\"value\":1.5}",
+                   "input", "found 1.5, expected a whole number");
+    assert_refused("{\"cmd\":\"set\",\"name\":\"supply_v\",\"value\":1e9}", "input",
+                   "found 1000000000, expected");
+    assert_refused("{\"cmd\":\"set\",\"name\":\"suply_v\",\"value\":1}", "input",
+                   "the nearest is \"supply_v\"");
+    assert_refused("{\"cmd\":\"get\",\"name\":\"joint.LKneSag.position_kp\"}", "input",
+                   "the nearest is \"joint.LKneeSag.position_kp\"");
+    stop_and_close();
+}
+
+static void faults_are_switched_and_seen(void **state)
+{
+    static const char *const lines[] = {"silent: board left_leg/1 off manual"};
+    json_t *answer, *list;
+
+    (void)state;
+    bench_open(&bench,
+               &(struct bench_options){.clock = LOOP_CLOCK_FREE, .fault = lines, .nfault = 1});
+    bench_do(&bench, "{\"cmd\":\"step\"}");
+    bench_do(&bench, "{\"cmd\":\"fault\",\"name\":\"silent\",\"on\":true}");
+    bench_do(&bench, "{\"cmd\":\"step\"}");
+    answer = ask("{\"cmd\":\"status\"}");
+    list = json_object_get(answer, "faults");
+    assert_int_equal(json_array_size(list), 1);
+    assert_string_equal(json_string_value(json_array_get(list, 0)), "silent");
+    json_decref(answer);
+    bench_do(&bench, "{\"cmd\":\"fault\",\"name\":\"silent\",\"on\":false}");
+    bench_do(&bench, "{\"cmd\":\"step\"}");
+    answer = ask("{\"cmd\":\"list\",\"what\":\"faults\"}");
+    list = json_object_get(answer, "faults");
+    assert_true(json_is_false(json_object_get(json_array_get(list, 0), "active")));
+    assert_string_equal(string_of(json_array_get(list, 0), "line"), lines[0]);
+    json_decref(answer);
+    assert_refused("{\"cmd\":\"fault\",\"name\":\"silence\",\"on\":true}", "input",
+                   "the nearest is \"silent\"");
+    stop_and_close();
+}
+
+static void going_back_repeats_what_followed(void **state)
+{
+    uint64_t there, pushed;
+    json_t *answer, *list;
+
+    (void)state;
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE, .task = "squat"});
+    bench_do(&bench, "{\"cmd\":\"step\",\"count\":500}");
+    assert_refused("{\"cmd\":\"restore\",\"slot\":2}", "empty", "no checkpoint");
+    bench_do(&bench, "{\"cmd\":\"checkpoint\",\"slot\":2}");
+    there = bench_do(&bench, "{\"cmd\":\"step\",\"count\":100}");
+    bench_do(&bench, "{\"cmd\":\"restore\",\"slot\":2}");
+    bench_do(&bench, "{\"cmd\":\"push\",\"body\":\"Waist\",\"force_n\":[30,0,0],"
+                     "\"duration_s\":0.02}");
+    pushed = bench_do(&bench, "{\"cmd\":\"step\",\"count\":100}");
+    assert_true(pushed != there);
+    bench_do(&bench, "{\"cmd\":\"restore\",\"slot\":2}");
+    assert_true(bench_do(&bench, "{\"cmd\":\"step\",\"count\":100}") == there);
+    answer = ask("{\"cmd\":\"list\",\"what\":\"checkpoints\"}");
+    list = json_object_get(answer, "checkpoints");
+    assert_int_equal(json_array_size(list), 2);
+    assert_int_equal(whole_of(json_array_get(list, 1), "slot"), 2);
+    assert_int_equal(whole_of(json_array_get(list, 1), "tick"), 500);
+    json_decref(answer);
+    bench_do(&bench, "{\"cmd\":\"reset\"}");
+    bench_do(&bench, "{\"cmd\":\"step\",\"count\":500}");
+    assert_true(bench_do(&bench, "{\"cmd\":\"step\",\"count\":100}") == there);
+    assert_refused("{\"cmd\":\"push\",\"body\":\"Wist\"}", "input", "the nearest is \"Waist\"");
+    stop_and_close();
+}
+
+/* the answer to a step may come between rows, or after them */
+static json_t *hear_row(void)
+{
+    json_t *line = client_hear(&bench.client);
+
+    if (json_object_get(line, "id")) {
+        json_decref(line);
+        line = client_hear(&bench.client);
+    }
+    return line;
+}
+
+static void rows_come_at_every_multiple_of_the_period(void **state)
+{
+    json_t *answer, *row;
+
+    (void)state;
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE, .task = "squat"});
+    bench_do(&bench, "{\"cmd\":\"step\",\"count\":3}");
+    answer = ask("{\"cmd\":\"subscribe\",\"signals\":[\"q_LKneeSag_rad\",\"rx_*_frames\","
+                 "\"q_?KneeSag_rad\"],\"period_ms\":5}");
+    /* each once, in the order of the request */
+    assert_int_equal(json_array_size(json_object_get(answer, "signals")), 2 + bench.rig->nbus);
+    assert_string_equal(json_string_value(json_array_get(json_object_get(answer, "signals"), 0)),
+                        "q_LKneeSag_rad");
+    json_decref(answer);
+    assert_true(client_say(&bench.client, "{\"cmd\":\"step\",\"count\":100,\"id\":9}\n"));
+    for (int i = 1; i <= 20; i++) {
+        row = hear_row();
+        assert_int_equal(whole_of(row, "tick"), 5 * i);
+        assert_true(fabs(number_of(row, "time_s") - 5e-3 * i) < 1e-12);
+        assert_null(json_object_get(row, "missed"));
+        assert_int_equal(json_array_size(json_object_get(row, "values")), 2 + bench.rig->nbus);
+        json_decref(row);
+    }
+    answer = ask("{\"cmd\":\"unsubscribe\"}");
+    if (whole_of(answer, "id") == 9) {
+        json_decref(answer);
+        answer = client_hear(&bench.client);
+    }
+    assert_int_equal(whole_of(answer, "rows"), 20);
+    assert_int_equal(whole_of(answer, "missed"), 0);
+    json_decref(answer);
+    assert_refused("{\"cmd\":\"subscribe\",\"signals\":[\"q_LKneSag_rad\"]}", "input",
+                   "the nearest is \"q_LKneeSag_rad\"");
+    assert_refused("{\"cmd\":\"subscribe\",\"signals\":[\"*\"],\"period_ms\":1.5}", "input",
+                   "found 1.5, expected a multiple of the tick, 1");
+    stop_and_close();
+}
+
+static void waiting_ends_at_its_tick_and_answers_keep_their_order(void **state)
+{
+    struct bench_client *other = test_malloc(sizeof *other);
+    json_t *answer;
+
+    (void)state;
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
+    client_open(other, bench.path);
+    assert_true(client_say(other, "{\"cmd\":\"wait\",\"time_s\":0.05,\"id\":1}\n"
+                                  "{\"cmd\":\"status\",\"id\":2}\n"
+                                  "{\"cmd\":\"wait\",\"tick\":10,\"id\":3}\n"));
+    bench_do(&bench, "{\"cmd\":\"step\",\"count\":20}");
+    bench_do(&bench, "{\"cmd\":\"step\",\"count\":30}");
+    for (int i = 1; i <= 3; i++) {
+        answer = client_hear(other);
+        assert_true(is_ok(answer));
+        assert_int_equal(whole_of(answer, "id"), i);
+        assert_int_equal(whole_of(answer, "tick"), 50);
+        json_decref(answer);
+    }
+    client_close(other);
+    test_free(other);
+    stop_and_close();
+}
+
+static void a_pause_from_another_connection_cuts_a_step(void **state)
+{
+    struct bench_client *other = test_malloc(sizeof *other);
+    json_t *answer;
+
+    (void)state;
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
+    client_open(other, bench.path);
+    assert_true(client_say(other, "{\"cmd\":\"step\",\"count\":1000000000}\n"));
+    bench_do(&bench, "{\"cmd\":\"wait\",\"tick\":100}");
+    assert_refused("{\"cmd\":\"step\"}", "busy", "a step is under way");
+    bench_do(&bench, "{\"cmd\":\"pause\"}");
+    answer = client_hear(other);
+    assert_string_equal(string_of(answer, "code"), "cut");
+    assert_true(whole_of(answer, "tick") >= 100);
+    json_decref(answer);
+    client_close(other);
+    test_free(other);
+    stop_and_close();
+}
+
+static void what_still_waits_at_the_end_is_told(void **state)
+{
+    struct bench_client *other = test_malloc(sizeof *other);
+    json_t *answer;
+
+    (void)state;
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
+    client_open(other, bench.path);
+    assert_true(client_say(other, "{\"cmd\":\"hello\"}\n{\"cmd\":\"wait\",\"tick\":1000000}\n"));
+    answer = client_hear(other);
+    json_decref(answer);
+    /* a turn of the server later the wait has begun, or its line is read at the end */
+    stop_and_close();
+    answer = client_hear(other);
+    if (answer) {
+        assert_string_equal(string_of(answer, "code"), "ended");
+        json_decref(answer);
+    }
+    assert_null(client_hear(other));
+    client_close(other);
+    test_free(other);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(hello_says_who_it_is),
+        cmocka_unit_test(status_is_that_of_the_tick),
+        cmocka_unit_test(status_tells_of_external_boards),
+        cmocka_unit_test(statistics_count_every_tick),
+        cmocka_unit_test(lists_have_patterns),
+        cmocka_unit_test(tunables_are_set_and_read_back),
+        cmocka_unit_test(faults_are_switched_and_seen),
+        cmocka_unit_test(going_back_repeats_what_followed),
+        cmocka_unit_test(rows_come_at_every_multiple_of_the_period),
+        cmocka_unit_test(waiting_ends_at_its_tick_and_answers_keep_their_order),
+        cmocka_unit_test(a_pause_from_another_connection_cuts_a_step),
+        cmocka_unit_test(what_still_waits_at_the_end_is_told),
+    };
+
+    return cmocka_run_group_tests_name("unit/control", tests, NULL, NULL);
+}

@@ -1,0 +1,120 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The table of faults: windows, switching by hand, events, names. */
+#include "tests/unit/faults/lines.h"
+
+#include <stdio.h>
+#include <string.h>
+
+struct bench {
+    struct arena arena;
+    struct faults *faults;
+};
+
+static int set_up(void **state)
+{
+    static struct bench bench;
+    const struct fault fault[] = {parse("motor LKneeSag jam 2..2.5"),
+                                  parse("lossy: bus left_leg loss 0.1 manual"),
+                                  parse("sensor imu off 0..0.001")};
+    struct error error;
+
+    assert_int_equal(arena_init(&bench.arena, 1 << 20, &error), ERROR_NONE);
+    assert_int_equal(faults_create(fault, 3, 7, &bench.arena, &bench.faults, &error), ERROR_NONE);
+    *state = &bench;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    arena_fini(&((struct bench *)*state)->arena);
+    return 0;
+}
+
+static bool is_active(const struct bench *bench, size_t i)
+{
+    return faults_at(bench->faults, i)->active;
+}
+
+static void window_holds_from_its_begin_to_before_its_end(void **state)
+{
+    struct bench *bench = *state;
+
+    assert_false(is_active(bench, 2)); /* not before the first step */
+    faults_step(bench->faults, 0);
+    assert_true(is_active(bench, 2) && !is_active(bench, 0) && !is_active(bench, 1));
+    faults_step(bench->faults, SECOND / 1000);
+    assert_false(is_active(bench, 2));
+    faults_step(bench->faults, 2 * SECOND - 1);
+    assert_false(is_active(bench, 0));
+    faults_step(bench->faults, 2 * SECOND);
+    assert_true(is_active(bench, 0));
+    faults_step(bench->faults, 5 * SECOND / 2 - 1);
+    assert_true(is_active(bench, 0));
+    faults_step(bench->faults, 5 * SECOND / 2);
+    assert_false(is_active(bench, 0));
+}
+
+static void hand_overrules_the_clock(void **state)
+{
+    struct bench *bench = *state;
+    int lossy = faults_find(bench->faults, "lossy");
+
+    assert_int_equal(lossy, 1);
+    assert_int_equal(faults_find(bench->faults, "3"), 2);
+    assert_int_equal(faults_find(bench->faults, "none"), -1);
+    assert_true(faults_set(bench->faults, 0, 1, true));
+    assert_true(is_active(bench, 1));
+    faults_step(bench->faults, SECOND);
+    assert_true(is_active(bench, 1));
+    assert_true(faults_set(bench->faults, SECOND, 0, false));
+    faults_step(bench->faults, 2 * SECOND);
+    assert_false(is_active(bench, 0));
+    assert_false(faults_set(bench->faults, 2 * SECOND, 3, true));
+}
+
+static void each_change_is_one_event(void **state)
+{
+    struct bench *bench = *state;
+    struct fault_event event;
+    char text[256];
+
+    for (int64_t ms = 0; ms < 3000; ms++) {
+        faults_step(bench->faults, ms * 1000000);
+    }
+    faults_set(bench->faults, 2999 * (SECOND / 1000), 1, true);
+    faults_set(bench->faults, 2999 * (SECOND / 1000), 1, true);
+    for (int i = 0; i < 4; i++) {
+        assert_true(faults_next_event(bench->faults, &event));
+    }
+    fault_event_format(bench->faults, &event, text, sizeof text);
+    assert_string_equal(text, "2.500000 s: fault 1 ends: motor LKneeSag jam 2..2.5");
+    assert_true(faults_next_event(bench->faults, &event));
+    fault_event_format(bench->faults, &event, text, sizeof text);
+    assert_string_equal(
+        text, "2.999000 s: fault lossy begins (by hand): lossy: bus left_leg loss 0.1 manual");
+    assert_false(faults_next_event(bench->faults, &event));
+}
+
+static void refuses_one_name_twice(void **state)
+{
+    struct bench *bench = *state;
+    const struct fault fault[] = {parse("a: motor LKneeSag jam"), parse("a: motor LHipSag jam")};
+    struct faults *faults;
+    struct error error;
+
+    assert_int_equal(faults_create(fault, 2, 7, &bench->arena, &faults, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "name a again"));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(window_holds_from_its_begin_to_before_its_end, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(hand_overrules_the_clock, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(each_change_is_one_event, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(refuses_one_name_twice, set_up, tear_down),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,28 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Lines of faults that have to be right, about the small rig of names.h. */
+#ifndef TESTS_UNIT_FAULTS_LINES_H
+#define TESTS_UNIT_FAULTS_LINES_H
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "tests/unit/faults/names.h"
+
+#define SECOND INT64_C(1000000000)
+
+static inline struct fault parse(const char *text)
+{
+    struct fault fault;
+    struct error error;
+
+    if (fault_parse(text, &names, &fault, &error)) {
+        fail_msg("%s", error.text);
+    }
+    return fault;
+}
+
+#endif

@@ -1,0 +1,225 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Lines of faults as people write them, right and wrong. */
+#include "tests/unit/faults/lines.h"
+
+#include <stdio.h>
+#include <string.h>
+
+static void assert_refused(const char *text, enum error_code code, const char *message)
+{
+    struct fault fault;
+    struct error error = {0};
+
+    if (fault_parse(text, &names, &fault, &error) != code || !strstr(error.text, message)) {
+        fail_msg("\"%s\" gave \"%s\", expected \"%s\"", text, error.text, message);
+    }
+}
+
+static void reads_what_is_broken_how_and_when(void **unused)
+{
+    struct fault fault = parse("motor LKneeSag jam 2.0..2.5");
+
+    (void)unused;
+    assert_int_equal(fault.target, FAULT_MOTOR);
+    assert_int_equal(fault.kind, FAULT_JAM);
+    assert_int_equal(fault.index, 1);
+    assert_int_equal(fault.from_ns, 2 * SECOND);
+    assert_int_equal(fault.to_ns, 5 * SECOND / 2);
+    assert_string_equal(fault.text, "motor LKneeSag jam 2.0..2.5");
+    assert_string_equal(fault.name, "");
+}
+
+static void window_may_be_open_missing_or_manual(void **unused)
+{
+    struct fault fault = parse("motor LHipSag short 0.25..");
+
+    (void)unused;
+    assert_int_equal(fault.from_ns, SECOND / 4);
+    assert_int_equal(fault.to_ns, INT64_MAX);
+    fault = parse("motor LHipSag open_phase");
+    assert_int_equal(fault.from_ns, 0);
+    assert_int_equal(fault.to_ns, INT64_MAX);
+    fault = parse("knee: motor LHipSag spring_break manual");
+    assert_int_equal(fault.from_ns, INT64_MAX);
+    assert_string_equal(fault.name, "knee");
+}
+
+static void sensors_are_numbered_through(void **unused)
+{
+    struct fault fault = parse("sensor LKneeSag.motor_encoder stuck 3..");
+
+    (void)unused;
+    assert_int_equal(fault.index, SENSOR_JOINT_CHANNELS + SENSOR_MOTOR_ENCODER);
+    assert_int_equal(fault.channels, 1);
+    fault = parse("sensor hand.link_encoder off");
+    assert_int_equal(fault.index, 2 * SENSOR_JOINT_CHANNELS);
+    fault = parse("sensor l_leg_ft off");
+    assert_int_equal(fault.index, 4 * SENSOR_JOINT_CHANNELS);
+    assert_int_equal(fault.channels, 6);
+    fault = parse("sensor r.leg.ft.ty off");
+    assert_int_equal(fault.index, 4 * SENSOR_JOINT_CHANNELS + 6 + 4);
+    assert_int_equal(fault.channels, 1);
+    fault = parse("sensor r.leg.ft off");
+    assert_int_equal(fault.index, 4 * SENSOR_JOINT_CHANNELS + 6);
+    fault = parse("sensor imu.accel_z off");
+    assert_int_equal(fault.index, 4 * SENSOR_JOINT_CHANNELS + 2 * 6 + 5);
+    fault = parse("sensor imu.quat_z off");
+    assert_int_equal(fault.index, 4 * SENSOR_JOINT_CHANNELS + 2 * 6 + 12);
+    fault = parse("sensor imu off");
+    assert_int_equal(fault.channels, 13);
+}
+
+static void boards_have_a_name_or_an_address(void **unused)
+{
+    (void)unused;
+    assert_int_equal(parse("board left_leg/0x01 off").index, 0);
+    assert_int_equal(parse("board left_leg/1 off 1..1.2").index, 0);
+    assert_int_equal(parse("board left_leg/13 stuck").index, 1);
+    assert_int_equal(parse("board ankle garbage").index, 1);
+}
+
+static void parameters_have_keys_defaults_and_a_first(void **unused)
+{
+    struct fault fault = parse("sensor LKneeSag.torque wrong gain=1.1 offset=-0.5 1..2");
+
+    (void)unused;
+    assert_true(fault.value[0] == 1.1 && fault.value[1] == -0.5);
+    fault = parse("sensor LKneeSag.torque wrong offset=2");
+    assert_true(fault.value[0] == 1.0 && fault.value[1] == 2.0);
+    fault = parse("bus left_leg loss 0.1");
+    assert_true(fault.value[0] == 0.1);
+    assert_int_equal(fault.id, -1);
+    fault = parse("bus torso loss p=1 id=0x6f0 1..1.1");
+    assert_int_equal(fault.id, 0x6f0);
+    fault = parse("board ankle intermittent");
+    assert_true(fault.value[0] == 0.5 && fault.value[1] == 0.02);
+    fault = parse("supply sag 30 1..1.05");
+    assert_int_equal(fault.target, FAULT_SUPPLY);
+    assert_true(fault.value[0] == 30.0);
+    fault = parse("valve lf_kfe leak 1e-5 2..");
+    assert_int_equal(fault.target, FAULT_VALVE);
+    assert_int_equal(fault.index, 3);
+    assert_true(fault.value[0] == 1e-5);
+    fault = parse("hydraulic_supply pump_loss");
+    assert_int_equal(fault.target, FAULT_HYDRAULIC_SUPPLY);
+    assert_true(fault.value[0] == 1.0);
+}
+
+static void refuses_what_it_does_not_know_and_names_the_nearest(void **unused)
+{
+    (void)unused;
+    assert_refused("", ERROR_INPUT, "expected sensor, board, motor, bus, supply, valve or");
+    assert_refused("engine LKneeSag jam", ERROR_INPUT, "found \"engine\"");
+    assert_refused("motor LKneeSga jam", ERROR_INPUT, "\"LKneeSag\"");
+    assert_refused("motor LKneeSag jamm", ERROR_INPUT, "\"jam\"");
+    assert_refused("motor LKneeSag", ERROR_INPUT, "open_phase, short, jam, spring_break");
+    assert_refused("motor", ERROR_INPUT, "what is broken");
+    assert_refused("sensor LKneeSag off", ERROR_INPUT, "JOINT.CHANNEL");
+    assert_refused("sensor LKneeSag.torqe off", ERROR_INPUT, "\"torque\"");
+    assert_refused("sensor l_leg_ft.fw off", ERROR_INPUT, "fx");
+    assert_refused("board left_leg/2 off", ERROR_INPUT, "a board");
+    assert_refused("bus left_leg wrong", ERROR_INPUT, "a kind of fault");
+    assert_refused("sensor l_leg_ft loss 0.1", ERROR_INPUT, "a kind of fault");
+}
+
+static void refuses_wrong_numbers_and_windows(void **unused)
+{
+    (void)unused;
+    assert_refused("bus left_leg loss", ERROR_INPUT, "expected p");
+    assert_refused("bus left_leg loss 1.5", ERROR_INPUT, "p=0 to 1");
+    assert_refused("bus left_leg loss nan", ERROR_INPUT, "p=0 to 1");
+    assert_refused("bus left_leg loss 0.1 0.2", ERROR_INPUT, "once");
+    assert_refused("bus left_leg loss q=0.2", ERROR_INPUT, "p=");
+    assert_refused("bus left_leg loss 0.2 id=-1", ERROR_INPUT, "id=");
+    assert_refused("motor LKneeSag jam 3", ERROR_INPUT, "FROM..TO");
+    assert_refused("motor LKneeSag jam 3..2", ERROR_INPUT, "FROM before TO");
+    assert_refused("motor LKneeSag jam -1..2", ERROR_INPUT, "FROM..TO");
+    assert_refused("motor LKneeSag jam ..", ERROR_INPUT, "FROM..TO");
+    assert_refused("motor LKneeSag jam 1..2 manual", ERROR_INPUT, "nothing after");
+    assert_refused("bad/name: motor LKneeSag jam", ERROR_INPUT, "a name");
+    assert_refused("sensor imu.gyro_x slow 0", ERROR_INPUT, "period=");
+}
+
+static void refuses_what_is_unsupported_there(void **unused)
+{
+    (void)unused;
+    assert_refused("motor hand jam", ERROR_UNSUPPORTED, "no drive");
+    assert_refused("motor lf_kfe jam", ERROR_UNSUPPORTED, "expected \"valve lf_kfe\"");
+    assert_refused("valve LHipSag off", ERROR_UNSUPPORTED, "expected \"motor LHipSag\"");
+    assert_refused("valve lf_kfe jam", ERROR_INPUT, "off, stuck, shifted, leak");
+    assert_refused("valve lf_kfe shifted 1.5", ERROR_INPUT, "share=-1 to 1");
+    assert_refused("hydraulic_supply sag 3", ERROR_INPUT, "pump_loss, leak, relief_shut");
+    assert_refused("bus torso error_burst 0.1", ERROR_UNSUPPORTED, "not in wire mode");
+    assert_refused("bus torso id_collision", ERROR_UNSUPPORTED, "not in wire mode");
+    parse("bus left_leg error_burst 0.1");
+    parse("bus left_leg id_collision");
+}
+
+/* A pressure that is constant by definition, or of a robot without oil, cannot be lost. */
+static void a_supply_without_accumulator_cannot_break(void **unused)
+{
+    struct fault_names constant = names;
+    struct fault fault;
+    struct error error;
+
+    (void)unused;
+    constant.oil_store = false;
+    assert_int_equal(fault_parse("hydraulic_supply leak 1e-5", &constant, &fault, &error),
+                     ERROR_UNSUPPORTED);
+    assert_non_null(strstr(error.text, "with an accumulator"));
+}
+
+static void any_text_is_refused_or_read_and_nothing_else(void **unused)
+{
+    static const char alphabet[] = "sensor motor LKneeSag. jam 0.1..2=:/ left_leg\t\x01\xff bus id";
+    uint32_t random = 1;
+
+    (void)unused;
+    for (int i = 0; i < 20000; i++) {
+        char text[FAULT_TEXT_SIZE + 40];
+        struct fault fault;
+        struct error error;
+        size_t length = (random >> 8) % sizeof text;
+
+        for (size_t k = 0; k < length; k++) {
+            random = random * 1664525u + 1013904223u;
+            text[k] = alphabet[(random >> 16) % (sizeof alphabet - 1)];
+        }
+        text[length ? length - 1 : 0] = '\0';
+        random = random * 1664525u + 1013904223u;
+        fault_parse(text, &names, &fault, &error);
+    }
+}
+
+static void help_lists_every_kind_once(void **unused)
+{
+    char text[200];
+    size_t count = faults_help(0, NULL, 0);
+
+    (void)unused;
+    assert_true(count > 20);
+    for (size_t i = 0; i < count; i++) {
+        faults_help(i, text, sizeof text);
+        assert_non_null(strstr(text, " ... "));
+        assert_non_null(strchr(text, ':'));
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(reads_what_is_broken_how_and_when),
+        cmocka_unit_test(window_may_be_open_missing_or_manual),
+        cmocka_unit_test(sensors_are_numbered_through),
+        cmocka_unit_test(boards_have_a_name_or_an_address),
+        cmocka_unit_test(parameters_have_keys_defaults_and_a_first),
+        cmocka_unit_test(refuses_what_it_does_not_know_and_names_the_nearest),
+        cmocka_unit_test(refuses_wrong_numbers_and_windows),
+        cmocka_unit_test(refuses_what_is_unsupported_there),
+        cmocka_unit_test(a_supply_without_accumulator_cannot_break),
+        cmocka_unit_test(any_text_is_refused_or_read_and_nothing_else),
+        cmocka_unit_test(help_lists_every_kind_once),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

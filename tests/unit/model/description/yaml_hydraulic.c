@@ -1,0 +1,131 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Hydraulic joints of robot files: the shipped leg, and what is refused. */
+#include "base/count.h"
+#include "model/hydraulics/hydraulic.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "tests/unit/arena_fixture.h"
+
+#define LEG HIL_SOURCE_DIR "/config/robots/hyq-leg.yaml"
+
+/* The same as it was written before the catalogue had hydraulic drives. */
+#define OLD_LEG HIL_SOURCE_DIR "/tests/old/robots/oil.yaml"
+
+static void the_leg_has_its_cylinders(void **state)
+{
+    const struct robot *robot;
+    struct error error;
+    double lever[2];
+
+    (void)state;
+    if (robot_load(LEG, NULL, &arena, &robot, &error)) {
+        fail_msg("%s", error.text);
+    }
+    for (size_t j = 0; j < 2; j++) {
+        const struct robot_joint *joint = &robot->joint[j];
+        const struct robot_hydraulic *c = &joint->hydraulic;
+
+        assert_true(c->present && !joint->sea.present && robot_joint_is_driven(joint));
+        assert_true(fabs(c->A1 * robot->hydraulic_supply.pressure - 3217.0) < 0.5);
+        assert_true(fabs(c->A2 * robot->hydraulic_supply.pressure - 1960.0) < 0.5);
+        assert_true(fabs(c->K * sqrt(3.5e6) - 1.25e-4) < 1e-12);
+        assert_true(fabs(c->valve_w - 1570.796) < 1e-2);
+
+        /* half out in the middle of the range */
+        assert_true(fabs(hydraulic_length(c, 0.5 * (joint->lower + joint->upper), &lever[j]) -
+                         c->closed - 0.04) < 1e-6);
+    }
+    assert_true(fabs(lever[0] - lever[1]) < 1e-9);
+}
+
+/* To the last bit: the catalogue has the numbers that the file had. */
+static void the_leg_takes_its_cylinders_from_the_catalogue(void **state)
+{
+    const struct robot *robot, *old;
+    struct error error;
+
+    (void)state;
+    if (robot_load(LEG, NULL, &arena, &robot, &error) ||
+        robot_load(OLD_LEG, NULL, &arena, &old, &error)) {
+        fail_msg("%s", error.text);
+    }
+    for (size_t j = 0; j < 2; j++) {
+        assert_memory_equal(&robot->joint[j].hydraulic, &old->joint[j].hydraulic,
+                            sizeof old->joint[j].hydraulic);
+    }
+}
+
+/* The leg with one part of its text replaced is refused so. */
+static void a_faulty_cylinder_is_refused_at_its_place(void **state)
+{
+    static const struct {
+        const char *part, *other, *text;
+    } fault[] = {
+        {"stroke_m: 0.080 ", "stroke_m: 0.040 ", "hip: found the piston at"},
+        {"upper_rad: 0.85", "upper_rad: 1.55", "expected it within"},
+        {"hydraulic: {}", "hydraulic: {offset_rad: 3.0}", "hip: found"},
+        {"rod_m: 0.010 ", "rod_m: 0.016 ", "found a rod as thick as its bore"},
+        {"valve_hz: 250.0 ", "valve_khz: 250.0 ", "expected \"valve_hz\""},
+        {"  valve_v: 10.0 ", "  # ", "without key \"valve_v\""},
+        {"hydraulic: {}", "hydraulic: {}\n    drive: {}",
+         "found a hydraulic drive on driven joint"},
+        {"hydraulic:\n", "drive: {bore_m: 0.02}\nhydraulic:\n",
+         "found key \"hydraulic\" beside a hydraulic \"drive\""},
+        {"  base_m: 0.32 ", "  # ", "without key \"base_m\", expected it here (the triangle"},
+        {"precharge_pa: 9.0e+6", "precharge_pa: 2.0e+7", "found an accumulator of precharge_pa"},
+        {"return_pa: 2.0e+5", "return_pa: 2.0e+7", "found a supply of"},
+        {"return_pa: 2.0e+5", "return_pa: -1", "expected a number"},
+    };
+    static char text[16384];
+    FILE *leg = fopen(OLD_LEG, "re");
+    size_t size;
+
+    (void)state;
+    assert_non_null(leg);
+    size = fread(text, 1, sizeof text - 1, leg);
+    fclose(leg);
+    text[size] = '\0';
+    for (size_t i = 0; i < ARRAY_COUNT(fault); i++) {
+        char path[] = "/tmp/hil-hydraulic-XXXXXX", place[64];
+        int fd = mkstemp(path);
+        FILE *file = fdopen(fd, "w");
+        const char *at = strstr(text, fault[i].part);
+        const struct robot *robot;
+        struct error error;
+
+        assert_non_null(file);
+        assert_non_null(at);
+        fprintf(file, "%.*s%s%s", (int)(at - text), text, fault[i].other,
+                at + strlen(fault[i].part));
+        assert_int_equal(fclose(file), 0);
+        assert_int_equal(robot_load(path, NULL, &arena, &robot, &error), ERROR_INPUT);
+        unlink(path);
+        snprintf(place, sizeof place, "%s:", path);
+        if (!strstr(error.text, fault[i].text) || !strstr(error.text, place)) {
+            fail_msg("%s\n  is not %s", error.text, fault[i].text);
+        }
+    }
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, open_arena, close_arena)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(the_leg_has_its_cylinders),
+        TEST(the_leg_takes_its_cylinders_from_the_catalogue),
+        TEST(a_faulty_cylinder_is_refused_at_its_place),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,255 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the loop makes of requests, by the scripted clock: speed, the way back, and what is set. */
+#include "tests/unit/rt/request_bench.h"
+
+#include <math.h>
+
+/* ---- speed ---- */
+
+static void speed_at_10(struct request_bench *unused)
+{
+    (void)unused;
+    if (sb.bench->tick == 10) {
+        ask(REQUEST_SPEED, 0, 0, sb.value);
+    }
+}
+
+static void speed_scales_the_grid_and_what_an_overrun_is(void **state)
+{
+    struct bench *bench = requested_create(LOOP_CLOCK_REAL, 30);
+
+    (void)state;
+    sb.value = 0.25; /* 4 ms a tick */
+    sb.each_tick = speed_at_10;
+    bench->slow_tick = 20;
+    bench->slow_phase = PHASE_PLANT;
+    bench->slow_by = 3 * TICK; /* too long for a tick of 1 ms, not for one of 4 ms */
+    bench_run(bench);
+    assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
+    assert_int_equal(bench->deadline[15] - bench->deadline[14], 4 * TICK);
+    assert_true(requests_speed(sb.requests) == 0.25);
+    assert_int_equal(answer(1, REQUEST_OK).tick, 10);
+    requested_destroy(bench);
+
+    bench = requested_create(LOOP_CLOCK_REAL, 30);
+    sb.value = 20.0; /* 0.05 ms a tick, half of what one takes */
+    sb.each_tick = speed_at_10;
+    bench_run(bench);
+    assert_int_equal(loop_stats(bench->loop)->overrun_total, 20);
+    requested_destroy(bench);
+}
+
+static void real_time_without_a_pace_waits_for_nothing(void **state)
+{
+    struct bench *bench = requested_create(LOOP_CLOCK_REAL, 1000);
+
+    (void)state;
+    sb.value = 0.0;
+    sb.each_tick = speed_at_10;
+    bench_run(bench);
+    assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
+    assert_int_equal(loop_stats(bench->loop)->lost_ticks, 0);
+    assert_int_equal(bench->sleeps, 9);
+    assert_int_equal(bench->now, START + 9 * TICK + 991 * TICK / 10);
+    requested_destroy(bench);
+}
+
+static void free_run_can_be_paced_and_counts_nothing(void **state)
+{
+    struct bench *bench = requested_create(LOOP_CLOCK_FREE, 50);
+
+    (void)state;
+    sb.value = 2.0; /* 0.5 ms a tick */
+    sb.each_tick = speed_at_10;
+    bench->slow_tick = 30;
+    bench->slow_phase = PHASE_PLANT;
+    bench->slow_by = 20 * TICK;
+    bench_run(bench);
+    assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
+    assert_int_equal(loop_stats(bench->loop)->late_ticks, 0);
+    /* 10 unpaced ones, 40 on the grid but for the slow one, which nothing catches up */
+    assert_int_equal(bench->now, START + 10 * (TICK / 10) + 20 * (TICK / 2) + TICK / 10 +
+                                     20 * TICK + 18 * (TICK / 2) + TICK / 10);
+    requested_destroy(bench);
+}
+
+static void a_slow_loop_hears_requests_between_its_ticks(void **state)
+{
+    struct bench *bench = requested_create(LOOP_CLOCK_REAL, 0);
+
+    (void)state;
+    ask(REQUEST_SPEED, 0, 0, 0.001); /* a tick a second */
+    sb.bench->on_wait = ask_often_and_stop;
+    bench_run(bench);
+    assert_true(sb.faults >= 80);
+    assert_true(loop_stats(bench->loop)->ticks < 12);
+    assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
+    assert_int_equal(loop_stats(bench->loop)->late_ticks, 0);
+    requested_destroy(bench);
+}
+
+static void speeds_out_of_range_are_refused(void **state)
+{
+    static const double bad[] = {-1.0, 0.0009, 1001.0, NAN, INFINITY};
+    struct bench *bench = requested_create(LOOP_CLOCK_REAL, 5);
+
+    (void)state;
+    for (uint64_t i = 0; i < 5; i++) {
+        ask(REQUEST_SPEED, 0, 0, bad[i]);
+    }
+    bench_run(bench);
+    for (uint64_t i = 0; i < 5; i++) {
+        answer(i + 1, REQUEST_RANGE);
+    }
+    assert_true(requests_speed(sb.requests) == 1.0);
+    requested_destroy(bench);
+
+    bench = requested_create(LOOP_CLOCK_LOCKSTEP, 1);
+    ask(REQUEST_SPEED, 0, 0, 1.0);
+    send_step(bench, 0, 1);
+    bench_run(bench);
+    answer(1, REQUEST_CLOCK);
+    requested_destroy(bench);
+}
+
+/* ---- the way back, and what is set ---- */
+
+static void back_at_20(struct request_bench *unused)
+{
+    (void)unused;
+    if (sb.bench->tick == 10) {
+        ask(REQUEST_CHECKPOINT, 2, 0, 0.0);
+    } else if (sb.bench->tick == 20 && sb.backs == 0) {
+        ask(REQUEST_RESTORE, 2, 0, 0.0);
+    } else if (sb.bench->tick == 25 && sb.backs == 1) {
+        ask(REQUEST_RESET, 0, 0, 0.0);
+    }
+}
+
+static void time_goes_back_and_the_run_ends_at_its_length(void **state)
+{
+    static const enum loop_clock clocks[] = {LOOP_CLOCK_REAL, LOOP_CLOCK_FREE};
+
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        struct bench *bench = requested_create(clocks[i], 40);
+        struct loop_event event;
+
+        sb.each_tick = back_at_20;
+        assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
+        assert_int_equal(sb.backs, 2);
+        assert_int_equal(answer(1, REQUEST_OK).tick, 10);
+        assert_int_equal(answer(2, REQUEST_OK).tick, 10);
+        assert_int_equal(answer(3, REQUEST_OK).tick, 0);
+        assert_int_equal(answer(4, REQUEST_OK).tick, 10); /* the checkpoint again, on the way */
+        assert_int_equal(loop_stats(bench->loop)->ticks, 40);
+        assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
+        assert_int_equal(bench_events(bench, LOOP_EVENT_RESTORED, &event), 2);
+        requested_destroy(bench);
+    }
+}
+
+static void ask_in_vain(struct request_bench *unused)
+{
+    (void)unused;
+    ask(REQUEST_RESTORE, 1, 0, 0.0);
+}
+
+static void a_refused_way_back_moves_no_deadline(void **state)
+{
+    struct bench *bench = requested_create(LOOP_CLOCK_REAL, 20);
+
+    (void)state;
+    sb.each_tick = ask_in_vain;
+    bench_run(bench);
+    assert_int_equal(bench->sleeps, 19);
+    for (size_t i = 0; i < 19; i++) {
+        assert_int_equal(bench->deadline[i], START + (int64_t)(i + 1) * TICK);
+    }
+    requested_destroy(bench);
+}
+
+static void slots_are_checked(void **state)
+{
+    struct bench *bench = requested_create(LOOP_CLOCK_FREE, 5);
+    uint64_t t;
+
+    (void)state;
+    ask(REQUEST_CHECKPOINT, 0, 0, 0.0);
+    ask(REQUEST_CHECKPOINT, CHECKPOINT_SLOTS, 0, 0.0);
+    ask(REQUEST_RESTORE, CHECKPOINT_SLOTS, 0, 0.0);
+    ask(REQUEST_RESTORE, 1, 0, 0.0);
+    t = ask(REQUEST_RESTORE, 0, 0, 0.0);
+    bench_run(bench);
+    answer(1, REQUEST_RANGE);
+    answer(2, REQUEST_RANGE);
+    answer(3, REQUEST_RANGE);
+    answer(4, REQUEST_EMPTY);
+    answer(t, REQUEST_OK);
+    requested_destroy(bench);
+}
+
+static void tunables_are_checked_and_seen(void **state)
+{
+    struct bench *bench = requested_create(LOOP_CLOCK_FREE, 5);
+
+    (void)state;
+    assert_int_equal(requests_find(sb.requests, "supply_v"), 1);
+    assert_int_equal(requests_find(sb.requests, "supply"), -1);
+    ask(REQUEST_SET, 0, 0, 11.0);
+    ask(REQUEST_SET, 0, 0, 1.5); /* whole only */
+    ask(REQUEST_SET, 2, 0, 1.0);
+    ask(REQUEST_SET, 1, 0, NAN);
+    ask(REQUEST_SET, 1, 0, -4.5);
+    ask(REQUEST_FAULT, 2, 0, 0.0);
+    ask(REQUEST_PUSH, 0, 0, 0.0); /* this machine has no bodies */
+    bench_run(bench);
+    answer(1, REQUEST_RANGE);
+    answer(2, REQUEST_RANGE);
+    answer(3, REQUEST_RANGE);
+    answer(4, REQUEST_RANGE);
+    answer(5, REQUEST_OK);
+    answer(6, REQUEST_RANGE);
+    answer(7, REQUEST_UNAVAILABLE);
+    assert_int_equal(sb.sets, 1);
+    assert_true(requests_value(sb.requests, 1) == -4.5);
+    requested_destroy(bench);
+}
+
+static void an_asker_who_never_listens_only_stops_being_heard(void **state)
+{
+    struct bench *bench = requested_create(LOOP_CLOCK_FREE, 100);
+    struct loop_request request = {.kind = REQUEST_FAULT, .index = 1, .on = true};
+    struct request_answer got;
+    size_t asked = 0, answered = 0;
+
+    (void)state;
+    while (requests_ask(sb.requests, &request)) {
+        asked++;
+    }
+    bench_run(bench);
+    assert_int_equal(loop_stats(bench->loop)->ticks, 100);
+    while (requests_answer(sb.requests, &got)) {
+        answered++;
+    }
+    assert_int_equal(answered, asked);
+    requested_destroy(bench);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(speed_scales_the_grid_and_what_an_overrun_is),
+        cmocka_unit_test(real_time_without_a_pace_waits_for_nothing),
+        cmocka_unit_test(free_run_can_be_paced_and_counts_nothing),
+        cmocka_unit_test(a_slow_loop_hears_requests_between_its_ticks),
+        cmocka_unit_test(speeds_out_of_range_are_refused),
+        cmocka_unit_test(time_goes_back_and_the_run_ends_at_its_length),
+        cmocka_unit_test(a_refused_way_back_moves_no_deadline),
+        cmocka_unit_test(slots_are_checked),
+        cmocka_unit_test(tunables_are_checked_and_seen),
+        cmocka_unit_test(an_asker_who_never_listens_only_stops_being_heard),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

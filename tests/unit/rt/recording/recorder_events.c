@@ -1,0 +1,191 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the recorder keeps beside frames and signals: events in the order of time, poses. */
+#include "rt/recording/recorder.h"
+
+#include <dirent.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+enum { TEXT = 1 << 20 };
+
+struct fixture {
+    char directory[64];
+    struct arena arena;
+    struct recorder_config config;
+    struct recorder *recorder;
+    struct recorder_counters counters;
+    char text[TEXT]; /* of the file read last */
+};
+
+static int set_up(void **state)
+{
+    static const char *const buses[] = {"can0"}, *const signals[] = {"q_rad"};
+    static const char *const bodies[] = {"base", "link"};
+    struct fixture *f = test_calloc(1, sizeof *f);
+    struct error error;
+
+    strcpy(f->directory, "/tmp/recorder-test-XXXXXX");
+    assert_non_null(mkdtemp(f->directory));
+    assert_int_equal(arena_init(&f->arena, (size_t)64 << 20, &error), ERROR_NONE);
+    f->config = (struct recorder_config){.directory = f->directory,
+                                         .lossless = true,
+                                         .nbus = 1,
+                                         .bus = buses,
+                                         .nsignal = 1,
+                                         .signal = signals,
+                                         .nbody = 2,
+                                         .body = bodies};
+    *state = f;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    struct fixture *f = *state;
+    DIR *stream = opendir(f->directory);
+    const struct dirent *entry;
+
+    while (stream && (entry = readdir(stream))) {
+        char path[400];
+
+        snprintf(path, sizeof path, "%s/%s", f->directory, entry->d_name);
+        unlink(path);
+    }
+    closedir(stream);
+    rmdir(f->directory);
+    arena_fini(&f->arena);
+    test_free(f);
+    return 0;
+}
+
+static void begin(struct fixture *f)
+{
+    struct error error;
+
+    assert_int_equal(recorder_open(&f->config, &f->arena, &f->recorder, &error), ERROR_NONE);
+}
+
+static void end(struct fixture *f)
+{
+    struct error error;
+
+    assert_int_equal(recorder_close(f->recorder, &f->counters, &error), ERROR_NONE);
+}
+
+static const char *read_file(struct fixture *f, const char *name)
+{
+    char path[400];
+    FILE *file;
+
+    snprintf(path, sizeof path, "%s/%s", f->directory, name);
+    file = fopen(path, "r");
+    assert_non_null(file);
+    f->text[fread(f->text, 1, TEXT - 1, file)] = '\0';
+    fclose(file);
+    return f->text;
+}
+
+static void events_are_lines_in_the_order_of_their_times(void **state)
+{
+    struct fixture *f = *state;
+
+    begin(f);
+    recorder_event(f->recorder, 3000000000, JOURNAL_WARNING, "third");
+    recorder_event(f->recorder, 1000000, JOURNAL_INFO, "first");
+    recorder_event(f->recorder, 3000000000, JOURNAL_ERROR, "third, told later");
+    recorder_event(f->recorder, 2500000000, JOURNAL_NOTICE, "second");
+    end(f);
+    assert_string_equal(read_file(f, "events.log"), "0.001000 info first\n"
+                                                    "2.500000 notice second\n"
+                                                    "3.000000 warning third\n"
+                                                    "3.000000 error third, told later\n");
+    assert_int_equal(f->counters.events, 4);
+}
+
+/* More than are held back for order, and than the ring takes */
+static void a_flood_of_events_is_written_whole(void **state)
+{
+    struct fixture *f = *state;
+    const char *at;
+    char line[80];
+
+    begin(f);
+    for (int i = 0; i < 20000; i++) {
+        recorder_event(f->recorder, (int64_t)(i ^ 1) * 1000, JOURNAL_INFO, "flood");
+    }
+    end(f);
+    assert_int_equal(f->counters.events, 20000);
+    assert_int_equal(f->counters.events_dropped, 0);
+    at = read_file(f, "events.log");
+    for (int i = 0; i < 20000; i++) {
+        snprintf(line, sizeof line, "%.6f info flood\n", i * 1e-6);
+        assert_int_equal(strncmp(at, line, strlen(line)), 0);
+        at += strlen(line);
+    }
+    assert_int_equal(*at, '\0');
+}
+
+static void a_long_text_is_cut(void **state)
+{
+    struct fixture *f = *state;
+    char text[1000];
+
+    memset(text, 'x', sizeof text);
+    text[sizeof text - 1] = '\0';
+    begin(f);
+    recorder_event(f->recorder, 0, JOURNAL_INFO, text);
+    end(f);
+    assert_int_equal(strlen(read_file(f, "events.log")),
+                     strlen("0.000000 info \n") + RECORDER_EVENT_TEXT - 1);
+}
+
+static void an_event_is_on_the_disk_soon(void **state)
+{
+    struct fixture *f = *state;
+
+    begin(f);
+    recorder_event(f->recorder, 0, JOURNAL_INFO, "now");
+    for (int i = 0; i < 2000 && !*read_file(f, "events.log"); i++) {
+        usleep(5000);
+    }
+    assert_string_equal(f->text, "0.000000 info now\n");
+    end(f);
+}
+
+static void poses_have_a_file_of_their_own(void **state)
+{
+    static const double row[1 + 2 * RECORDER_POSE] = {0.25, 1.0, 2.0,  3.0, 1.0, 0.0, 0.0, 0.0,
+                                                      -1.0, 0.5, -0.5, 0.6, 0.8, 0.0, 0.0};
+    struct fixture *f = *state;
+
+    begin(f);
+    recorder_row(f->recorder, 10000000, row);
+    end(f);
+    assert_string_equal(read_file(f, "signals.csv"), "time_s,q_rad\n0.010000,0.25\n");
+    assert_string_equal(read_file(f, "poses.csv"),
+                        "time_s,base_x_m,base_y_m,base_z_m,base_qw,base_qx,base_qy,base_qz,"
+                        "link_x_m,link_y_m,link_z_m,link_qw,link_qx,link_qy,link_qz\n"
+                        "0.010000,1,2,3,1,0,0,0,-1,0.5,-0.5,0.6,0.8,0,0\n");
+}
+
+#define RECORDER_TEST(f) cmocka_unit_test_setup_teardown(f, set_up, tear_down)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        RECORDER_TEST(events_are_lines_in_the_order_of_their_times),
+        RECORDER_TEST(a_flood_of_events_is_written_whole),
+        RECORDER_TEST(a_long_text_is_cut),
+        RECORDER_TEST(an_event_is_on_the_disk_soon),
+        RECORDER_TEST(poses_have_a_file_of_their_own),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

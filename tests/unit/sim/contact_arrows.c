@@ -1,0 +1,172 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Arrows of contact against sums over points that press: the wrench is made of them, and the center
+ * of pressure is their mean, weighted with what each presses. */
+#include "sim/contact_arrows.h"
+
+#include "base/vec3.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+enum { POINTS = 4 };
+
+static const struct contact_shown foot = {.signal = 2, .body = 1};
+
+static struct contact_arrows contacts_on(const double normal[3])
+{
+    struct contact_arrows contacts = {
+        .ncontact = 1,
+        .contact = &foot,
+        .has_ground = true,
+        .ground_point = {0.3, -0.2, 0.1},
+        .arrow_m_per_n = 1e-3,
+    };
+
+    memcpy(contacts.ground_normal, normal, sizeof contacts.ground_normal);
+    return contacts;
+}
+
+/* A row: two other signals, the foot's wrench; the pose of another body, the foot's. */
+struct row {
+    double value[8], pose[2 * RECORDER_POSE];
+    double center[3]; /* where it should be */
+    double force[3];
+};
+
+/* Points of the plane, each with a force that presses and rubs. */
+static void row_fill(struct row *row, const struct contact_arrows *contacts)
+{
+    static const double press_n[POINTS] = {40.0, 90.0, 25.0, 160.0};
+    static const double rub[POINTS][2] = {{0.4, 0.1}, {-0.3, 0.2}, {0.1, -0.5}, {0.2, 0.3}};
+    static const double place[POINTS][2] = {
+        {0.1, 0.04}, {0.1, -0.05}, {-0.05, 0.05}, {-0.06, -0.04}};
+    static const double up[3] = {0.0, 1.0, 0.0};
+    const double *normal = contacts->ground_normal;
+    double a[3], b[3], sum = 0.0, *origin = row->pose + RECORDER_POSE;
+
+    memset(row, 0, sizeof *row);
+    vec3_cross(up, normal, a);
+    vec3_add_scaled((const double[3]){0}, 1.0 / vec3_norm(a), a, a);
+    vec3_cross(normal, a, b);
+    vec3_add_scaled(contacts->ground_point, 0.07, normal, origin);
+    vec3_add_scaled(origin, 0.02, a, origin);
+    for (int i = 0; i < POINTS; i++) {
+        double at[3], force[3] = {0}, arm[3];
+
+        vec3_add_scaled(contacts->ground_point, place[i][0], a, at);
+        vec3_add_scaled(at, place[i][1], b, at);
+        vec3_add_scaled(force, press_n[i], normal, force);
+        vec3_add_scaled(force, press_n[i] * rub[i][0], a, force);
+        vec3_add_scaled(force, press_n[i] * rub[i][1], b, force);
+        vec3_sub(at, origin, arm);
+        vec3_add_scaled(row->value + 2, 1.0, force, row->value + 2);
+        vec3_add_cross(arm, force, row->value + 5);
+        vec3_add_scaled(row->center, press_n[i], at, row->center);
+        sum += press_n[i];
+    }
+    vec3_add_scaled((const double[3]){0}, 1.0 / sum, row->center, row->center);
+    memcpy(row->force, row->value + 2, sizeof row->force);
+}
+
+static void assert_near(const double x[3], const double y[3])
+{
+    for (int k = 0; k < 3; k++) {
+        assert_true(fabs(x[k] - y[k]) < 1e-12);
+    }
+}
+
+static void the_center_of_pressure_is_the_mean_of_what_presses(void **state)
+{
+    static const double normals[2][3] = {{0.0, 0.0, 1.0}, {0.6, 0.0, 0.8}};
+    struct contact_arrow arrow[CONTACT_ARROWS];
+
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        struct contact_arrows contacts = contacts_on(normals[i]);
+        struct row row;
+        double force;
+
+        row_fill(&row, &contacts);
+        assert_int_equal(contact_arrows_find(&contacts, row.value, row.pose, arrow), 1);
+        assert_near(arrow[0].at, row.center);
+        force = vec3_norm(row.force);
+        assert_true(fabs(arrow[0].length_m - 1e-3 * force) < 1e-12);
+        vec3_add_scaled((const double[3]){0}, 1.0 / force, row.force, row.force);
+        assert_near(arrow[0].along, row.force);
+    }
+}
+
+/* A force through a point that is the nearest of its axis to the body: found again. */
+static void away_from_the_ground_it_is_on_the_axis(void **state)
+{
+    struct contact_arrows contacts = contacts_on((const double[3]){0.0, 0.0, 1.0});
+    const double force[3] = {30.0, 40.0, 0.0}, arm[3] = {0.08, -0.06, 0.1};
+    struct contact_arrow arrow[CONTACT_ARROWS];
+    struct row row = {.pose = {[RECORDER_POSE + 2] = 1.0}};
+    double at[3];
+
+    (void)state;
+    memcpy(row.value + 2, force, sizeof force);
+    vec3_cross(arm, force, row.value + 5);
+    assert_int_equal(contact_arrows_find(&contacts, row.value, row.pose, arrow), 1);
+    vec3_add_scaled(row.pose + RECORDER_POSE, 1.0, arm, at);
+    assert_near(arrow[0].at, at);
+}
+
+static void odd_wrenches_show_nothing_or_at_the_body(void **state)
+{
+    struct contact_arrows contacts = contacts_on((const double[3]){0.0, 0.0, 1.0});
+    struct contact_arrow arrow[CONTACT_ARROWS];
+    struct row row = {.pose = {[RECORDER_POSE + 2] = 1.0}};
+
+    (void)state;
+    assert_int_equal(contact_arrows_find(&contacts, row.value, row.pose, arrow), 0);
+    row.value[2] = NAN;
+    assert_int_equal(contact_arrows_find(&contacts, row.value, row.pose, arrow), 0);
+    row.value[2] = INFINITY;
+    assert_int_equal(contact_arrows_find(&contacts, row.value, row.pose, arrow), 0);
+
+    /* Nearly a moment alone: its axis is 2 m away */
+    row.value[2] = 10.0;
+    row.value[6] = 20.0;
+    assert_int_equal(contact_arrows_find(&contacts, row.value, row.pose, arrow), 1);
+    assert_near(arrow[0].at, row.pose + RECORDER_POSE);
+    row.value[6] = NAN;
+    assert_int_equal(contact_arrows_find(&contacts, row.value, row.pose, arrow), 1);
+    assert_near(arrow[0].at, row.pose + RECORDER_POSE);
+    row.value[2] = 1e9;
+    contact_arrows_find(&contacts, row.value, row.pose, arrow);
+    assert_true(arrow[0].length_m < 1.0);
+}
+
+static void the_longest_numbers_fit(void **state)
+{
+    static char text[CONTACT_ARROW_SIZE + 1];
+    const struct contact_arrow arrow = {
+        .at = {-1.23456e-300, -1.23456e-300, -1.23456e-300},
+        .along = {-0.577350269189625, -0.577350269189625, -0.577350269189625},
+        .length_m = 1.23456e-300,
+    };
+    char *end = contact_arrows_print_pressures(&arrow, 1, contact_arrows_print(&arrow, 1, text));
+
+    (void)state;
+    assert_true(end < text + CONTACT_ARROW_SIZE);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_center_of_pressure_is_the_mean_of_what_presses),
+        cmocka_unit_test(away_from_the_ground_it_is_on_the_axis),
+        cmocka_unit_test(odd_wrenches_show_nothing_or_at_the_body),
+        cmocka_unit_test(the_longest_numbers_fit),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
