@@ -117,7 +117,7 @@
 #include <stddef.h>
 
 /* 2 (1 - nu)/(2 - nu) at a Poisson's ratio nu of 1/3 (Mindlin, J. Appl. Mech. 16, 1949) */
-#define CONTACT_SHEAR_RATIO 0.8
+#define CONTACT_SHEAR_RATIO 5.0
 
 #define CONTACT_MAX_BODIES 1024
 #define CONTACT_MAX_SURFACES 1024

@@ -12,7 +12,7 @@
 #include <float.h>
 #include <math.h>
 
-#define RADIUS_MOST 2.0        /* the anchor's over that of the area */
+#define RADIUS_MOST 1.25       /* the anchor's over that of the area */
 #define HEIGHT_MOST (1.0 / 64) /* along the normal over the radius: friction is in the surface */
 #define TILT_MOST (1.0 / 16)   /* rad */
 
@@ -85,6 +85,6 @@ bool native_anchor_drag(const struct native_anchor *touch, struct native_anchor 
 
     anchor->radius = radius;
     dragged |= drag_axis(touch->axis, anchor->axis);
-    dragged |= drag_point(touch->point, touch->axis, radius, anchor->point);
+    dragged |= drag_point(touch->point, touch->axis, touch->radius, anchor->point);
     return dragged;
 }
