@@ -106,6 +106,38 @@ void plant_drop_bristles(struct plant *plant)
     }
 }
 
+void plant_keep_state(struct plant *plant)
+{
+    const size_t each = CONTACT_BRISTLE * sizeof *plant->state;
+    const double *y = plant->state + plant->at.bristle;
+    double *kept = plant->last_good + plant->at.bristle;
+
+    memcpy(plant->last_good, plant->state, plant->at.bristle * sizeof *plant->state);
+    for (size_t i = 0; i < plant->nkept; i++) {
+        memset(kept + CONTACT_BRISTLE * (size_t)plant->kept[i], 0, each);
+    }
+    for (size_t i = 0; i < plant->nlive; i++) {
+        const size_t from = CONTACT_BRISTLE * (size_t)plant->live[i];
+
+        memcpy(kept + from, y + from, each);
+        plant->kept[i] = plant->live[i];
+    }
+    plant->nkept = plant->nlive;
+}
+
+void plant_return_state(struct plant *plant)
+{
+    double *y = plant->state + plant->at.bristle;
+    const double *kept = plant->last_good + plant->at.bristle;
+
+    memcpy(plant->state, plant->last_good, plant->at.bristle * sizeof *plant->state);
+    for (size_t i = 0; i < plant->nlive; i++) {
+        const size_t from = CONTACT_BRISTLE * (size_t)plant->live[i];
+
+        memcpy(y + from, kept + from, CONTACT_BRISTLE * sizeof *y);
+    }
+}
+
 /* Whether the memory's live bristles are these, so far ahead; they are from now on. */
 static bool remember_bristles(struct plant *plant, const double *bristle, double ahead_s)
 {
