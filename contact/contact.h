@@ -63,14 +63,14 @@
  * against a at c, w their relative angular velocity,
  *
  *     anchor     (c_A, n, r_A) where surfaces come to touch, then dragged along no further than to
- *                where r_A <= r <= 2 r_A, c is r off c_A across n and r/64 along it, and the sine
- *                between u and n is 1/16
+ *                where r_A <= r <= 1.25 r_A, c is r_A off c_A across n and r_A/64 along it, and
+ *                the sine between u and n is 1/16
  *     twist      w_n = w . (n + u)/(1 + n . u): the rate of an angle that depends on how a and b
  *                stand alone, which w . n is not
- *     stiffness  s = a k A_0, a constant of the pair: a = shear_ratio is the ratio of a layer's
- *                stiffness in shear to that in pressure (Mindlin 1949), A_0 the largest side of the
- *                box about the smaller surface, or the cap of a sphere or capsule whose depth is a
- *                quarter of its radius; with Hertz s = a E R
+ *     stiffness  s = 5 k A_0, a constant of the pair: that of soles of rubber in shear
+ *                (docs/contact.md). A_0 is the largest side of the box about the smaller surface,
+ *                or the cap of a sphere or capsule whose depth is a quarter of its radius; with
+ *                Hertz s = 5 E R
  *     rate       y_s' = sqrt(s) v + W x y_s - q y_s, W the spin about n of the surface that the
  *                normals belong to
  *                y_n' = sqrt(s) r w_n - q y_n
@@ -94,7 +94,7 @@
  *                What yields is anchored anew: (c, u, r) goes to (c_A, n, r_A) at the rate q
  *     stored     |y|^2/2; dissipated: what else friction takes from the motion
  *
- * with t_d = 1 ms, t_y = 0.5 ms. A patch that shrinks keeps its y; a pair that does not touch loses
+ * with t_d = t_y = 0.5 ms. A patch that shrinks keeps its y; a pair that does not touch loses
  * y and the anchor at the rate 1/t_y. So while the load is inside what friction can hold nothing
  * yields, and as long as the area rocks within the anchor's play the force depends on places alone:
  * nothing creeps, however the load swings and edges lift. All elements yield at
@@ -115,9 +115,6 @@
 
 #include <stdbool.h>
 #include <stddef.h>
-
-/* 2 (1 - nu)/(2 - nu) at a Poisson's ratio nu of 1/3 (Mindlin, J. Appl. Mech. 16, 1949) */
-#define CONTACT_SHEAR_RATIO 5.0
 
 #define CONTACT_MAX_BODIES 1024
 #define CONTACT_MAX_SURFACES 1024
@@ -180,7 +177,6 @@ struct contact_config {
     double transition_velocity_m_s; /* of the friction law, > 0 */
     enum contact_mesh_law mesh_law;
     enum contact_friction friction;
-    double shear_ratio; /* of sticking friction; 0 = CONTACT_SHEAR_RATIO */
 };
 
 /* World frame, about the body's origin. */

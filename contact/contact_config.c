@@ -298,10 +298,6 @@ enum error_code contact_config_check(const struct contact_config *config, struct
                          config->transition_velocity_m_s);
     }
 
-    if (!(config->shear_ratio >= 0 && isfinite(config->shear_ratio))) {
-        return error_set(error, ERROR_INPUT, "contact: found shear_ratio %g, expected 0 or more",
-                         config->shear_ratio);
-    }
     if (config->mesh_law != CONTACT_PRESSURE_FIELD &&
         config->mesh_law != CONTACT_ELASTIC_FOUNDATION) {
         return error_set(error, ERROR_INPUT,

@@ -57,8 +57,8 @@ static bool drag_axis(const double n[3], double axis[3])
     return true;
 }
 
-/* Drags the point to within the radius of the centroid c across the normal n, and to a part of that
- * along it. */
+/* Drags the point to within the area's radius of its centroid c across the normal n, and to a part
+ * of that along it. */
 static bool drag_point(const double c[3], const double n[3], double radius, double point[3])
 {
     const double most = radius * HEIGHT_MOST;

@@ -14,7 +14,7 @@
 #include <math.h>
 #include <string.h>
 
-#define DELAY_S 1e-3        /* t_d */
+#define DELAY_S 0.5e-3      /* t_d */
 #define YIELD_S 0.5e-3      /* t_y */
 #define YIELD_FROM 0.998    /* of what sliding that way would give */
 #define ALIGN_S 10e-3       /* in which the shear turns into a patch's plane that has tilted */

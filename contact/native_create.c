@@ -55,6 +55,11 @@ static bool shape_is_mesh(enum contact_shape shape)
 
 #define NOMINAL_DEPTH 0.25 /* of the radius */
 
+/* Stiffness of bristles over that of the layers along the normal. Rigs' layers are softer than what
+ * they stand for: those of COMAN have 8.3e7 Pa/m, and soles of rubber with a shear modulus of 1 to
+ * 2 MPa, 3 to 5 mm thick, have 2e8 to 7e8 Pa/m in shear (docs/contact.md). */
+#define SHEAR_RATIO 5.0
+
 /* The largest area in which a surface touches a flat one, m2: the two longer sides of its box, or
  * of what is curved where it is a quarter of its radius deep. Infinite for a half-space. */
 static double surface_nominal_area(const struct contact_surface *given,
@@ -78,10 +83,9 @@ static double surface_nominal_area(const struct contact_surface *given,
     return fmax(side[0] * side[1], fmax(side[1] * side[2], side[2] * side[0]));
 }
 
-/* The stiffness of a pair's bristles, N/m: its ratio to that along the normal. It does not follow
- * what presses on them. */
-static double pair_shear_stiffness(double ratio, const struct contact_surface *a,
-                                   const struct contact_surface *b, const struct native_pair *pair,
+/* Returns the stiffness of a pair's bristles, N/m. It does not follow what presses on them. */
+static double pair_shear_stiffness(const struct contact_surface *a, const struct contact_surface *b,
+                                   const struct native_pair *pair,
                                    const struct native_surface *surface)
 {
     double radius;
@@ -90,9 +94,9 @@ static double pair_shear_stiffness(double ratio, const struct contact_surface *a
         radius = pair->kind == PAIR_HERTZ_HALF_SPACE
                      ? a->radius_m
                      : a->radius_m * b->radius_m / (a->radius_m + b->radius_m);
-        return ratio * 2 * pair->law.hertz * radius * sqrt(NOMINAL_DEPTH);
+        return SHEAR_RATIO * 2 * pair->law.hertz * radius * sqrt(NOMINAL_DEPTH);
     }
-    return ratio * pair->law.stiffness *
+    return SHEAR_RATIO * pair->law.stiffness *
            fmin(surface_nominal_area(a, &surface[pair->surface[0]]),
                 surface_nominal_area(b, &surface[pair->surface[1]]));
 }
@@ -182,8 +186,7 @@ static void pair_make(const struct contact_config *config, size_t index,
                  : pair->kind == PAIR_FIELDS  ? pair->law.share[1]
                                               : 0;
     pair->anchored = pair->kind == PAIR_FIELDS || pair->kind == PAIR_MESH_SPHERE;
-    pair->law.shear_root = sqrt(pair_shear_stiffness(
-        config->shear_ratio > 0 ? config->shear_ratio : CONTACT_SHEAR_RATIO, a, b, pair, surface));
+    pair->law.shear_root = sqrt(pair_shear_stiffness(a, b, pair, surface));
     pair->kernels = kernels ? kernels : native_kernels_used();
 }
 

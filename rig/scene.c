@@ -293,7 +293,6 @@ enum error_code rig_build_scene(struct rig_builder *b)
     code = code ? code : scene_build_pairs(b, pair);
     contact->pair = pair;
     contact->transition_velocity_m_s = scene->transition_velocity_m_s;
-    contact->shear_ratio = scene->shear_ratio;
     contact->mesh_law = (enum contact_mesh_law)scene->mesh_law;
     code = code ? code : scene_set_friction(b);
     code = code ? code : scene_check(b);

@@ -231,7 +231,6 @@ static const struct yaml_field scene_fields[] = {
      .given_offset = AT(friction_given), .names = friction_names},
     {"transition_velocity_m_s", YAML_REAL, false, AT(transition_velocity_m_s), .min = 1e-6,
      .max = 10.0},
-    {"shear_ratio", YAML_REAL, false, AT(shear_ratio), .min = 0.01, .max = 1000.0},
     {"mesh_law", YAML_ENUM, false, AT(mesh_law), .names = mesh_law_names},
     {"materials", YAML_DICT, false, AT(material), AT(nmaterial), .schema = &material_schema},
     {"bodies", YAML_LIST, false, AT(body), AT(nbody), .schema = &body_schema},
@@ -243,7 +242,6 @@ static const struct yaml_field scene_fields[] = {
 #undef STRUCT
 static const struct raw_scene scene_defaults = {.engine = RIG_CONTACT_NONE,
                                                 .transition_velocity_m_s = 0.01,
-                                                .shear_ratio = CONTACT_SHEAR_RATIO,
                                                 .mesh_law = CONTACT_PRESSURE_FIELD};
 static const struct yaml_schema scene_schema = {
     .what = "the scene",

@@ -101,7 +101,7 @@ struct raw_scene {
     int engine, friction;
     struct yaml_mark friction_mark;
     bool friction_given; /* else sticking where the engine has it */
-    double transition_velocity_m_s, shear_ratio;
+    double transition_velocity_m_s;
     int mesh_law; /* enum contact_mesh_law */
     struct raw_material *material;
     size_t nmaterial;

@@ -145,10 +145,10 @@ static void bristles_at_rest_hold_and_do_not_yield(void **state)
         scene_place(&motion[1], 0, 0, 0);
 
         /* Moved to where the force is two thirds of what friction can hold, and stopped there */
-        motion[0].v[0] = 1e-5;
+        motion[0].v[0] = 2e-6;
         do {
             follow(world, motion, 10 * H, y);
-            moved += 1e-5 * 10 * H;
+            moved += 2e-6 * 10 * H;
             evaluate(world, motion, y, 0, NULL, wrench);
         } while (-wrench[0].force[0] < 2.0 / 3 * 0.7 * wrench[0].force[2] && moved < 0.01);
         motion[0].v[0] = 0;
@@ -164,8 +164,8 @@ static void bristles_at_rest_hold_and_do_not_yield(void **state)
         }
 
         /* Back where it came from it bears nothing */
-        motion[0].v[0] = -1e-5;
-        follow(world, motion, moved / 1e-5, y);
+        motion[0].v[0] = -2e-6;
+        follow(world, motion, moved / 2e-6, y);
         assert_near(sqrt(square(y)), 0, 1e-6 * sqrt(held * moved));
     }
 }

@@ -20,7 +20,7 @@ static const struct native_anchor touch = {{1, 2, 3}, {0, 0, 1}, 0.1};
 
 static void an_anchor_stays_while_the_area_is_within_its_play(void **state)
 {
-    const struct native_anchor anchor = {{1.05, 1.92, 3.001}, {0, sin(0.06), cos(0.06)}, 0.15};
+    const struct native_anchor anchor = {{1.05, 1.92, 3.001}, {0, sin(0.06), cos(0.06)}, 0.12};
     struct native_anchor dragged = anchor;
 
     (void)state;
@@ -35,11 +35,11 @@ static void an_anchor_beyond_its_play_is_dragged_to_the_border(void **state)
     (void)state;
     assert_true(native_anchor_drag(&touch, &anchor));
 
-    /* Radius 0.2: as far off on the same side across the normal, a 64th of it along */
-    assert_near(anchor.radius, 0.2, 1e-15);
-    assert_near(anchor.point[0], 1 + 0.2 * 0.6, 1e-15);
-    assert_near(anchor.point[1], 2 + 0.2 * 0.8, 1e-15);
-    assert_near(anchor.point[2], 3 - 0.2 / 64, 1e-15);
+    /* The area's radius off on the same side across the normal, a 64th of it along */
+    assert_near(anchor.radius, 0.125, 1e-15);
+    assert_near(anchor.point[0], 1 + 0.1 * 0.6, 1e-15);
+    assert_near(anchor.point[1], 2 + 0.1 * 0.8, 1e-15);
+    assert_near(anchor.point[2], 3 - 0.1 / 64, 1e-15);
     assert_near(anchor.axis[0], 1.0 / 16, 1e-15);
     assert_near(vec3_norm(anchor.axis), 1, 1e-15);
 }

@@ -21,7 +21,6 @@ static const struct limit rig_limits[] = {
     {"initial.base_height_m", -1e3, 1e3},
     {"initial.base_rpy_rad", -7, 7},
     {"scene.transition_velocity_m_s", 1e-6, 10},
-    {"scene.shear_ratio", 0.01, 1000},
     {"scene.materials[].young_pa", 1, 1e12},
     {"scene.materials[].thickness_m", 1e-6, 1},
     {"scene.materials[].backing_pa_per_m", 0, 1e12},
