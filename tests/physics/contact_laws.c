@@ -22,9 +22,9 @@
 #define STIFFNESS 2e7   /* Pa/m */
 #define DISSIPATION 0.3 /* s/m */
 #define LENGTH 1e-4     /* l_b of the laws that follow the load, m */
-#define DELAY 0.5e-3    /* t_d, s */
+#define DELAY 1e-3      /* t_d, s */
 #define RELAX 0.5e-3    /* t_y, s */
-#define SHEAR_RATIO 5.0
+#define SHEAR_RATIO 0.8
 enum { ELEMENTS = 15, MOTION = 6, STATE = MOTION + ELEMENTS };
 
 enum law {
