@@ -333,9 +333,9 @@ static void stands_when_it_is_pushed(void **state)
     }
 }
 
-/* Too hard for the ankles: it steps where it falls, comes to rest and stands side by side. Whether it
- * trips over its own feet is chaotic in the push: with any law of friction 2 to 8 % of the pushes
- * end so, most of them near 155 N and from 180 N on. One of these may. */
+/* Too hard for the ankles: it steps where it falls, comes to rest and stands side by side. Whether
+ * it trips over its own feet is chaotic in the push: with any law of friction 2 to 8 % of the
+ * pushes end so. One of these may. */
 static void steps_when_it_is_pushed_harder(void **state)
 {
     static const double force[] = {150, 155,  160,  165,  170,  175,  180,  185,  190, 195,
