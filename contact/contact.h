@@ -232,6 +232,7 @@ struct contact_tangent {
     double bristle_per_m_s, bristle_per_rad_s; /* with the time ahead */
     double bristle_arm[3];                     /* from center to where the bristles stand */
     double bristle_axis[3];                    /* that the twist turns about, along normal */
+    double bristle_most; /* J^0.5: what is bent further than that would yield */
 };
 
 /* Parts of a pair's bristles: the shear y_s in the world frame, J^0.5, of b's motion against a, the

@@ -399,9 +399,9 @@ static void patch_add_springs(const struct native_engine *e, size_t patch, const
     }
 }
 
-/* Sets how a patch's bristles follow the motion. center: the tangent's, in the first surface's
- * frame. */
-static void tangent_set_bristles(const struct native_grip *grip, const double center[3],
+/* Sets how a patch's bristles follow the motion. us: coefficient of static friction; center: the
+ * tangent's, in the first surface's frame. */
+static void tangent_set_bristles(const struct native_grip *grip, double us, const double center[3],
                                  const double turn[9], double sign, struct contact_tangent *tangent)
 {
     double gain = grip->root * grip->bend_s, arm[3];
@@ -414,6 +414,7 @@ static void tangent_set_bristles(const struct native_grip *grip, const double ce
         tangent->normal[k] *= sign;
         tangent->bristle_axis[k] *= sign;
     }
+    tangent->bristle_most = us * grip->reach;
     tangent->bristle_per_m_s = gain;
     tangent->bristle_per_rad_s = grip->inverse_radius > 0 ? gain / grip->inverse_radius : 0;
 }
@@ -449,7 +450,7 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
         }
         memcpy(tangent[i].center, e->patch[i].center, sizeof tangent[i].center);
         if (grip) {
-            tangent_set_bristles(grip, center, a->R, pair->sign, &tangent[i]);
+            tangent_set_bristles(grip, pair->law.us, center, a->R, pair->sign, &tangent[i]);
         }
     }
     return e->npatch;

@@ -7,6 +7,19 @@
  */
 #include "model/implicit/private.h"
 
+#include <math.h>
+
+/* Twice the energy that bent bristles store, J. */
+static double bent_square(const double y[BRISTLE_BENT])
+{
+    double square = 0.0;
+
+    for (int k = 0; k < BRISTLE_BENT; k++) {
+        square += y[k] * y[k];
+    }
+    return square;
+}
+
 void implicit_advance_bristles(struct plant *plant, double h)
 {
     const struct implicit *im = plant->implicit;
@@ -24,7 +37,8 @@ void implicit_advance_bristles(struct plant *plant, double h)
         const struct contact_tangent *tangent = &im->tangent[t];
         const struct spatial *beyond = &im->active[t].beyond;
         double *own = y + CONTACT_BRISTLE * (size_t)tangent->pair;
-        double velocity[3], along;
+        const double before = bent_square(own);
+        double velocity[3], along, after, most;
 
         /* Where they stand */
         vec3_cross(beyond->a, tangent->bristle_arm, velocity);
@@ -36,5 +50,13 @@ void implicit_advance_bristles(struct plant *plant, double h)
         }
         own[BRISTLE_TWIST] +=
             h * tangent->bristle_per_rad_s * vec3_dot(tangent->bristle_axis, beyond->a);
+
+        /* What the stage's velocities bend beyond the limit yields: at an impact, which they do not
+         * foresee, bristles would store more than friction takes */
+        after = bent_square(own);
+        most = fmax(before, tangent->bristle_most * tangent->bristle_most);
+        for (int k = 0; k < BRISTLE_BENT && after > most; k++) {
+            own[k] *= sqrt(most / after);
+        }
     }
 }
