@@ -56,29 +56,54 @@
  * Sticking friction: each pair has bristles, springs along the surfaces between a and b that are
  * bent by what b moves against a, and give way where they bear more than mu f_n. Their state in the
  * pair, which the integrator keeps, is y = (shear y_s, twist y_n), of the dimension of a root of
- * energy. Over the elements of the patch, with N the sum of their f_n, w = f_n/N their shares, c
- * the center of pressure, n the mean normal, r the elements' RMS distance from the axis through c
- * along n, and v the sliding velocity of b against a,
+ * energy, and the anchor that they stand on: a point c and an axis u, fixed in the surface that the
+ * normals do not belong to, and a radius r. Stiffness and anchor follow the area that touches,
+ * never the load: with n the mean normal, c_A the centroid of that area on the same surface, r_A
+ * the RMS distance of the area from the axis through c_A along n, v the sliding velocity of b
+ * against a at c, w their relative angular velocity,
  *
- *     bend       g = y_s + y_n n x (p - c)/r   at p, less its part along the element's normal
- *     stiffness  s = N/l_b: where friction mu N is reached the bristles are bent by mu l_b
- *     friction   f_t = -w sqrt(s) e min(1, l/|e|), e = g + sqrt(s) t_d v, l = mu(v) N/sqrt(s)
- *                with mu as above but us S(u) = us below v_t: it holds at rest
- *     rate       y_s' = sqrt(s) (mean of w v) + W x y_s - q y_s, W the bodies' mean spin about n
- *                y_n' = sqrt(s) (mean of w v . n x (p - c)/r) - q y_n
- *     yield      q = max(q_1, q_2, 0) with
- *                q_1 = (1 - a)/t_y, a the scale at which a y would have sum w min(|g|, l)|g| =
- *                0.998 sum w l |g|: all but two thousandths of what sliding that way would give
+ *     anchor     (c_A, n, r_A) where surfaces come to touch, then dragged along no further than to
+ *                where r_A <= r <= 1.25 r_A, c is r_A off c_A across n and r_A/64 along it, and
+ *                the sine between u and n is 1/16
+ *     twist      w_n = w . (n + u)/(1 + n . u): the rate of an angle that depends on how a and b
+ *                stand alone, which w . n is not
+ *     stiffness  s = 5 k A_0, a constant of the pair: that of soles of rubber in shear
+ *                (docs/contact.md). A_0 is the largest side of the box about the smaller surface,
+ *                or the cap of a sphere or capsule whose depth is a quarter of its radius; with
+ *                Hertz s = 5 E R
+ *     rate       y_s' = sqrt(s) v + W x y_s - q y_s, W the spin about n of the surface that the
+ *                normals belong to
+ *                y_n' = sqrt(s) r w_n - q y_n
+ *     whole      F = -sqrt(s) (y_s + t_d y_s') at c, M = -sqrt(s) r (y_n + t_d y_n') about
+ *                (n + u)/(1 + n . u), y' without W and q
+ *     demand     x = sqrt(|F|^2 + (M_p/r_p)^2)/(mu N): N the sum of the f_n, M_p the moment about
+ *                the center of pressure, r_p as r_A but of the pressure about it; 1 on the
+ *                ellipsoid that stands for all forces with which the patch slides (Howe, Cutkosky
+ *                1996)
+ *     elements   f_t = -sqrt(s) e min(alpha, l/|e|), e = g + sqrt(s) t_d v, alpha the element's
+ *                share of the area, g = y_s + y_n n x (p - c)/r at p, less its part along the
+ *                element's normal, l = mu(v) f_n/sqrt(s), mu as above but us S(u) = us below v_t:
+ *                it holds at rest. Where none is at its limit and c = c_A, r = r_A they bear what
+ *                the whole does
+ *     friction   that of the whole for x <= 0.80, of the elements for x >= 0.95, between them
+ *                weighted by S
+ *     yield      q = 0 for x <= 0.80, else max(q_1, q_2, 0) with
+ *                q_1 = (1 - b)/t_y, b the scale at which b y would have sum min(alpha |g|, l)|g| =
+ *                0.998 sum l |g|: all but two thousandths of what sliding that way would give
  *                q_2 = (y . y' without q - power of friction)/|y|^2
+ *                What yields is anchored anew: (c, u, r) goes to (c_A, n, r_A) at the rate q
  *     stored     |y|^2/2; dissipated: what else friction takes from the motion
  *
- * with l_b = 0.1 mm, t_d = 1 ms, t_y = 0.5 ms. A pair that does not touch loses y at the rate
- * 1/t_y. So while the load is inside what friction can hold nothing yields and nothing creeps; all
- * elements yield at once in a pure translation; sliding, y follows the sliding motion, and f_t is
- * Coulomb's at every element. The stored energy depends on y alone, and q_2 lets it grow by no more
- * than the work of friction: nothing that normal forces, patches and normals do in the meantime
- * makes energy. It is the elasto-plastic bristle of Dupont, Hayward, Armstrong, Altpeter (2002)
- * with one rigid motion for the bristles of a patch.
+ * with t_d = t_y = 0.5 ms. A patch that shrinks keeps its y; a pair that does not touch loses
+ * y and the anchor at the rate 1/t_y. So while the load is inside what friction can hold nothing
+ * yields, and as long as the area rocks within the anchor's play the force depends on places alone:
+ * nothing creeps, however the load swings and edges lift. All elements yield at
+ * once in a pure translation; sliding, y follows the sliding motion, and f_t is Coulomb's at every
+ * element. The stored energy depends on y alone; the power of the whole is y . y' and what the
+ * retardation t_d takes, whatever the anchor does, and q_2 lets it grow by no more than the work of
+ * the elements: nothing that normal forces, patches and normals do in the meantime makes energy
+ * (docs/contact.md). The elements are the elasto-plastic bristle of Dupont, Hayward, Armstrong,
+ * Altpeter (2002) with one rigid motion for the bristles of a patch.
  */
 #ifndef CONTACT_CONTACT_H
 #define CONTACT_CONTACT_H
@@ -194,9 +219,9 @@ enum contact_axis {
  * about -(K X + D V). Both are positive semidefinite. For implicit integration, which stays stable
  * when they err upward: friction counts by a bound of its slope, and what turns the normals or
  * scales friction with the normal force is left out. Bristles count in D, as the time ahead that
- * they were bent for makes them follow V; they themselves change by bristle_per_m_s times what V
- * has across the normal, and the twist by bristle_per_rad_s times what the angular velocity has
- * along it. */
+ * they were bent for makes them follow V; they themselves change by bristle_per_m_s times what the
+ * velocity at bristle_arm has across the normal, and the twist by bristle_per_rad_s times what the
+ * angular velocity has along bristle_axis. */
 struct contact_tangent {
     int pair;
     int body_a, body_b; /* indices into the motions, -1 = the fixed world */
@@ -205,14 +230,21 @@ struct contact_tangent {
     double D[CONTACT_TANGENT_SIZE];            /* N s/m, N s, N m s */
     double normal[3];                          /* mean, the way b is pushed; 0 without bristles */
     double bristle_per_m_s, bristle_per_rad_s; /* with the time ahead */
+    double bristle_arm[3];                     /* from center to where the bristles stand */
+    double bristle_axis[3];                    /* that the twist turns about, along normal */
+    double bristle_most; /* J^0.5: what is bent further than that would yield */
 };
 
-/* Parts of a pair's bristles: the shear y_s in the world frame, J^0.5, of b's motion against a, and
- * the twist y_n about the mean normal. */
+/* Parts of a pair's bristles: the shear y_s in the world frame, J^0.5, of b's motion against a, the
+ * twist y_n about the mean normal, J^0.5, and the anchor: r c (m2) and r u (m), both in the frame
+ * of the surface that c and u are fixed in; all 0 before the surfaces touch. */
 enum contact_bristle_part {
     BRISTLE_SHEAR = 0,
     BRISTLE_TWIST = 3,
-    CONTACT_BRISTLE = 4, /* their number */
+    BRISTLE_BENT = 4, /* number of those that bend and store energy */
+    BRISTLE_POINT = 4,
+    BRISTLE_AXIS = 7,
+    CONTACT_BRISTLE = 10, /* number of all */
 };
 
 /* Bristles as an evaluation takes them: those of pair i from CONTACT_BRISTLE i on. With a time

@@ -399,16 +399,22 @@ static void patch_add_springs(const struct native_engine *e, size_t patch, const
     }
 }
 
-/* How a patch's bristles follow the motion. */
-static void tangent_set_bristles(const struct native_grip *grip, const double turn[9], double sign,
-                                 struct contact_tangent *tangent)
+/* Sets how a patch's bristles follow the motion. us: coefficient of static friction; center: the
+ * tangent's, in the first surface's frame. */
+static void tangent_set_bristles(const struct native_grip *grip, double us, const double center[3],
+                                 const double turn[9], double sign, struct contact_tangent *tangent)
 {
-    double gain = grip->root * grip->bend_s;
+    double gain = grip->root * grip->bend_s, arm[3];
 
+    vec3_sub(grip->center, center, arm);
+    mat3_apply(turn, arm, tangent->bristle_arm);
     mat3_apply(turn, grip->normal, tangent->normal);
+    mat3_apply(turn, grip->axis, tangent->bristle_axis);
     for (int k = 0; k < 3; k++) {
         tangent->normal[k] *= sign;
+        tangent->bristle_axis[k] *= sign;
     }
+    tangent->bristle_most = us * grip->reach;
     tangent->bristle_per_m_s = gain;
     tangent->bristle_per_rad_s = grip->inverse_radius > 0 ? gain / grip->inverse_radius : 0;
 }
@@ -434,14 +440,17 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
         /* About the patch's center */
         vec3_sub(e->patch[i].center, a->p, arm);
         mat3_apply_transposed(a->R, arm, center);
-        if (grip && grip->rigid) {
-            native_bristle_resist(grip, center, a->R, &tangent[i]);
+        if (grip && grip->whole == 1 && native_pair_is_one_way(pair)) {
+            native_bristle_press(grip, center, a->R, &tangent[i]);
         } else {
             patch_add_springs(e, i, center, &tangent[i]);
         }
+        if (grip && grip->whole > 0) {
+            native_bristle_resist(grip, center, a->R, &tangent[i]);
+        }
         memcpy(tangent[i].center, e->patch[i].center, sizeof tangent[i].center);
         if (grip) {
-            tangent_set_bristles(grip, a->R, pair->sign, &tangent[i]);
+            tangent_set_bristles(grip, pair->law.us, center, a->R, pair->sign, &tangent[i]);
         }
     }
     return e->npatch;

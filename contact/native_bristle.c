@@ -5,6 +5,7 @@
  * bristles' state goes by b against a of the configured pair in the world frame; the twist is the
  * same from both sides.
  */
+#include "contact/native_anchor.h"
 #include "contact/native_moments.h"
 #include "contact/native_private.h"
 #include "base/vec3.h"
@@ -13,17 +14,22 @@
 #include <math.h>
 #include <string.h>
 
-#define LENGTH_M 1e-4       /* l_b */
-#define DELAY_S 1e-3        /* t_d */
+#define DELAY_S 0.5e-3      /* t_d */
 #define YIELD_S 0.5e-3      /* t_y */
 #define YIELD_FROM 0.998    /* of what sliding that way would give */
 #define ALIGN_S 10e-3       /* in which the shear turns into a patch's plane that has tilted */
 enum { SCALE_STEPS = 6 };   /* to find the scale at which bristles begin to yield */
 #define SCALE_ACCURATE 1e-3 /* of YIELD_FROM */
 
-/* How sliding would bend bristles that do not yield. */
-struct bend {
-    double rate[CONTACT_BRISTLE]; /* J^0.5/s */
+/* Shares of what friction can bear between which a patch goes over from holding as a whole to what
+ * each of its springs holds. */
+#define WHOLE_UNTIL 0.80
+#define WHOLE_NEVER 0.95
+
+/* How the motion moves the surfaces past each other where a patch's bristles stand. */
+struct slide {
+    double velocity[3], spin;  /* across the normal, about the twist's axis */
+    double rate[BRISTLE_BENT]; /* of bristles that do not yield, J^0.5/s */
 };
 
 /* ---- sums over the springs of a pair ---- */
@@ -71,44 +77,138 @@ static void springs_hold(const struct springs *s, struct native_grip *grip, stru
 
 /* ---- the patch ---- */
 
-/* Where the bristles stand and how stiff they are, and how the motion bends them. */
-static void grip_find(const struct native_sum *sum, const struct native_gather *gather,
-                      struct native_grip *grip, struct bend *bend)
+/* The RMS distance of what weighs m from the axis through c along n; 0 for what weighs nothing. */
+static double moments_find_radius(const struct moments *m, const double c[3], const double n[3])
 {
-    const double *second = gather->second, inverse = 1 / sum->normal;
-    const double length = vec3_norm(gather->along);
-    double square, turn[3], about[3], along;
-    double *n = grip->normal, *c = grip->center;
+    double second[6], along[3], square;
 
-    /* Center of pressure and mean normal */
-    *grip = (struct native_grip){.inverse_normal = inverse};
-    for (int k = 0; k < 3; k++) {
-        c[k] = inverse * sum->lever[k];
-        n[k] = length > DBL_MIN ? gather->along[k] / length : k == 2;
+    if (!(m->zeroth > 0)) {
+        return 0;
     }
-    grip->root = sqrt(sum->normal / LENGTH_M);
+    moments_shift_second(m, c, second);
+    moments_apply_second(second, n, along);
+    square = (second[0] + second[3] + second[5] - vec3_dot(n, along)) / m->zeroth;
+    return square > 1e-12 * vec3_dot(c, c) + DBL_MIN ? sqrt(square) : 0;
+}
+
+/* Finds what presses on a patch and where, and the area that touches: what a new anchor would
+ * be. */
+static void grip_find(const struct springs *s, const struct native_sum *sum,
+                      struct native_grip *grip, struct native_anchor *touch)
+{
+    const struct native_gather *gather = sum->gather;
+    const struct moments *area = &gather->area;
+    const double length = vec3_norm(gather->along);
+    struct moments pressure = {.zeroth = sum->normal};
+    double *n = grip->normal, radius;
+
+    /* Mean normal, center of pressure and centroid of the area */
+    *grip = (struct native_grip){.inverse_normal = 1 / sum->normal,
+                                 .inverse_area = area->zeroth > 0 ? 1 / area->zeroth : 0};
+    for (int k = 0; k < 3; k++) {
+        n[k] = length > DBL_MIN ? gather->along[k] / length : k == 2;
+        grip->pressure[k] = sum->lever[k] / sum->normal;
+        touch->point[k] = area->zeroth > 0 ? area->first[k] / area->zeroth : grip->pressure[k];
+    }
+    memcpy(touch->axis, n, sizeof touch->axis);
+    grip->root = s->pair->law.shear_root;
     grip->reach = sum->normal / grip->root;
 
-    /* r^2: the trace of the second moment about c, less the part along n */
-    square = inverse * (second[0] + second[3] + second[5]) - vec3_dot(c, c);
-    square -=
-        inverse * (n[0] * (n[0] * second[0] + 2 * (n[1] * second[1] + n[2] * second[2])) +
-                   n[1] * (n[1] * second[3] + 2 * n[2] * second[4]) + n[2] * n[2] * second[5]) -
-        vec3_dot(n, c) * vec3_dot(n, c);
-    grip->inverse_radius = square > 1e-12 * vec3_dot(c, c) + DBL_MIN ? 1 / sqrt(square) : 0;
+    /* Their radii */
+    touch->radius = moments_find_radius(area, touch->point, n);
+    memcpy(pressure.first, sum->lever, sizeof pressure.first);
+    memcpy(pressure.second, gather->second, sizeof pressure.second);
+    radius = moments_find_radius(&pressure, grip->pressure, n);
+    grip->inverse_pressure_radius = radius > 0 ? 1 / radius : 0;
 
-    /* The mean sliding velocity, and its mean turn about c */
-    vec3_cross(c, gather->slip, about);
-    vec3_sub(gather->turn, about, turn);
-    along = vec3_dot(n, gather->slip);
-    for (int k = 0; k < 3; k++) {
-        bend->rate[BRISTLE_SHEAR + k] = grip->root * inverse * (gather->slip[k] - along * n[k]);
+    /* Springs act between the surfaces. What rocks on the other without sliding is a point of the
+     * surface that the normals do not belong to */
+    if (area->zeroth > 0) {
+        vec3_add_scaled(touch->point, s->pair->onto * gather->elastic / area->zeroth, n,
+                        touch->point);
     }
-    bend->rate[BRISTLE_TWIST] = grip->root * inverse * vec3_dot(n, turn) * grip->inverse_radius;
+}
+
+/* An anchor, which is in the first surface's frame, in that of the surface that it is fixed in. */
+static void anchor_enter(const struct springs *s, struct native_anchor *anchor)
+{
+    double from[3], axis[3];
+
+    if (s->pair->anchored == 1) {
+        vec3_sub(anchor->point, s->relative->p, from);
+        memcpy(axis, anchor->axis, sizeof axis);
+        mat3_apply_transposed(s->relative->R, from, anchor->point);
+        mat3_apply_transposed(s->relative->R, axis, anchor->axis);
+    }
+}
+
+/* The other way. */
+static void anchor_leave(const struct springs *s, struct native_anchor *anchor)
+{
+    double point[3], axis[3];
+
+    if (s->pair->anchored == 1) {
+        memcpy(point, anchor->point, sizeof point);
+        memcpy(axis, anchor->axis, sizeof axis);
+        mat3_apply(s->relative->R, point, anchor->point);
+        mat3_apply(s->relative->R, axis, anchor->axis);
+        vec3_add_scaled(anchor->point, 1, s->relative->p, anchor->point);
+    }
+}
+
+/* Stands the grip's bristles on the anchor that given has kept, dragged to the area that touches if
+ * it is too far off, or on a new one. Fills the state of that anchor (kept) and of a new one
+ * (anew). */
+static void grip_stand(const struct springs *s, struct native_anchor touch,
+                       const double given[CONTACT_BRISTLE], struct native_grip *grip,
+                       double kept[CONTACT_BRISTLE], double anew[CONTACT_BRISTLE])
+{
+    struct native_anchor anchor;
+    double aligned;
+
+    /* In the frame of the surface that it is fixed in */
+    anchor_enter(s, &touch);
+    native_anchor_write(&touch, anew);
+    memcpy(kept, given, CONTACT_BRISTLE * sizeof *kept);
+    if (!(touch.radius > 0) || !native_anchor_read(given, &anchor)) {
+        anchor = touch;
+        memcpy(kept, anew, CONTACT_BRISTLE * sizeof *kept);
+    } else if (native_anchor_drag(&touch, &anchor)) {
+        native_anchor_write(&anchor, kept);
+    }
+
+    /* In the first surface's. The twist turns about an axis between that of the anchor and the
+     * normal, each fixed in one of the surfaces: its integral depends on how they stand alone */
+    anchor_leave(s, &anchor);
+    aligned = 1 / (1 + vec3_dot(anchor.axis, grip->normal));
+    for (int k = 0; k < 3; k++) {
+        grip->center[k] = anchor.point[k];
+        grip->axis[k] = aligned * (anchor.axis[k] + grip->normal[k]);
+    }
+    grip->inverse_radius = anchor.radius > 0 ? 1 / anchor.radius : 0;
+}
+
+/* Finds how the motion slides the surfaces past each other where a grip's bristles stand, and bends
+ * these. */
+static void slide_find(const struct springs *s, const struct native_grip *grip, struct slide *slide)
+{
+    const struct native_relative *relative = s->relative;
+    double along;
+
+    vec3_cross(relative->w, grip->center, slide->velocity);
+    vec3_add_scaled(slide->velocity, 1, relative->v, slide->velocity);
+    along = vec3_dot(grip->normal, slide->velocity);
+    vec3_add_scaled(slide->velocity, -along, grip->normal, slide->velocity);
+    slide->spin = vec3_dot(grip->axis, relative->w);
+    for (int k = 0; k < 3; k++) {
+        slide->rate[BRISTLE_SHEAR + k] = grip->root * slide->velocity[k];
+    }
+    slide->rate[BRISTLE_TWIST] =
+        grip->inverse_radius > 0 ? grip->root * slide->spin / grip->inverse_radius : 0;
 }
 
 /* The shear into the plane across n, keeping its length. */
-static void shear_align(const double n[3], double y[CONTACT_BRISTLE])
+static void shear_align(const double n[3], double y[BRISTLE_BENT])
 {
     double length = vec3_norm(y), along = vec3_dot(n, y), left;
 
@@ -119,7 +219,7 @@ static void shear_align(const double n[3], double y[CONTACT_BRISTLE])
     }
 }
 
-static double bristle_square(const double y[CONTACT_BRISTLE])
+static double bristle_square(const double y[BRISTLE_BENT])
 {
     return y[0] * y[0] + y[1] * y[1] + y[2] * y[2] + y[3] * y[3];
 }
@@ -146,7 +246,7 @@ static double grip_find_yield(const struct springs *s, const struct native_grip 
         if (!(scale < 1)) {
             return 1;
         }
-        for (int k = 0; k < CONTACT_BRISTLE; k++) {
+        for (int k = 0; k < BRISTLE_BENT; k++) {
             scaled.bristle[k] = scale * grip->bristle[k];
         }
         springs_hold(s, &scaled, NULL);
@@ -159,110 +259,135 @@ static double grip_find_yield(const struct springs *s, const struct native_grip 
     return scale;
 }
 
-/* ---- springs that hold as one ---- */
+/* ---- patches that hold as a whole ---- */
 
-/* Whether no spring of the grip can be near its limit, wherever on the surface it is. u: the
- * sliding velocity at the center. */
-static bool grip_is_rigid(const struct springs *s, const struct native_grip *grip,
-                          const double u[3])
+/* The coefficient of friction at a sliding velocity; as friction_fall of native_friction.h. */
+static double law_find_coefficient(const struct native_law *law, double speed)
 {
-    const struct native_law *law = &s->pair->law;
-    const double across = 2 * s->e->surface[s->pair->surface[0]].reach;
-    const double limit = fmin(law->us, law->ud) * grip->reach;
-    double bend = vec3_norm(grip->bristle) +
-                  fabs(grip->bristle[BRISTLE_TWIST]) * grip->inverse_radius * across;
-    double speed = vec3_norm(u) + vec3_norm(s->relative->w) * across;
+    double t = fmin(1, fmax(0, (speed * law->transition_inverse - 1) / 2));
 
-    return native_pair_is_one_way(s->pair) &&
-           bend + grip->delay_s * grip->root * speed < YIELD_FROM * limit;
+    return law->us - (law->us - law->ud) * (t * t * t * (10 - t * (15 - 6 * t))) + law->uv * speed;
 }
 
-/* springs_hold of a grip that is_rigid, by the moments of the normal force f: with r from the
- * center, where the sum of f r is zero, C the sum of f r r, n the normal, bristles g = y + t n x r
- * and the sliding velocity u + (w x r across n). Fills power too. False when it is not rigid. */
-static bool grip_hold_rigid(const struct springs *s, const struct native_gather *gather,
-                            struct native_grip *grip, struct native_sum *sum)
+/* How much of what friction can bear the bristles e ask for: 1 at an ellipsoid that stands for the
+ * surface of all forces and moments with which the patch slides (Howe, Cutkosky, Int. J. Robotics
+ * Research 15, 1996). */
+static double grip_find_demand(const struct springs *s, const struct native_grip *grip,
+                               const struct slide *slide, const double e[BRISTLE_BENT])
 {
-    const double *n = grip->normal, *c = grip->center, *y = grip->bristle, *w = s->relative->w;
-    const double N = 1 / grip->inverse_normal, twist = y[BRISTLE_TWIST] * grip->inverse_radius;
-    const double delay = grip->delay_s * grip->root, stiffness = grip->inverse_normal * grip->root;
-    const double *second = gather->second;
-    double u[3], force[3], turn[3], b[3], Cn[3], Cw[3], Cb[3], Cbn[3], *C = grip->second, trace;
+    const double limit =
+        grip->reach * law_find_coefficient(&s->pair->law, vec3_norm(slide->velocity));
+    double arm[3], turn[3], moment, square = vec3_dot(e, e);
 
-    /* The velocity at the center, across the normal */
-    vec3_cross(w, c, u);
-    vec3_add_scaled(s->relative->v, 1, u, u);
-    vec3_add_scaled(u, -vec3_dot(n, u), n, u);
-    if (!grip_is_rigid(s, grip, u)) {
-        return false;
+    /* The moment about the center of pressure */
+    vec3_sub(grip->center, grip->pressure, arm);
+    vec3_cross(arm, e, turn);
+    moment = vec3_dot(grip->normal, turn);
+    moment += grip->inverse_radius > 0 ? e[BRISTLE_TWIST] / grip->inverse_radius : 0;
+    if (grip->inverse_pressure_radius > 0) {
+        square += moment * moment * grip->inverse_pressure_radius * grip->inverse_pressure_radius;
+    } else if (e[BRISTLE_TWIST] != 0) {
+        return INFINITY;
     }
+    return sqrt(square) / (limit + DBL_MIN);
+}
 
-    /* C, and what of it is needed */
-    C[0] = second[0] - N * c[0] * c[0];
-    C[1] = second[1] - N * c[0] * c[1];
-    C[2] = second[2] - N * c[0] * c[2];
-    C[3] = second[3] - N * c[1] * c[1];
-    C[4] = second[4] - N * c[1] * c[2];
-    C[5] = second[5] - N * c[2] * c[2];
-    trace = C[0] + C[3] + C[5];
-    vec3_cross(n, w, b);
-    moments_apply_second(C, n, Cn);
-    moments_apply_second(C, w, Cw);
-    moments_apply_second(C, b, Cb);
-    vec3_cross(Cb, n, Cbn);
+/* Adds a share of the friction of bristles e that hold as a whole: at the centroid of the area, and
+ * about it. Returns its power, which is what bends them and what their retardation takes. */
+static double grip_add_whole(const struct native_grip *grip, const struct slide *slide,
+                             const double e[BRISTLE_BENT], double share, struct native_sum *sum)
+{
+    const double twist = grip->inverse_radius > 0 ? e[BRISTLE_TWIST] / grip->inverse_radius : 0;
+    double force[3], turn[3];
 
-    /* Force, moment and power */
     for (int k = 0; k < 3; k++) {
-        force[k] = -stiffness * N * (y[k] + delay * u[k]);
+        force[k] = -share * grip->root * e[k];
     }
-    vec3_cross(c, force, turn);
-    for (int k = 0; k < 3; k++) {
-        sum->force[k] += force[k];
-        sum->moment[k] += turn[k] - stiffness * (twist * (trace * n[k] - Cn[k]) +
-                                                 delay * (trace * w[k] - Cw[k] - Cbn[k]));
+    vec3_cross(grip->center, force, turn);
+    vec3_add_scaled(turn, -share * grip->root * twist, grip->axis, turn);
+    vec3_add_scaled(sum->force, 1, force, sum->force);
+    vec3_add_scaled(sum->moment, 1, turn, sum->moment);
+    return share * grip->root * (vec3_dot(e, slide->velocity) + twist * slide->spin);
+}
+
+/* Adds the friction of the grip's bristles to sum: of the patch as a whole well inside of what
+ * friction can bear, else that of each spring. */
+static void grip_hold(const struct springs *s, const struct slide *slide, struct native_grip *grip,
+                      struct native_sum *sum)
+{
+    struct native_sum apart = {.one_way = sum->one_way};
+    double e[BRISTLE_BENT], demand, power = 0;
+
+    for (int k = 0; k < BRISTLE_BENT; k++) {
+        e[k] = grip->bristle[k] + grip->delay_s * slide->rate[k];
     }
-    grip->power =
-        stiffness *
-        (N * vec3_dot(y, u) + twist * (trace * vec3_dot(n, w) - vec3_dot(n, Cw)) +
-         delay * (N * vec3_dot(u, u) + trace * vec3_dot(w, w) - vec3_dot(w, Cw) - vec3_dot(b, Cb)));
-    grip->stiffness = gather->stiffness;
-    grip->damping = gather->damping;
-    grip->rigid = true;
-    return true;
+    demand =
+        fmax(grip_find_demand(s, grip, slide, e), grip_find_demand(s, grip, slide, grip->bristle));
+    grip->whole = 1 - native_ramp(demand, WHOLE_UNTIL, WHOLE_NEVER);
+    if (grip->whole > 0) {
+        power = grip_add_whole(grip, slide, e, grip->whole, sum);
+    }
+    if (grip->whole < 1) {
+        springs_hold(s, grip, &apart);
+        power += (1 - grip->whole) * grip->power;
+        vec3_add_scaled(sum->force, 1 - grip->whole, apart.force, sum->force);
+        vec3_add_scaled(sum->moment, 1 - grip->whole, apart.moment, sum->moment);
+    } else {
+        grip->stiffness = sum->gather->stiffness;
+        grip->damping = sum->gather->damping;
+        grip->held = grip->most = grip->open = 0;
+    }
+    grip->power = power;
+}
+
+/* Whether the grip's bristles bear less than they yield at, after grip_hold. */
+static bool grip_is_firm(const struct native_grip *grip)
+{
+    return grip->whole == 1 || grip->held <= YIELD_FROM * grip->most;
 }
 
 void native_bristle_resist(const struct native_grip *grip, const double center[3],
                            const double turn[9], struct contact_tangent *tangent)
 {
-    const double each = grip->root * grip->follow_s * grip->inverse_normal * grip->root;
-    struct moments friction = {.zeroth = each / grip->inverse_normal}, stiffness, damping;
+    const double each = grip->whole * grip->root * grip->root * grip->follow_s;
+    const double radius = grip->inverse_radius > 0 ? 1 / grip->inverse_radius : 0;
+    struct moments friction = {.zeroth = each};
+    double normal[3], arm[3], to[3];
+    int at = 0;
+
+    /* As of springs about the centroid in the plane across the normal */
+    mat3_apply(turn, grip->normal, normal);
+    vec3_sub(grip->center, center, arm);
+    mat3_apply(turn, arm, to);
+    for (int i = 0; i < 3; i++) {
+        friction.first[i] = each * to[i];
+        for (int j = i; j < 3; j++) {
+            friction.second[at++] =
+                each * (to[i] * to[j] + radius * radius / 2 * ((i == j) - normal[i] * normal[j]));
+        }
+    }
+    tangent_add_across(&friction, tangent->D);
+    tangent_add_along(-1, &friction, normal, tangent->D);
+}
+
+void native_bristle_press(const struct native_grip *grip, const double center[3],
+                          const double turn[9], struct contact_tangent *tangent)
+{
+    struct moments stiffness, damping;
     double normal[3];
 
-    /* Friction follows the normal force; the springs are those of the last evaluation */
     mat3_apply(turn, grip->normal, normal);
-    memcpy(friction.second, grip->second, sizeof friction.second);
-    sym3_rotate(turn, friction.second);
-    for (int k = 0; k < 6; k++) {
-        friction.second[k] *= each;
-    }
     moments_move(&grip->stiffness, center, turn, &stiffness);
     moments_move(&grip->damping, center, turn, &damping);
-
-    /* Friction in all directions but the normal */
-    damping.zeroth -= friction.zeroth;
-    for (int k = 0; k < 6; k++) {
-        damping.second[k] -= friction.second[k];
-    }
     tangent_add_along(1, &stiffness, normal, tangent->K);
     tangent_add_along(1, &damping, normal, tangent->D);
-    tangent_add_across(&friction, tangent->D);
 }
 
 /* ---- the state ---- */
 
-/* Between the world and the first surface's frame. */
+/* Between the world and the first surface's frame: those that bend. */
 static void bristle_enter(const struct native_engine *e, const struct native_pair *pair,
-                          const double *world, double y[CONTACT_BRISTLE])
+                          const double *world, double y[BRISTLE_BENT])
 {
     mat3_apply_transposed(e->pose[pair->surface[0]].R, world, y);
     for (int k = 0; k < 3; k++) {
@@ -272,7 +397,7 @@ static void bristle_enter(const struct native_engine *e, const struct native_pai
 }
 
 static void bristle_leave(const struct native_engine *e, const struct native_pair *pair,
-                          const double y[CONTACT_BRISTLE], double *world)
+                          const double y[BRISTLE_BENT], double *world)
 {
     mat3_apply(e->pose[pair->surface[0]].R, y, world);
     for (int k = 0; k < 3; k++) {
@@ -306,90 +431,102 @@ static void bristle_list(struct contact_bristles *bristles, size_t pair)
 }
 
 /* The rates of the sliding motion, y the bristles in the patch's plane: by it and carried along
- * with the spin. */
+ * with the spin of the surface that the normals belong to, from which an anchor's place is seen. */
 static void bend_bristles(const struct native_engine *e, const struct native_pair *pair,
-                          const struct native_grip *grip, const struct bend *bend,
-                          const double y[CONTACT_BRISTLE], double rate[CONTACT_BRISTLE])
+                          const struct native_grip *grip, const struct slide *slide,
+                          const double y[BRISTLE_BENT], double rate[BRISTLE_BENT])
 {
-    const struct native_pose *a = &e->pose[pair->surface[0]], *b = &e->pose[pair->surface[1]];
-    double w[3], spin[3], turn[3];
+    const struct native_pose *a = &e->pose[pair->surface[0]];
+    const struct native_pose *owner = &e->pose[pair->surface[!pair->anchored]];
+    double spin[3], turn[3];
 
-    for (int k = 0; k < 3; k++) {
-        w[k] = (a->w[k] + b->w[k]) / 2;
-    }
-    mat3_apply_transposed(a->R, w, spin);
+    mat3_apply_transposed(a->R, owner->w, spin);
     vec3_cross(grip->normal, y, turn);
-    memcpy(rate, bend->rate, sizeof bend->rate);
+    memcpy(rate, slide->rate, sizeof slide->rate);
     vec3_add_scaled(rate, vec3_dot(grip->normal, spin), turn, rate);
 }
 
-/* Friction of the bristles y, in the patch's plane, as they are; fills their rate. */
-static void hold_now(const struct springs *s, const struct bend *bend,
-                     const double y[CONTACT_BRISTLE], struct native_grip *grip,
-                     struct native_sum *sum, double rate[CONTACT_BRISTLE])
+/* Friction of the bristles y, in the patch's plane, as they are; fills their rate. Returns how fast
+ * they yield, 1/s. */
+static double hold_now(const struct springs *s, const struct slide *slide,
+                       const double y[BRISTLE_BENT], struct native_grip *grip,
+                       struct native_sum *sum, double rate[BRISTLE_BENT])
 {
-    double square = bristle_square(y), gain, yield;
+    double square = bristle_square(y), gain, yield = 0;
 
     memcpy(grip->bristle, y, sizeof grip->bristle);
     grip->delay_s = grip->follow_s = DELAY_S;
-    springs_hold(s, grip, sum);
+    grip_hold(s, slide, grip, sum);
 
     /* They yield beyond their limit, and to what would store more than friction takes */
-    bend_bristles(s->e, s->pair, grip, bend, y, rate);
+    bend_bristles(s->e, s->pair, grip, slide, y, rate);
     gain = vec3_dot(y, rate) + y[BRISTLE_TWIST] * rate[BRISTLE_TWIST];
-    yield = (1 - grip_find_yield(s, grip)) / YIELD_S;
-    yield = square > DBL_MIN ? fmax(yield, (gain - grip->power) / square) : yield;
-    for (int k = 0; k < CONTACT_BRISTLE; k++) {
+    if (grip->whole < 1) {
+        yield = (1 - grip_find_yield(s, grip)) / YIELD_S;
+        yield = square > DBL_MIN ? fmax(yield, (gain - grip->power) / square) : yield;
+    }
+    for (int k = 0; k < BRISTLE_BENT; k++) {
         rate[k] -= yield * y[k];
     }
     sum->potential += square / 2;
-    sum->power += grip->power - gain + yield * square;
+    sum->power += fmax(0, grip->power - gain + yield * square);
+    return yield;
 }
 
 /* Friction of the bristles that y becomes in h seconds; fills their mean rate. The power of
- * friction that bounds what they store is that of the bristles before they yield. */
-static void hold_ahead(const struct springs *s, const struct bend *bend, double h,
-                       const double y[CONTACT_BRISTLE], struct native_grip *grip,
-                       struct native_sum *sum, double rate[CONTACT_BRISTLE])
+ * friction that bounds what they store is that of the bristles before they yield. Returns how fast
+ * they yield, 1/s. */
+static double hold_ahead(const struct springs *s, const struct slide *slide, double h,
+                         const double y[BRISTLE_BENT], struct native_grip *grip,
+                         struct native_sum *sum, double rate[BRISTLE_BENT])
 {
     struct native_sum unyielding = *sum;
-    double before = bristle_square(y), after, most, scale;
+    double before = bristle_square(y), after, most, scale = 1;
 
     /* All the way */
-    bend_bristles(s->e, s->pair, grip, bend, y, rate);
-    for (int k = 0; k < CONTACT_BRISTLE; k++) {
+    bend_bristles(s->e, s->pair, grip, slide, y, rate);
+    for (int k = 0; k < BRISTLE_BENT; k++) {
         grip->bristle[k] = y[k] + h * rate[k];
     }
     grip->delay_s = DELAY_S;
     grip->follow_s = DELAY_S + h;
     grip->bend_s = h;
     after = bristle_square(grip->bristle);
-    if (!grip_hold_rigid(s, sum->gather, grip, &unyielding)) {
-        springs_hold(s, grip, &unyielding);
-    }
+    grip_hold(s, slide, grip, &unyielding);
     most = fmax(0, before + 2 * h * grip->power);
 
-    if ((grip->rigid || grip->held <= YIELD_FROM * grip->most) && after <= most) {
+    if (grip->whole == 1 || (grip_is_firm(grip) && after <= most)) {
         *sum = unyielding;
     } else {
         /* Back to what they can bear and to what the work on them allows */
-        if (grip->rigid) {
-            grip->rigid = false;
-            springs_hold(s, grip, &unyielding);
-        }
         scale = (1 + h / YIELD_S * grip_find_yield(s, grip)) / (1 + h / YIELD_S);
         scale = after > most ? fmin(scale, sqrt(most / after)) : scale;
-        for (int k = 0; k < CONTACT_BRISTLE; k++) {
+        for (int k = 0; k < BRISTLE_BENT; k++) {
             grip->bristle[k] *= scale;
             rate[k] = (grip->bristle[k] - y[k]) / h;
         }
         grip->follow_s = DELAY_S + scale * h;
         grip->bend_s = scale * h;
-        springs_hold(s, grip, sum);
+        grip_hold(s, slide, grip, sum);
         after = bristle_square(grip->bristle);
     }
     sum->potential += after / 2;
     sum->power += fmax(0, grip->power - (after - before) / (2 * h));
+    return (1 - scale) / h;
+}
+
+/* The rates that lead an anchor's state from given to kept, and as far as the bristles yield to
+ * that of a new one. */
+static void anchor_follow(const double given[CONTACT_BRISTLE], const double kept[CONTACT_BRISTLE],
+                          const double anew[CONTACT_BRISTLE], double h, double yield,
+                          double rate[CONTACT_BRISTLE])
+{
+    const double soon = 1 / (YIELD_S + h);
+
+    yield = fmin(soon, fmax(0, yield));
+    for (int k = BRISTLE_BENT; k < CONTACT_BRISTLE; k++) {
+        rate[k] = soon * (kept[k] - given[k]) + yield * (anew[k] - kept[k]);
+    }
 }
 
 void native_bristle_hold(struct native_engine *e, size_t index,
@@ -401,8 +538,10 @@ void native_bristle_hold(struct native_engine *e, size_t index,
     const struct springs springs = {e, pair, relative, at, lost};
     const double *given = bristles ? bristles->y + CONTACT_BRISTLE * index : relaxed;
     struct native_grip *grip = &e->grip[e->npatch];
-    double y[CONTACT_BRISTLE], start[CONTACT_BRISTLE], rate[CONTACT_BRISTLE], h, along;
-    struct bend bend;
+    double y[BRISTLE_BENT], start[BRISTLE_BENT], rate[CONTACT_BRISTLE], h, along, yield;
+    double kept[CONTACT_BRISTLE], anew[CONTACT_BRISTLE];
+    struct native_anchor touch;
+    struct slide slide;
 
     /* Springs that all pull bear nothing */
     if (!(sum->normal > 0)) {
@@ -410,16 +549,15 @@ void native_bristle_hold(struct native_engine *e, size_t index,
         return;
     }
 
-    grip_find(sum, sum->gather, grip, &bend);
+    grip_find(&springs, sum, grip, &touch);
+    grip_stand(&springs, touch, given, grip, kept, anew);
+    slide_find(&springs, grip, &slide);
     bristle_enter(e, pair, given, start);
     memcpy(y, start, sizeof y);
     shear_align(grip->normal, y);
     h = bristles ? bristles->ahead_s : 0;
-    if (h > 0) {
-        hold_ahead(&springs, &bend, h, y, grip, sum, rate);
-    } else {
-        hold_now(&springs, &bend, y, grip, sum, rate);
-    }
+    yield = h > 0 ? hold_ahead(&springs, &slide, h, y, grip, sum, rate)
+                  : hold_now(&springs, &slide, y, grip, sum, rate);
 
     /* The state turns into the plane too: until the end of the time ahead, or in a while */
     along = vec3_dot(start, start);
@@ -428,7 +566,10 @@ void native_bristle_hold(struct native_engine *e, size_t index,
         rate[k] += (y[k] - along * start[k]) / (h > 0 ? h : ALIGN_S);
     }
     if (bristles && bristles->rate) {
+        double *out = bristles->rate + CONTACT_BRISTLE * index;
+
         bristle_list(bristles, index);
-        bristle_leave(e, pair, rate, bristles->rate + CONTACT_BRISTLE * index);
+        bristle_leave(e, pair, rate, out);
+        anchor_follow(given, kept, anew, h, yield, out);
     }
 }

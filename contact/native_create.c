@@ -53,6 +53,54 @@ static bool shape_is_mesh(enum contact_shape shape)
     return shape == CONTACT_BOX || shape == CONTACT_MESH;
 }
 
+#define NOMINAL_DEPTH 0.25 /* of the radius */
+
+/* Stiffness of bristles over that of the layers along the normal. Rigs' layers are softer than what
+ * they stand for: those of COMAN have 8.3e7 Pa/m, and soles of rubber with a shear modulus of 1 to
+ * 2 MPa, 3 to 5 mm thick, have 2e8 to 7e8 Pa/m in shear (docs/contact.md). */
+#define SHEAR_RATIO 5.0
+
+/* The largest area in which a surface touches a flat one, m2: the two longer sides of its box, or
+ * of what is curved where it is a quarter of its radius deep. Infinite for a half-space. */
+static double surface_nominal_area(const struct contact_surface *given,
+                                   const struct native_surface *s)
+{
+    double side[3], width;
+
+    switch (given->shape) {
+    case CONTACT_HALF_SPACE:
+        return INFINITY;
+    case CONTACT_SPHERE:
+    case CONTACT_CAPSULE:
+        width = given->radius_m * sqrt(8 * NOMINAL_DEPTH);
+        return width * (width + (given->shape == CONTACT_CAPSULE ? given->length_m : 0));
+    default:
+        break;
+    }
+    for (int k = 0; k < 3; k++) {
+        side[k] = s->solid->box.high[k] - s->solid->box.low[k];
+    }
+    return fmax(side[0] * side[1], fmax(side[1] * side[2], side[2] * side[0]));
+}
+
+/* Returns the stiffness of a pair's bristles, N/m. It does not follow what presses on them. */
+static double pair_shear_stiffness(const struct contact_surface *a, const struct contact_surface *b,
+                                   const struct native_pair *pair,
+                                   const struct native_surface *surface)
+{
+    double radius;
+
+    if (pair->kind == PAIR_HERTZ_SPHERES || pair->kind == PAIR_HERTZ_HALF_SPACE) {
+        radius = pair->kind == PAIR_HERTZ_HALF_SPACE
+                     ? a->radius_m
+                     : a->radius_m * b->radius_m / (a->radius_m + b->radius_m);
+        return SHEAR_RATIO * 2 * pair->law.hertz * radius * sqrt(NOMINAL_DEPTH);
+    }
+    return SHEAR_RATIO * pair->law.stiffness *
+           fmin(surface_nominal_area(a, &surface[pair->surface[0]]),
+                surface_nominal_area(b, &surface[pair->surface[1]]));
+}
+
 /* Which of two surfaces comes first: mesh, capsule, sphere, half-space. */
 static int shape_rank(enum contact_shape shape)
 {
@@ -134,6 +182,11 @@ static void pair_make(const struct contact_config *config, size_t index,
         pair->law.dissipation = 1.5 * (share * a->material.dissipation_s_per_m +
                                        (1 - share) * b->material.dissipation_s_per_m);
     }
+    pair->onto = native_pair_is_one_way(pair) ? -pair->law.share[0]
+                 : pair->kind == PAIR_FIELDS  ? pair->law.share[1]
+                                              : 0;
+    pair->anchored = pair->kind == PAIR_FIELDS || pair->kind == PAIR_MESH_SPHERE;
+    pair->law.shear_root = sqrt(pair_shear_stiffness(a, b, pair, surface));
     pair->kernels = kernels ? kernels : native_kernels_used();
 }
 

@@ -60,6 +60,7 @@ struct friction_spring {
     lanes p[3], d[3], u[3]; /* u: the first body's velocity against the second's, less leaving */
     lanes leaving;          /* its part along d */
     lanes force, normal;    /* without and with dissipation, which is never negative */
+    lanes rate;             /* of the force with the depth */
 };
 
 LANES_INLINE void friction_load_spring(const struct native_batch *b, size_t i,
@@ -83,6 +84,7 @@ LANES_INLINE void friction_load_spring(const struct native_batch *b, size_t i,
     }
 
     /* Normal force: elastic, damped, never pulling */
+    s->rate = lanes_load(b->rate + i);
     s->force = lanes_load(b->force + i);
     s->normal = s->force * (1 - law->dissipation * s->leaving);
     s->normal = lanes_pick(lanes_less(zero, s->normal), s->normal, zero);
@@ -92,6 +94,7 @@ LANES_INLINE void friction_load_spring(const struct native_batch *b, size_t i,
 struct friction_bend {
     lanes e[3];      /* g + sqrt(s) t_d v of contact.h */
     lanes square;    /* |g|^2 */
+    lanes share;     /* alpha */
     lanes limit;     /* l */
     lanes stiffness; /* the force is this times e */
 };
@@ -103,7 +106,6 @@ LANES_INLINE void friction_find_bend(const struct friction_spring *s, const stru
     const double twist = y[BRISTLE_TWIST] * grip->inverse_radius;
     const double retarded = grip->delay_s * grip->root;
     lanes arm[3], g[3], size, speed, along, part;
-    lanes zero = {0}, one = zero + 1;
 
     /* One rigid motion of all, across each spring */
     for (int k = 0; k < 3; k++) {
@@ -121,12 +123,12 @@ LANES_INLINE void friction_find_bend(const struct friction_spring *s, const stru
 
     /* No more than friction can bear */
     speed = lanes_root(s->u[0] * s->u[0] + s->u[1] * s->u[1] + s->u[2] * s->u[2]);
-    out->limit =
-        (friction_fall(speed * law->transition_inverse, law) + law->uv * speed) * grip->reach;
+    out->share = s->rate * grip->inverse_area;
+    out->limit = (friction_fall(speed * law->transition_inverse, law) + law->uv * speed) *
+                 (s->normal * (grip->inverse_normal * grip->reach));
     size = lanes_root(out->e[0] * out->e[0] + out->e[1] * out->e[1] + out->e[2] * out->e[2]);
     part = out->limit / (size + DBL_MIN);
-    part = lanes_pick(lanes_less(part, one), part, one);
-    out->stiffness = s->normal * (grip->inverse_normal * grip->root) * part;
+    out->stiffness = grip->root * lanes_pick(lanes_less(part, out->share), part, out->share);
 }
 
 #endif

@@ -130,7 +130,9 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
     const double *w = relative->w, *v = relative->v, *center = sum->tangent->center;
     const double scale = law->us * law->transition_inverse;
     const lanes zero = {0};
-    const double follow = sum->grip ? sum->grip->root * sum->grip->follow_s : 0;
+    const double apart =
+        sum->grip ? 1 - sum->grip->whole : 0; /* what each spring holds by itself */
+    const double follow = sum->grip ? apart * sum->grip->root * sum->grip->follow_s : 0;
 
     out->n = b->n - start < RESISTANCE_MAX ? b->n - start : RESISTANCE_MAX;
     for (size_t i = 0; i < out->n; i += LANES) {
@@ -152,7 +154,9 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
         /* The damped spring's share of its elastic force, and the damping of friction */
         pushes = 1 - law->dissipation * leaving;
         pushes = lanes_pick(lanes_less(zero, pushes), pushes, zero);
-        if (sum->grip) {
+        if (sum->grip && !(apart > 0)) {
+            friction = zero;
+        } else if (sum->grip) {
             friction = follow * bristle_stiffness(b, from, law, relative, sum->grip);
         } else {
             for (int k = 0; k < 3; k++) {

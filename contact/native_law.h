@@ -28,6 +28,7 @@ struct native_law {
     double hertz, hertz_share; /* E (two spheres, sphere and half-space), share of the first */
     double layers, backing;    /* depth at which the layers end, m; what pushes too from there on,
                                 * Pa/m, 0 = nothing */
+    double shear_root;         /* root of the bristles' stiffness s, (N/m)^0.5 */
 };
 
 /* Pose and velocity of the second surface, seen from the first. */

@@ -43,7 +43,11 @@ struct native_pair {
     enum native_pair_kind kind;
     int surface[2]; /* in the order in which contact/native_pairs.h takes them */
     const struct native_kernels *kernels;
-    double sign; /* of the force on the configured pair's b, from that on the first */
+    double sign;  /* of the force on the configured pair's b, from that on the first */
+    double onto;  /* of the depth, along the push: from where springs act to the surface that rocks
+                  * on the one whose normals they have; 0 where both have some */
+    int anchored; /* in which of the two surfaces the bristles' anchor is fixed: not that whose
+                   * normals the springs have */
     struct native_law law;
 };
 
@@ -84,10 +88,14 @@ static inline bool native_pair_is_one_way(const struct native_pair *pair)
     return pair->kind == PAIR_MESH_HALF_SPACE || pair->kind == PAIR_CAPSULE_HALF_SPACE;
 }
 
-/* Adds what the springs of a rigid grip resist motion by to a tangent about a center, in the first
- * surface's frame turned by turn. */
+/* Adds the damping of a grip that holds as a whole, or of the share of it that does, to a tangent
+ * about a center, in the first surface's frame turned by turn. */
 void native_bristle_resist(const struct native_grip *grip, const double center[3],
                            const double turn[9], struct contact_tangent *tangent);
+
+/* The same of what its springs resist by along the normal; springs that all push one way. */
+void native_bristle_press(const struct native_grip *grip, const double center[3],
+                          const double turn[9], struct contact_tangent *tangent);
 
 /* Sticking friction: adds that of a pair in touch to sum, which has gathered the rest, and fills
  * the next patch's grip and the bristles' rates. The pair's springs are in the batch, or lost,

@@ -11,10 +11,10 @@ static void gather_springs(const struct native_batch *b, const struct native_law
 {
     struct native_gather *out = sum->gather;
     const lanes zero = {0};
-    lanes along[3] = {zero, zero, zero}, slip[3] = {zero, zero, zero};
-    lanes turn[3] = {zero, zero, zero}, lever[3] = {zero, zero, zero};
+    const double *const p[3] = {b->p[0] + b->start, b->p[1] + b->start, b->p[2] + b->start};
+    lanes along[3] = {zero, zero, zero}, lever[3] = {zero, zero, zero};
     lanes moment[3] = {zero, zero, zero}, second[6] = {zero, zero, zero, zero, zero, zero};
-    lanes normal = zero, potential = zero, power = zero;
+    lanes normal = zero, potential = zero, power = zero, elastic = zero;
 
     for (size_t i = b->start; i < b->n; i += LANES) {
         struct friction_spring s;
@@ -26,14 +26,10 @@ static void gather_springs(const struct native_batch *b, const struct native_law
             fp[k] = s.normal * s.p[k];
             along[k] += f[k];
             lever[k] += fp[k];
-            slip[k] += s.normal * s.u[k];
         }
         moment[0] += s.p[1] * f[2] - s.p[2] * f[1];
         moment[1] += s.p[2] * f[0] - s.p[0] * f[2];
         moment[2] += s.p[0] * f[1] - s.p[1] * f[0];
-        turn[0] += fp[1] * s.u[2] - fp[2] * s.u[1];
-        turn[1] += fp[2] * s.u[0] - fp[0] * s.u[2];
-        turn[2] += fp[0] * s.u[1] - fp[1] * s.u[0];
         second[0] += fp[0] * s.p[0];
         second[1] += fp[0] * s.p[1];
         second[2] += fp[0] * s.p[2];
@@ -41,6 +37,7 @@ static void gather_springs(const struct native_batch *b, const struct native_law
         second[4] += fp[1] * s.p[2];
         second[5] += fp[2] * s.p[2];
         normal += s.normal;
+        elastic += s.force;
         potential += s.force * depth;
         power += (s.force - s.normal) * s.leaving;
     }
@@ -52,12 +49,12 @@ static void gather_springs(const struct native_batch *b, const struct native_law
         sum->moment[k] += lanes_sum(moment[k]);
         sum->lever[k] += lanes_sum(lever[k]);
         out->along[k] += push;
-        out->slip[k] += lanes_sum(slip[k]);
-        out->turn[k] += lanes_sum(turn[k]);
     }
     for (int k = 0; k < 6; k++) {
         out->second[k] += lanes_sum(second[k]);
     }
+    moments_add_springs(p, b->rate + b->start, b->n - b->start, &out->area);
+    out->elastic += lanes_sum(elastic);
     sum->normal += lanes_sum(normal);
     sum->potential += lanes_sum(potential) / 2;
     sum->power += lanes_sum(power);
@@ -81,7 +78,7 @@ static void find_weights(const struct native_batch *b, size_t start, size_t n, c
 {
     const double leaving_at_0 = vec3_dot(relative->v, d), c = law->dissipation;
     const lanes zero = {0};
-    lanes potential = zero, power = zero;
+    lanes potential = zero, power = zero, elastic = zero;
     double slope[3]; /* of the leaving velocity */
 
     vec3_cross(d, relative->w, slope);
@@ -102,44 +99,26 @@ static void find_weights(const struct native_batch *b, size_t start, size_t n, c
         lanes_store(lanes_pick(pushes, c * force, zero), out->damping + i);
         potential += force * lanes_load(b->depth + at);
         power += (force - normal) * leaving;
+        elastic += force;
     }
+    sum->gather->elastic += lanes_sum(elastic);
     sum->potential += lanes_sum(potential) / 2;
     sum->power += lanes_sum(power);
 }
 
-/* Adds to the sum what springs that push along d do, by the moments f of their normal forces. The
- * sliding velocity at p is that at the origin, across d, and w x p across d. */
-static void add_moments(const struct moments *f, const double d[3],
-                        const struct native_relative *relative, struct native_sum *sum)
+/* Adds to the sum what springs that push along d do, by the moments f of their normal forces. */
+static void add_moments(const struct moments *f, const double d[3], struct native_sum *sum)
 {
     struct native_gather *out = sum->gather;
-    const double *w = relative->w;
-    const double trace = f->second[0] + f->second[3] + f->second[5];
-    double slide[3], slope[3], moment[3], slip[3], turn[3], spun[3], left[3], back[3];
+    double moment[3];
 
     vec3_cross(f->first, d, moment);
-
-    /* The sum of f u */
-    vec3_cross(w, f->first, slip);
-    vec3_add_scaled(slip, f->zeroth, relative->v, slip);
-    vec3_add_scaled(slip, -vec3_dot(d, slip), d, slip);
-
-    /* The sum of f p x u: by the velocity of the origin, by w x p, less its part along d */
-    vec3_add_scaled(relative->v, -vec3_dot(d, relative->v), d, slide);
-    vec3_cross(f->first, slide, turn);
-    moments_apply_second(f->second, w, spun);
-    vec3_cross(d, w, slope);
-    moments_apply_second(f->second, slope, left);
-    vec3_cross(left, d, back);
-
     sum->normal += f->zeroth;
     for (int k = 0; k < 3; k++) {
         sum->force[k] += f->zeroth * d[k];
         sum->moment[k] += moment[k];
         sum->lever[k] += f->first[k];
         out->along[k] += f->zeroth * d[k];
-        out->slip[k] += slip[k];
-        out->turn[k] += turn[k] + trace * w[k] - spun[k] - back[k];
     }
     for (int k = 0; k < 6; k++) {
         out->second[k] += f->second[k];
@@ -167,8 +146,9 @@ static void gather_one_way(const struct native_batch *b, const struct native_law
         moments_add_springs(p, weights.normal, n, &normal);
         moments_add_springs(p, weights.stiffness, n, &sum->gather->stiffness);
         moments_add_springs(p, weights.damping, n, &sum->gather->damping);
+        moments_add_springs(p, b->rate + start, n, &sum->gather->area);
     }
-    add_moments(&normal, d, relative, sum);
+    add_moments(&normal, d, sum);
 }
 
 /* ---- all springs ---- */
@@ -194,14 +174,14 @@ void native_stick_hold(struct native_batch *b, const struct native_law *law,
     for (size_t i = b->start; i < b->n; i += LANES) {
         struct friction_spring s;
         struct friction_bend bend;
-        lanes f[3], size, bound, share;
+        lanes f[3], size, bears;
+        lanes_mask below;
 
         friction_load_spring(b, i, law, relative, &s);
         friction_find_bend(&s, law, grip, &bend);
         if (grip->keeps) {
             lanes_store(bend.stiffness, b->held + i);
         }
-        share = s.normal * grip->inverse_normal;
 
         /* The force */
         for (int k = 0; k < 3; k++) {
@@ -215,10 +195,11 @@ void native_stick_hold(struct native_batch *b, const struct native_law *law,
 
         /* How near the bristles alone are to what friction can bear */
         size = lanes_root(bend.square);
-        bound = lanes_pick(lanes_less(size, bend.limit), size, bend.limit);
-        held += share * bound * size;
-        most += share * bend.limit * size;
-        open += share * lanes_pick(lanes_less(size, bend.limit), bend.square, zero);
+        bears = bend.share * size;
+        below = lanes_less(bears, bend.limit);
+        held += lanes_pick(below, bears, bend.limit) * size;
+        most += bend.limit * size;
+        open += lanes_pick(below, bend.share * bend.square, zero);
     }
 
     for (int k = 0; k < 3; k++) {

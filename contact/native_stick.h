@@ -10,38 +10,41 @@
 #include "contact/native_law.h"
 #include "contact/native_moments.h"
 
-/* Sums over the springs that push, by which the patch's bristles are found. f: normal force, p:
- * where it acts, u: sliding velocity there. */
+/* Sums over the springs of a patch, by which its bristles are found. f: normal force, p: where it
+ * acts. */
 struct native_gather {
-    double along[3];  /* f times its direction */
-    double second[6]; /* f p p: xx, xy, xz, yy, yz, zz */
-    double slip[3];   /* f u */
-    double turn[3];   /* f p x u */
+    double along[3];     /* f times its direction */
+    double second[6];    /* f p p: xx, xy, xz, yy, yz, zz */
+    struct moments area; /* of the springs' stiffness, which is as their area, about the origin */
+    double elastic;      /* their elastic forces */
     /* Only of springs that push one way: what is needed for their tangent, about the frame's
      * origin */
     struct moments stiffness, damping;
 };
 
-/* The bristles of a patch and where they stand, and what they bear. */
+/* The bristles of a patch: where they stand, and what they bear. */
 struct native_grip {
-    double normal[3], center[3]; /* mean normal, center of pressure */
-    double inverse_radius;       /* 1/r; 0 for a point */
-    double inverse_normal;       /* 1/N */
-    double root;                 /* sqrt(s) */
-    double reach;                /* N/sqrt(s) */
-    double bristle[CONTACT_BRISTLE];
+    double normal[3];               /* mean */
+    double center[3];               /* where the bristles stand: the anchor's point c */
+    double axis[3];                 /* that their twist turns about */
+    double inverse_radius;          /* 1/r of the anchor; 0 for a point */
+    double pressure[3];             /* center of pressure */
+    double inverse_pressure_radius; /* 1/r of the pressure about it; 0 for a point */
+    double inverse_normal;          /* 1/N */
+    double inverse_area;            /* of the sum of the springs' rates */
+    double root;                    /* sqrt(s) */
+    double reach;                   /* N/sqrt(s) */
+    double bristle[BRISTLE_BENT];
     double delay_s;  /* of the retardation that counts in the force */
     double follow_s; /* by which the force follows the velocity, and */
     double bend_s;   /* the bristles do: for tangents */
-    /* Found with the force: power of friction (W); sums of w min(|g|, l)|g|, of w l |g|, and of
-     * w |g|^2 where |g| < l */
+    double whole; /* share of the force that the patch bears as a whole, by its springs' area; the
+                      * rest is what each spring bears by its pressure */
+    /* Found with the force: power of friction (W); sums over the springs of min(alpha |g|, l)|g|,
+     * of l |g|, and of alpha |g|^2 where alpha |g| < l, when whole < 1 */
     double power, held, most, open;
-    bool keeps; /* what the springs resist is kept in the batch, for tangents */
-    /* Springs that push one way and are far from yielding hold as one: the force is that of the
-     * whole patch, no spring of it was asked */
-    bool rigid;
-    double second[6];                  /* then the sum of f r r about the center, and */
-    struct moments stiffness, damping; /* those of struct native_gather */
+    bool keeps;                        /* what springs resist is kept in the batch, for tangents */
+    struct moments stiffness, damping; /* those of struct native_gather, when whole is 1 */
 };
 
 /* Adds the springs from start on to the normal force, its energies and what sum->gather wants. Of

@@ -88,7 +88,7 @@ void plant_list_bristles(struct plant *plant)
             continue; /* which is the rule: few pairs of many touch */
         }
         for (size_t i = from; i < end; i += CONTACT_BRISTLE) {
-            if (y[i] != 0.0 || y[i + 1] != 0.0 || y[i + 2] != 0.0 || y[i + 3] != 0.0) {
+            if (memcmp(y + i, none, CONTACT_BRISTLE * sizeof *y) != 0) {
                 plant->live[plant->nlive++] = (int)(i / CONTACT_BRISTLE);
             }
         }
@@ -103,6 +103,38 @@ void plant_drop_bristles(struct plant *plant)
         if (bristles_are_relaxed(y)) {
             memset(y, 0, CONTACT_BRISTLE * sizeof *y);
         }
+    }
+}
+
+void plant_keep_state(struct plant *plant)
+{
+    const size_t each = CONTACT_BRISTLE * sizeof *plant->state;
+    const double *y = plant->state + plant->at.bristle;
+    double *kept = plant->last_good + plant->at.bristle;
+
+    memcpy(plant->last_good, plant->state, plant->at.bristle * sizeof *plant->state);
+    for (size_t i = 0; i < plant->nkept; i++) {
+        memset(kept + CONTACT_BRISTLE * (size_t)plant->kept[i], 0, each);
+    }
+    for (size_t i = 0; i < plant->nlive; i++) {
+        const size_t from = CONTACT_BRISTLE * (size_t)plant->live[i];
+
+        memcpy(kept + from, y + from, each);
+        plant->kept[i] = plant->live[i];
+    }
+    plant->nkept = plant->nlive;
+}
+
+void plant_return_state(struct plant *plant)
+{
+    double *y = plant->state + plant->at.bristle;
+    const double *kept = plant->last_good + plant->at.bristle;
+
+    memcpy(plant->state, plant->last_good, plant->at.bristle * sizeof *plant->state);
+    for (size_t i = 0; i < plant->nlive; i++) {
+        const size_t from = CONTACT_BRISTLE * (size_t)plant->live[i];
+
+        memcpy(y + from, kept + from, CONTACT_BRISTLE * sizeof *y);
     }
 }
 

@@ -239,6 +239,7 @@ static bool allocate_plant(struct plant *plant, struct arena *arena)
 
     /* Integration */
     TAKE(plant->last_good, count);
+    TAKE(plant->kept, plant->nbristle / CONTACT_BRISTLE);
     TAKE(plant->lost, count);
     if (plant->config.integrator == PLANT_IMPLICIT) {
         plant->implicit = implicit_create(plant, arena);

@@ -111,6 +111,8 @@ struct plant {
     struct plant_contact_memory *contact_memory;
     struct body_motion *whole_motion; /* of the robot's bodies */
     double *last_good; /* the state before a substep; once plant_step is done, the one it led to */
+    int *kept;         /* nkept pairs: all whose bristles in last_good are not 0 */
+    size_t nkept;
     double *scratch;
     double *lost; /* of the state, by rounding (integrator_rk4) */
     struct integrator_dopri5 dopri5;
@@ -280,6 +282,14 @@ enum error_code plant_contact_evaluate(struct plant *plant, const double *v, con
 
 /* Lists the live pairs of the state anew, as somebody may have written it. RT-safe. */
 void plant_list_bristles(struct plant *plant);
+
+/* Copies the state to last_good: of the bristles those of the live pairs, as all others are 0.
+ * RT-safe. */
+void plant_keep_state(struct plant *plant);
+
+/* Copies last_good back to the state, of which no pairs have changed but those that are live by
+ * now. RT-safe. */
+void plant_return_state(struct plant *plant);
 
 /* Lets go of the bristles of live pairs that have relaxed to nothing. RT-safe. */
 void plant_drop_bristles(struct plant *plant);

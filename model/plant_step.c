@@ -177,17 +177,16 @@ static enum error_code integrate_state(struct plant *plant, double h)
 static enum error_code advance_substep(struct plant *plant)
 {
     enum error_code code;
-    size_t count = plant->at.count;
     double h = 1e-9 * (double)plant->config.substep_ns;
 
-    memcpy(plant->last_good, plant->state, count * sizeof *plant->state);
+    plant_keep_state(plant);
     code = integrate_state(plant, h);
     if (code == ERROR_NONE && !state_is_finite(plant)) {
         code = ERROR_INPUT;
         plant->failure = diverged;
     }
     if (code != ERROR_NONE) {
-        memcpy(plant->state, plant->last_good, count * sizeof *plant->state);
+        plant_return_state(plant);
         return code;
     }
     /* Quaternions keep unit length */
@@ -217,7 +216,7 @@ enum error_code plant_step(struct plant *plant, size_t steps)
     complete_pretensions(plant);
     plant_drop_bristles(plant);
     plant->stepped = plant->config.integrator == PLANT_IMPLICIT && !plant->clamped;
-    memcpy(plant->last_good, plant->state, plant->at.count * sizeof *plant->state);
+    plant_keep_state(plant);
     return ERROR_NONE;
 }
 

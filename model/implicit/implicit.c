@@ -189,7 +189,7 @@ enum error_code implicit_step(struct plant *plant, double h)
     /* Else again in parts, from the state at the begin */
     level = im->jump <= JUMP_SIXTEENTH ? LEVEL_QUARTER : LEVEL_SIXTEENTH;
     parts = level == LEVEL_QUARTER ? 4 : 16;
-    memcpy(plant->state, plant->last_good, plant->at.count * sizeof *plant->state);
+    plant_return_state(plant);
     memcpy(im->trend, im->trend_begin, bytes);
     for (int part = 0; part < parts && !code; part++) {
         code = take_part(plant, level, h / parts);

@@ -145,10 +145,10 @@ static void bristles_at_rest_hold_and_do_not_yield(void **state)
         scene_place(&motion[1], 0, 0, 0);
 
         /* Moved to where the force is two thirds of what friction can hold, and stopped there */
-        motion[0].v[0] = 1e-3;
+        motion[0].v[0] = 2e-6;
         do {
             follow(world, motion, 10 * H, y);
-            moved += 1e-3 * 10 * H;
+            moved += 2e-6 * 10 * H;
             evaluate(world, motion, y, 0, NULL, wrench);
         } while (-wrench[0].force[0] < 2.0 / 3 * 0.7 * wrench[0].force[2] && moved < 0.01);
         motion[0].v[0] = 0;
@@ -164,8 +164,8 @@ static void bristles_at_rest_hold_and_do_not_yield(void **state)
         }
 
         /* Back where it came from it bears nothing */
-        motion[0].v[0] = -1e-3;
-        follow(world, motion, moved / 1e-3, y);
+        motion[0].v[0] = -2e-6;
+        follow(world, motion, moved / 2e-6, y);
         assert_near(sqrt(square(y)), 0, 1e-6 * sqrt(held * moved));
     }
 }
@@ -322,6 +322,9 @@ static void friction_makes_no_energy_while_loads_change(void **state)
         struct contact_world *world, *frictionless;
         struct scene scene;
         const int paths = kind == ON_GROUND ? 2 : 6; /* hundreds of springs */
+        /* The midpoint rule errs by the square of its steps, by 1e-3 of what a ball stores at
+         * 12000 of them */
+        const int steps = kind == ON_GROUND || kind == ON_TABLE ? 12000 : 24000;
         double least = 1, most_stored = 0;
 
         make_scene(kind, &rough, CONTACT_FRICTION_STICKING, &scene);
@@ -329,13 +332,13 @@ static void friction_makes_no_energy_while_loads_change(void **state)
         make_scene(kind, &slick, CONTACT_FRICTION_REGULARIZED, &scene);
         frictionless = make_world(&scene);
         for (int path = 0; path < paths; path++) {
-            const double period = path % 2 ? 0.3 : 3, h = period / 12000;
+            const double period = path % 2 ? 0.3 : 3, h = period / steps;
             double amplitude[6][3], phase[6][3], y[CONTACT_BRISTLE] = {0}, taken = 0, lost = 0;
             struct body_motion motion[BODIES];
 
             scene_place(&motion[1], 0, 0, 0);
             wander(&seed, amplitude, phase);
-            for (int n = 0; n < 24000; n++) {
+            for (int n = 0; n < 2 * steps; n++) {
                 double k1[CONTACT_BRISTLE], k2[CONTACT_BRISTLE], middle[CONTACT_BRISTLE], power;
 
                 /* Midpoint rule for the work and the bristles alike */
@@ -410,7 +413,7 @@ static void bristles_ahead_are_those_that_the_rates_lead_to(void **state)
 {
     (void)state;
     for (int kind = 0; kind < KINDS; kind++) {
-        const double y[CONTACT_BRISTLE] = {1e-4, -7e-5, 0, 5e-5};
+        const double y[CONTACT_BRISTLE] = {1e-6, -7e-7, 0, 5e-7};
         double rate[CONTACT_BRISTLE], soon[CONTACT_BRISTLE], change;
         struct contact_wrench wrench[BODIES], faster[BODIES];
         struct body_motion motion[BODIES];
@@ -426,7 +429,7 @@ static void bristles_ahead_are_those_that_the_rates_lead_to(void **state)
         motion[0].w[2] = 1e-5;
         evaluate(world, motion, y, 0, rate, wrench);
         evaluate(world, motion, y, 1e-9, soon, wrench);
-        for (int i = 0; i < CONTACT_BRISTLE; i++) {
+        for (int i = 0; i < BRISTLE_BENT; i++) {
             assert_near(soon[i], rate[i], 1e-5 * sqrt(square(rate)));
         }
 

@@ -68,7 +68,7 @@ static void a_foot_on_the_bump_comes_to_rest_and_loses_energy_only(void **state)
         int pair[1] = {0};
         struct contact_bristles bristles = {.y = b.bristle, .pair = pair, .npair = 1};
 
-        for (int k = 0; k < 150; k++) {
+        for (int k = 0; k < 300; k++) {
             double now;
 
             run(&b, 0.01, 2.5e-4);

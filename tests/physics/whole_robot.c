@@ -378,13 +378,17 @@ static void power_balances_while_a_box_is_lifted(void **state)
 /* Largest violations of Newton's and Euler's laws, N and N m */
 struct violation {
     double force, moment, box_force, box_moment, sensor_force, sensor_moment;
+    int instants, bends; /* where they were checked, and where a force on the box bent */
 };
+
+#define BENT_N 2e-3
 
 static void check_laws(const struct run *run, struct violation *worst)
 {
     const struct instant *w = run->window, *now = &w[MIDDLE];
     const double *gravity = run->scene.robot->gravity;
     double box_mass = run->scene.rig->nfree ? run->scene.rig->free[0].inertia.mass : 0.0;
+    double off = 0.0;
 
     for (int i = 0; i < 3; i++) {
         double force = now->robot_force[i] + run->scene.robot->total_mass * gravity[i];
@@ -394,9 +398,12 @@ static void check_laws(const struct run *run, struct violation *worst)
         worst->moment = fmax(worst->moment, fabs(RATE(w, robot.L[i]) - moment));
         force = now->box_force[i] + box_mass * gravity[i];
         moment = now->box_moment[i] + now->box.weight[i];
-        worst->box_force = fmax(worst->box_force, fabs(RATE(w, box.p[i]) - force));
+        off = fmax(off, fabs(RATE(w, box.p[i]) - force));
         worst->box_moment = fmax(worst->box_moment, fabs(RATE(w, box.L[i]) - moment));
     }
+    worst->box_force = fmax(worst->box_force, off);
+    worst->instants++;
+    worst->bends += off > BENT_N;
 }
 
 /* The part below a sensor: what acts on it from outside, less the rate of its momentum, is what it
@@ -443,9 +450,9 @@ static void follow_laws(struct run *run, void (*act)(struct run *run, double t),
         }
     }
     print_message("# worst: robot %.1e N, %.1e N m; box %.1e N, %.1e N m; sensors %.1e N, %.1e N "
-                  "m\n",
+                  "m; %d of %d instants bend\n",
                   worst->force, worst->moment, worst->box_force, worst->box_moment,
-                  worst->sensor_force, worst->sensor_moment);
+                  worst->sensor_force, worst->sensor_moment, worst->bends, worst->instants);
 }
 
 static void contact_forces_are_the_rates_of_momentum_while_coman_squats(void **state)
@@ -463,8 +470,9 @@ static void contact_forces_are_the_rates_of_momentum_while_coman_squats(void **s
     run_end(&run);
 }
 
-/* Where a wrist's friction begins to yield the force bends: there a difference over steps of h is
- * off by a part of the slope's jump times h, 1.5 mN, and half of that at half the step. */
+/* Where friction begins to yield, or the area that touches begins to drag its anchor along, the
+ * force bends: there, and nowhere else, a difference over steps of h is off by a part of the
+ * slope's jump times h, of the order of 10 mN. */
 static void contact_forces_are_the_rates_of_momentum_while_a_box_is_lifted(void **state)
 {
     static struct run run;
@@ -475,8 +483,9 @@ static void contact_forces_are_the_rates_of_momentum_while_a_box_is_lifted(void 
     follow_laws(&run, take, 4000, &worst);
     assert_true(worst.force < 2e-3);
     assert_true(worst.moment < 1e-3);
-    assert_true(worst.box_force < 2e-3);
-    assert_true(worst.box_moment < 1e-3);
+    assert_true(worst.box_force < 2e-2);
+    assert_true(worst.box_moment < 1e-2);
+    assert_true(worst.bends < 0.01 * worst.instants);
     assert_true(worst.sensor_force < 2e-3);
     assert_true(worst.sensor_moment < 1e-3);
     run_end(&run);
