@@ -15,9 +15,12 @@
 
 enum { ITERATIONS = 400, LEANINGS = 40 };
 
-/* Forces as parts of the weight: target of the iteration, what counts as equilibrium, trusted
- * sideways force of friction that does not hold at rest, and the least that has to be held. */
+/* Forces as parts of the weight: target of the iteration; what is as good when steps gain nothing
+ * any more, since friction yields on one side of the equilibrium and sticks on the other; what
+ * counts as equilibrium; trusted sideways force of friction that does not hold at rest; the least
+ * that has to be held. */
 #define TARGET 1e-11
+#define STALLED 1e-9
 #define ACCEPTED 1e-7
 #define SIDEWAYS 0.02
 #define LEVEL 1e-9
@@ -100,6 +103,7 @@ static enum error_code iterate_to_rest(struct settle *s, struct settled *settled
                                        struct error *error)
 {
     enum error_code code = settle_weigh(s, s->g);
+    double before = INFINITY;
     size_t worst = 0;
     bool moved = true;
 
@@ -112,9 +116,11 @@ static enum error_code iterate_to_rest(struct settle *s, struct settled *settled
         double damping;
 
         settled->residual = settle_residual(s, s->g, &worst);
-        if (settled->residual <= TARGET || !moved || settled->iterations == ITERATIONS) {
+        if (settled->residual <= TARGET || !moved || settled->iterations == ITERATIONS ||
+            (settled->residual <= STALLED && settled->residual > 0.5 * before)) {
             break;
         }
+        before = settled->residual;
         if ((code = check_search_bounds(s, error))) {
             return code;
         }

@@ -338,9 +338,9 @@ static void stands_when_it_is_pushed(void **state)
 }
 
 /* Too hard for the ankles: it steps where it falls, comes to rest and stands side by side. Whether
- * it trips over its own feet is chaotic in the push: 6 of 84 pushes end so (4 of 86 with another law
- * of friction), and up to a quarter with a foot 30 mm or more ahead. With that rate 4 of 19 fall once
- * in 25 times. */
+ * it trips over its own feet is chaotic in the push: 6 of 84 pushes end so (4 of 86 with another
+ * law of friction), and up to a quarter with a foot 30 mm or more ahead. With that rate 4 of 19
+ * fall once in 25 times. */
 static void steps_when_it_is_pushed_harder(void **state)
 {
     static const double force[] = {150, 155,  160,  165,  170,  175,  180,  185,  190, 195,
