@@ -11,9 +11,13 @@ if(NOT HIL_SANITIZE AND NOT CMAKE_BUILD_TYPE STREQUAL Debug)
         COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/hardening.sh
                 $<TARGET_FILE:coman-hil> $<TARGET_FILE:coman-hil-bench>)
 endif()
+set(standing_s 600)
+if(HIL_SANITIZE)
+    set(standing_s 30)
+endif()
 hil_script_test(service_standing COMMAND /usr/bin/python3
                 ${CMAKE_CURRENT_SOURCE_DIR}/service/standing.py
-                $<TARGET_FILE:coman-hil> $<IF:$<BOOL:${HIL_SANITIZE}>,30,600> LABELS service
+                $<TARGET_FILE:coman-hil> ${standing_s} LABELS service
                 TIMEOUT 600)
 hil_script_test(service_module COMMAND /usr/bin/python3
                 ${CMAKE_CURRENT_SOURCE_DIR}/service/module.py
