@@ -301,10 +301,19 @@ static int count(struct dl_phdr_info *info, size_t size, void *context)
     return 0;
 }
 
+/* Checks whether a loaded object is a library, which a module has brought with it. */
+static bool is_library(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+
+    return strncmp(slash ? slash + 1 : path, "lib", 3) == 0;
+}
+
 static int visit(struct dl_phdr_info *info, size_t size, void *context)
 {
     struct objects *objects = context;
-    bool program = objects->index == 0, module = objects->index >= objects->at_start;
+    bool program = objects->index == 0;
+    bool module = objects->index >= objects->at_start && !is_library(info->dlpi_name);
     const Elf64_Dyn *dynamic = dynamic_of(info);
     struct object object;
 
