@@ -130,10 +130,10 @@ async function start(work, rig) {
 
 /** Whether all meshes have come or failed, and the picture shows it. */
 const isWhole = () => {
-  const { scene, hello } = window.coman.page;
-  const asked = hello.scene.visuals.filter(({ mesh }) => mesh).length;
-  return scene?.firstDrawn > 0 && scene.robot.parts.length + scene.robot.lacks.length
-    === hello.scene.visuals.length && asked > 0;
+  const { scene, hello } = window.coman?.page ?? {};
+  const visuals = hello?.scene.visuals ?? []; // a page is there before the server has said what it shows
+  return scene?.firstDrawn > 0 && scene.robot.parts.length + scene.robot.lacks.length === visuals.length
+    && visuals.some(({ mesh }) => mesh);
 };
 
 /** The colors of the picture where points of the world are, and whether they are within it. */
