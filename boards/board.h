@@ -161,12 +161,17 @@ enum board_event_kind {
     BOARD_EVENT_FIRMWARE,    /* a download into the bootloader ended: a = bytes, b = CRC-32 */
     BOARD_EVENT_OVERFLOW,    /* a board loses replies or frames: a = how many so far */
     BOARD_EVENT_OVER_HEATED, /* icub: the winding of an axis is too hot: a = 0.1 degree C */
-    BOARD_EVENT_SILENT,      /* an external board has not been heard: a = ms, since the start or its
+    BOARD_EVENT_OWED,   /* icub: a strict axis is not switched on until the host has sent something:
+                              * a = enum board_owed */
+    BOARD_EVENT_SILENT, /* an external board has not been heard: a = ms, since the start or its
                               * last frame */
-    BOARD_EVENT_HEARD,       /* an external board is heard, for the first time or again */
+    BOARD_EVENT_HEARD,  /* an external board is heard, for the first time or again */
 };
 
 /* An event for the log; formatted outside the loop. */
+/* What the host of a strict icub axis owes it. */
+enum board_owed { BOARD_OWED_PROTOCOL, BOARD_OWED_PID, BOARD_OWED_CALIBRATION };
+
 struct board_event {
     int64_t time_ns;
     enum board_event_kind kind;

@@ -77,6 +77,12 @@ static void event_describe(const struct protocol *protocol, const struct board_e
     case BOARD_EVENT_OVER_HEATED:
         snprintf(text, size, "axis %u is too hot: %.1f degree C", axis, (int32_t)a * 0.1);
         return;
+    case BOARD_EVENT_OWED:
+        snprintf(text, size, "axis %u is not switched on: a strict board first wants %s", axis,
+                 a == BOARD_OWED_PROTOCOL ? "GET_FIRMWARE_VERSION with its protocol"
+                 : a == BOARD_OWED_PID    ? "SET_POSITION_PID and SET_POSITION_PID_LIMITS"
+                                          : "a calibration");
+        return;
     case BOARD_EVENT_SILENT:
         snprintf(text, size, "external board silent for %" PRIu32 " ms", a);
         return;

@@ -1804,7 +1804,8 @@ enum hil_client_code hil_client_enable(struct hil_client *client, const char *co
         }
         code = ticks >= ENABLE_TICKS
                    ? client_fail(client, HIL_CLIENT_BOARD,
-                                 "%s does not switch on: mode \"%s\", faults 0x%" PRIx32,
+                                 "%s does not switch on: mode \"%s\", faults 0x%" PRIx32
+                                 "; the simulator's log may say what its board wants first",
                                  core->joint[i].name, state.mode, state.faults)
                    : client_pass(client, SETTLE_TICKS);
     }

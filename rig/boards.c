@@ -578,6 +578,26 @@ static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw
     return code ? code : rig_check_format(b, raw, *protocol);
 }
 
+/* Checks that a bus speaks the protocol of the rig, which is a mistake where none does. */
+static enum error_code rig_check_protocol_used(struct rig_builder *b)
+{
+    char list[RIG_LIST];
+
+    for (size_t i = 0; i < b->raw->nbus; i++) {
+        const struct raw_bus *bus = &b->raw->bus[i];
+
+        if (!bus->protocol && raw_bus_protocol(b, bus)->needs_file) {
+            return ERROR_NONE;
+        }
+    }
+    return b->raw->protocol
+               ? yaml_error(
+                     b->error, &b->raw->protocol_mark,
+                     "found a protocol that no bus speaks, expected it with personality %s",
+                     protocols_list(offsetof(struct protocol, needs_file), list, sizeof list))
+               : ERROR_NONE;
+}
+
 /* Makes the bus of a rig from its section. */
 static struct rig_bus rig_make_bus(const struct rig_builder *b, const struct raw_bus *raw)
 {
@@ -614,6 +634,10 @@ enum error_code rig_build_boards(struct rig_builder *b)
     }
     if (raw->nbus == 0) {
         return yaml_error(b->error, &raw->mark, "found no buses, expected at least one");
+    }
+    code = rig_check_protocol_used(b);
+    if (code) {
+        return code;
     }
     for (size_t i = 0; i < raw->nbus; i++) {
         count += raw->bus[i].nboard;

@@ -54,6 +54,9 @@ static enum error_code simulator_create_buses(struct simulator *simulator, char 
     if (code) {
         return code;
     }
+    if (!simulator->buses.local) {
+        buses_claim(&simulator->buses, notice);
+    }
     /* Nobody outside this process can send a STEP on a local bus */
     if (simulator->buses.local && config->clock == LOOP_CLOCK_LOCKSTEP && !guests &&
         !config->stimulus) {

@@ -6,8 +6,13 @@
 #include "canbus/paced.h"
 #include "sim/interfaces.h"
 
+#include <errno.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
 
 enum {
     /* Frames that wait for one participant: what a thread that is late has not read, or what the
@@ -165,6 +170,38 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
                         : interfaces_prepare(rig, buses->interface, &interface_kernel, error);
 }
 
+/* Claims an interface: an abstract socket, whose name lives as long as the process and is known
+ * where the interface is, in its network namespace. Returns whether another process has it. */
+static bool bus_is_claimed(const char *interface, int *claim)
+{
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    int length = snprintf(address.sun_path + 1, sizeof address.sun_path - 1, "coman-hil/boards/%s",
+                          interface);
+    socklen_t size = (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + (size_t)length);
+
+    *claim = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    return *claim >= 0 && bind(*claim, (const struct sockaddr *)&address, size) &&
+           errno == EADDRINUSE;
+}
+
+void buses_claim(struct buses *buses, char notice[256])
+{
+    size_t used = 0;
+
+    notice[0] = '\0';
+    for (size_t b = 0; b < buses->rig->nbus && !buses->local; b++) {
+        if (bus_is_claimed(buses->interface[b], &buses->claim[buses->nclaim++]) && used < 64) {
+            used += (size_t)snprintf(notice + used, 256 - used, "%s%s", used ? ", " : "",
+                                     buses->interface[b]);
+        }
+    }
+    if (used > 0) {
+        snprintf(notice + used, 256 - used,
+                 ": another coman-hil plays boards there too; unless they are other boards, each "
+                 "frame is answered twice (coman-hil ctl finds it)");
+    }
+}
+
 /* Joins a bus as one participant, or for all its boards; opens the port. */
 static enum error_code bus_join(struct buses *buses, size_t bus, bool boards, struct arena *arena,
                                 struct can_port **port, struct error *error)
@@ -291,6 +328,11 @@ void buses_close(struct buses *buses)
         if (buses->bus[b]) {
             local_bus_destroy(buses->bus[b]);
             buses->bus[b] = NULL;
+        }
+    }
+    while (buses->nclaim > 0) {
+        if (buses->claim[--buses->nclaim] >= 0) {
+            close(buses->claim[buses->nclaim]);
         }
     }
 }

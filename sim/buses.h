@@ -35,6 +35,8 @@ struct buses {
     struct can_state_box state[RIG_BUSES_MAX]; /* of CAN controllers (sim/interfaces.h) */
     struct can_port *sought[RIG_BUSES_MAX];    /* the simulator's on SocketCAN, for buses_seek */
     int64_t seek_ns;                           /* no search before this time */
+    int claim[RIG_BUSES_MAX];                  /* descriptors of buses_claim, from its first on */
+    size_t nclaim;
 };
 
 /* Chooses the transport and creates the local buses. overrides has "NAME=INTERFACE" entries, as
@@ -45,6 +47,11 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
                            const char *const *overrides, size_t noverride, size_t guests,
                            bool apart, struct arena *arena, struct buses *buses, char notice[256],
                            struct error *error);
+
+/* Claims the interfaces of SocketCAN buses for the boards of this process, until buses_close. Other
+ * simulators of the same network namespace that have claimed one are told in notice (else ""): two
+ * with the same boards answer each frame twice, two with boards of one bus each may be meant so. */
+void buses_claim(struct buses *buses, char notice[256]);
 
 /* Joins every bus as the simulator: for all boards of the bus, each with a CAN controller of its
  * own where the buses are timed. Once, and before other participants. */

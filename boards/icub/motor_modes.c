@@ -88,19 +88,24 @@ static void motor_axis_switch_strictly(struct board *board, struct motor_axis *a
 bool motor_axis_is_owed_nothing(struct board *board, struct motor_axis *axis, bool calibrated)
 {
     unsigned index = motor_axis_index(board, axis);
+    enum board_owed owed;
 
     if (!board->config.strict) {
         return true;
     }
     if (!motor_board_of(board)->protocol_ack) {
         motor_board_print(board, "can protocol NOT ack");
+        owed = BOARD_OWED_PROTOCOL;
     } else if (axis->pids != PID_HAS_ALL) {
         motor_board_print_number(board, "PID IS NOT SET ", index);
+        owed = BOARD_OWED_PID;
     } else if (board->config.require_calibration && !calibrated) {
         motor_board_print_number(board, "calib failed ", index);
+        owed = BOARD_OWED_CALIBRATION;
     } else {
         return true;
     }
+    board_event(board, BOARD_EVENT_OWED, index, owed, 0);
     motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
     return false;
 }

@@ -345,7 +345,8 @@ class Simulator:
                 return
             if self.tick >= end:
                 text = ", ".join(joint.state_text() for joint in waiting)
-                raise BoardError(f"motors do not switch on within {timeout_s:g} s: {text}")
+                raise BoardError(f"motors do not switch on within {timeout_s:g} s: {text}; "
+                                 "the simulator's log may say what their boards want first")
 
     def disable(self, *joints: str) -> None:
         """Switches motors off, those of all joints when none is named; runs some ticks."""

@@ -430,6 +430,8 @@ static void a_described_bus_has_its_protocol(void **state)
         "that describes it");
     refused("  - {name: left, interface: can0, protocol: own.yaml, boards: []}\n",
             "28:45: found a protocol on bus \"left\", expected it with personality described");
+    refused("  - {name: left, interface: can0, boards: []}\nprotocol: own.yaml\n",
+            "29:11: found a protocol that no bus speaks, expected it with personality described");
     refused(
         "  - {name: left, interface: can0, personality: described, protocol: nobody, boards: []}"
         "\n",

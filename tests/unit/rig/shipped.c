@@ -464,8 +464,8 @@ static bool coman_has_line(const char *text, bool tail)
 /* COMAN with other drives, sensors, starts and one more board has the same boards. */
 static void other_rigs_of_coman_have_its_boards(void **state)
 {
-    static const char *const names[] = {"coman-bench", "coman-drives", "coman-imu", "coman-sensors",
-                                        "coman-standing"};
+    static const char *const names[] = {"coman-bench",   "coman-drives",   "coman-imu",
+                                        "coman-sensors", "coman-standing", "coman-strict"};
 
     (void)state;
     for (size_t n = 0; n < ARRAY_COUNT(names); n++) {

@@ -143,6 +143,25 @@ static void a_named_interface_is_never_replaced_by_a_local_bus(void **state)
     buses_close(&buses);
 }
 
+/* One simulator after the other on an interface is as usual; a second one beside it is told. */
+static void a_second_simulator_on_an_interface_is_told(void **state)
+{
+    struct buses first = {.rig = &rig, .interface = {"claim-a", "claim-b"}};
+    struct buses second = {.rig = &rig, .interface = {"claim-b", "claim-c"}};
+    char notice[256];
+
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        buses_claim(&first, notice);
+        assert_string_equal(notice, "");
+        buses_claim(&second, notice);
+        assert_non_null(strstr(notice, "claim-b: another coman-hil plays boards there too"));
+        assert_null(strstr(notice, "claim-c"));
+        buses_close(&second);
+        buses_close(&first);
+    }
+}
+
 #define BUSES_TEST(f) cmocka_unit_test_setup_teardown(f, open_arena, close_arena)
 
 int main(void)
@@ -153,6 +172,7 @@ int main(void)
         BUSES_TEST(timed_local_buses_deliver_when_they_are_advanced),
         BUSES_TEST(without_can_auto_is_local_and_says_so),
         BUSES_TEST(a_named_interface_is_never_replaced_by_a_local_bus),
+        cmocka_unit_test(a_second_simulator_on_an_interface_is_told),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

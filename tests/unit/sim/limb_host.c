@@ -3,6 +3,7 @@
  * A host of one limb drives one motor of COMAN. Against a clamp it trips, and the log says why; on
  * the bench it moves its link, with the gains of docs/icub-software.md to where it is told.
  */
+#include "base/count.h"
 #include "sim/simulator.h"
 
 #include <math.h>
@@ -35,6 +36,7 @@ struct limb_host {
     struct boards_counters counters;
     double q, q_min, q_max; /* rad: at the end, and in the last second */
     char clamp[512];        /* the line of the log that names the clamp, or empty */
+    char owed[512];         /* what the last line about switching on says of axis 0, or empty */
 };
 
 static void limb_host_step(void *context, int64_t now_ns)
@@ -69,6 +71,9 @@ static void read_log(struct limb_host *host)
             assert_string_equal(host->clamp, ""); /* once */
             assert_int_equal(simulator_event_priority(key), JOURNAL_WARNING);
             snprintf(host->clamp, sizeof host->clamp, "%s", line);
+        }
+        if (strstr(line, "not switched on")) {
+            snprintf(host->owed, sizeof host->owed, "%s", strstr(line, "axis 0"));
         }
     }
 }
@@ -133,28 +138,54 @@ static void a_trip_against_the_clamp_is_explained(void **state)
     assert_true(host.q_max == host.q_min);
     assert_non_null(strstr(host.clamp,
                            " s: an axis has tripped against the clamp: the rig holds all links "
-                           "until all 23 motors are on, and 0 were. Switch on the others too, or "
-                           "take a rig that holds nothing (initial: {hold: none}), as "
+                           "until all 23 motors are on, and 0 were on then. Switch on the others "
+                           "too, or take a rig that holds nothing (initial: {hold: none}), as "
                            "coman-bench"));
 }
 
 static void on_the_bench_a_limb_moves(void **state)
 {
-    struct limb_host host = host_of_voltage("coman-bench", RIG_HOLD_NONE);
+    static const char *const rigs[] = {"coman-bench", "coman-strict"};
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_COUNT(rigs); i++) {
+        struct limb_host host = host_of_voltage(rigs[i], RIG_HOLD_NONE);
+
+        run_limb(&host);
+        assert_int_equal(host.counters.trips, 0);
+        assert_int_equal(host.counters.malformed + host.counters.unknown + host.counters.timeouts,
+                         0);
+        assert_string_equal(host.clamp, "");
+        assert_true(host.q > 0.1);
+    }
+}
+
+/* The frames of the README: a lenient board moves, a strict one says what it wants first. */
+static void a_motor_is_switched_on_by_hand_where_boards_are_lenient(void **state)
+{
+    struct limb_host host = {.rig = "coman-bench",
+                             .hold = RIG_HOLD_NONE,
+                             .ticks = 200,
+                             .frame = {{.id = 0x001, .len = 2, .data = {0x09, 0x50}},
+                                       {.id = 0x001, .len = 3, .data = {0x72, 0x4d, 0x01}}},
+                             .nframe = 2};
 
     (void)state;
     run_limb(&host);
     assert_int_equal(host.counters.trips, 0);
-    assert_int_equal(host.counters.malformed + host.counters.unknown + host.counters.timeouts, 0);
-    assert_string_equal(host.clamp, "");
-    assert_true(host.q > 0.1);
+    assert_true(host.q_max > 0.1);
+    host.rig = "coman-strict";
+    host.sent = 0;
+    run_limb(&host);
+    assert_string_equal(host.owed, "axis 0 is not switched on: a strict board first wants "
+                                   "GET_FIRMWARE_VERSION with its protocol");
 }
 
 /* The hip goes to -20 degrees (-228 ticks) in two seconds and has three more to settle. */
 static struct limb_host host_of_position(uint8_t kp_low, uint8_t kp_high, uint8_t ki)
 {
     return (struct limb_host){
-        .rig = "coman-bench",
+        .rig = "coman-strict",
         .hold = RIG_HOLD_NONE,
         .ticks = 5000,
         .frame = {{.id = 0x001, .len = 3, .data = {0x5b, 1, 6}},
@@ -190,6 +221,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_trip_against_the_clamp_is_explained),
         cmocka_unit_test(on_the_bench_a_limb_moves),
+        cmocka_unit_test(a_motor_is_switched_on_by_hand_where_boards_are_lenient),
         cmocka_unit_test(the_gains_of_the_guide_bring_the_hip_where_it_is_told),
         cmocka_unit_test(greater_gains_make_it_oscillate),
     };
