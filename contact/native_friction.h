@@ -6,7 +6,7 @@
 #ifndef CONTACT_NATIVE_FRICTION_H
 #define CONTACT_NATIVE_FRICTION_H
 
-#include "contact/friction.h"
+#include "contact/friction_slope.h"
 #include "contact/lanes.h"
 #include "contact/native_law.h"
 #include "contact/native_stick.h"

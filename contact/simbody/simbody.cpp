@@ -11,7 +11,7 @@
 extern "C" {
 #include "base/arena.h"
 #include "contact/contact.h"
-#include "contact/friction.h"
+#include "contact/friction_slope.h"
 #include "contact/simbody/module.h"
 #include "contact/tangent.h"
 }

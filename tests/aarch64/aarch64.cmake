@@ -6,7 +6,7 @@
 set(HIL_AARCH64_TESTS
     base_arena base_crc32 base_hash base_instruction_set base_random base_text
     boards_boards boards_icub_motor_laws boards_messages canbus_candump canbus_frame cli_doctor
-    contact_broad_phase contact_friction contact_native_variants contact_tangent
+    contact_broad_phase contact_friction_slope contact_native_variants contact_tangent
     model_description_robot model_drives_actuator model_dynamics model_implicit_dynamics
     model_integrator
     rig_bus_load rt_histogram rt_loop rt_loop_lockstep rt_recorder viewer_websocket

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The friction law's slope, bounded from above. */
-#include "contact/friction.h"
+#include "contact/friction_slope.h"
 
 #include <math.h>
 

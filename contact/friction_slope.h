@@ -3,8 +3,8 @@
  * Friction of contact.h's law, without contact/native_friction.h's lanes: what the tangents of both
  * engines bound it by. Pure functions; RT-safe.
  */
-#ifndef CONTACT_FRICTION_H
-#define CONTACT_FRICTION_H
+#ifndef CONTACT_FRICTION_SLOPE_H
+#define CONTACT_FRICTION_SLOPE_H
 
 /* Steepest slope of contact.h's S(x) = 10 x^3 - 15 x^4 + 6 x^5, at x = 1/2. */
 #define CONTACT_FRICTION_STEEPEST 1.875

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The bound of the friction law's slope, against the law as contact.h writes it. */
-#include "contact/friction.h"
+#include "contact/friction_slope.h"
 
 #include <math.h>
 #include <setjmp.h>
