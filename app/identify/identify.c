@@ -2,11 +2,45 @@
 /* Opens benches, fits and judges. */
 #include "app/identify/identify.h"
 
-#include "base/config.h"
+#include "app/identify/points.h"
 
 #include <math.h>
 #include <string.h>
 #include <time.h>
+
+/* Sets the numbers that a bench has in the place of its drive's. */
+static void set_numbers(struct identify_bench *bench)
+{
+    for (size_t i = 0; i < bench->bench.nnumber; i++) {
+        const int parameter = parameter_find(bench->bench.number[i].name);
+
+        parameter_set(&bench->trial, &parameter, &bench->bench.number[i].value, 1);
+    }
+}
+
+/* Loads a drive of the catalogue for a bench of points. */
+static enum error_code load_bench_drive(struct arena *arena, struct identify_bench *bench,
+                                        struct error *error)
+{
+    const struct robot_drive *drive;
+    const char *path;
+    enum error_code code =
+        yaml_resolve_path(&bench->bench.drive_mark, bench->bench.drive, arena, &path, error);
+
+    code = code ? code : robot_load_drive(path, arena, &drive, error);
+    if (!code && !drive->sea.present) {
+        code = yaml_error(error, &bench->bench.drive_mark,
+                          "found a hydraulic drive, expected an electric one");
+    }
+    if (!code) {
+        bench->trial = (struct trial_robot){.joint = {.sea = drive->sea}};
+        if (drive->sea.effects) {
+            bench->trial.effects = *drive->sea.effects;
+        }
+        set_numbers(bench);
+    }
+    return code;
+}
 
 /* Loads the rig and copies its robot. */
 static enum error_code load_bench_rig(const char *path, struct arena *arena,
@@ -18,10 +52,8 @@ static enum error_code load_bench_rig(const char *path, struct arena *arena,
     if (!code && bench->rig->nfree > 0) {
         code = error_set(error, ERROR_INPUT, "%s: found free bodies, expected a joint alone", path);
     }
-    for (size_t i = 0; i < bench->bench.nnumber && !code; i++) {
-        const int parameter = parameter_find(bench->bench.number[i].name);
-
-        parameter_set(&bench->trial, &parameter, &bench->bench.number[i].value, 1);
+    if (!code) {
+        set_numbers(bench);
     }
     return code;
 }
@@ -38,6 +70,9 @@ enum error_code identify_open(const char *path, struct arena *arena, struct iden
     if (bench->bench.nrecording > IDENTIFY_RECORDINGS_MAX) {
         return yaml_error(error, &bench->bench.mark, "found %zu recordings, expected %d or fewer",
                           bench->bench.nrecording, IDENTIFY_RECORDINGS_MAX);
+    }
+    if (bench->bench.drive) {
+        return load_bench_drive(arena, bench, error);
     }
     code = yaml_resolve_path(&bench->bench.rig_mark, bench->bench.rig, arena, &rig, error);
     code = code ? code : load_bench_rig(rig, arena, bench, error);
@@ -68,6 +103,10 @@ enum error_code identify_take_files(struct identify_bench *bench, const char *co
 
     if (!all) {
         return error_set(error, ERROR_MEMORY, "no memory for recordings");
+    }
+    if (!bench->bench.has_columns) {
+        return yaml_error(error, &bench->bench.mark,
+                          "found a bench of points, expected one of recordings");
     }
     for (size_t i = 0; i < count && !code; i++) {
         code = recording_read(&bench->bench, file[i], NULL, arena, &all[i], error);
@@ -203,6 +242,36 @@ enum error_code identify_run(const struct identify_bench *bench, struct fit_prob
     return code;
 }
 
+struct robot_sea trial_drive(const struct trial_robot *trial)
+{
+    struct robot_sea sea = trial->joint.sea;
+
+    sea.effects = &trial->effects;
+    return sea;
+}
+
+/* Computes a bench's points, and the mean of their relative errors. */
+static enum error_code judge_points(struct validation *validation, struct arena *arena,
+                                    struct error *error)
+{
+    const struct bench *bench = &validation->bench.bench;
+    const struct robot_sea sea = trial_drive(&validation->bench.trial);
+    double sum = 0.0;
+
+    validation->ours = arena_alloc(arena, bench->npoint, sizeof *validation->ours);
+    if (!validation->ours) {
+        return error_set(error, ERROR_MEMORY, "no memory for points");
+    }
+    for (size_t i = 0; i < bench->npoint; i++) {
+        validation->ours[i] = point_compute(&sea, &bench->point[i]);
+        sum += fabs(validation->ours[i] / bench->point[i].value - 1.0);
+    }
+    validation->mean = sum / (double)bench->npoint;
+    validation->passed =
+        isfinite(sum) && (bench->limit_share == 0.0 || validation->mean <= bench->limit_share);
+    return ERROR_NONE;
+}
+
 enum error_code validation_run(const char *path, struct arena *arena, struct validation *validation,
                                struct error *error)
 {
@@ -211,6 +280,9 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
     bool any = false;
     enum error_code code = identify_open(path, arena, bench, error);
 
+    if (!code && bench->bench.npoint > 0) {
+        return judge_points(validation, arena, error);
+    }
     if (!code && bench->nrecording == 0) {
         code = yaml_error(error, &bench->bench.mark, "found no recordings, expected some");
     }

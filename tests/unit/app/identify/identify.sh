@@ -10,7 +10,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 . "$source/tests/service/tap.sh"
 tap_show=$work/out
-echo "1..6"
+echo "1..7"
 
 # arm FOLDER OHM: a pendulum on a drive of the catalogue with friction by load
 arm() {
@@ -59,6 +59,11 @@ result $? "a recording with fewer rows than ticks is refused"
 [ $? -eq 2 ] && grep -q 'expected one joint' "$work/out"
 result $? "a robot of many joints is refused"
 
-"$hil" validate "$source/config/validation/xl330.yaml" --report "$work/bench" >"$work/out" 2>&1 &&
-    grep -q '^passed xl330' "$work/out" && [ -s "$work/bench/index.html" ]
-result $? "the measured servo is within its limit, and a page is there"
+"$hil" validate --report "$work/bench" >"$work/out" 2>&1 &&
+    grep -q '^passed xl330' "$work/out" && [ -s "$work/bench/index.html" ] &&
+    [ "$(wc -l <"$work/out")" -ge 5 ] && [ -s "$work/bench/zeroerr-erob80-50-diagram-1.svg" ]
+result $? "the measured benches are within their limits, and a page with diagrams is there"
+
+"$hil" identify --bench robotis-xh430 --recording "$work/record/signals.csv" >"$work/out" 2>&1
+[ $? -eq 2 ] && grep -q 'found a bench of points' "$work/out"
+result $? "a bench of points is no bench of recordings"
