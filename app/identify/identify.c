@@ -2,6 +2,7 @@
 /* Opens benches, fits and judges. */
 #include "app/identify/identify.h"
 
+#include "app/identify/log.h"
 #include "app/identify/points.h"
 
 #include <math.h>
@@ -109,6 +110,11 @@ enum error_code identify_take_files(struct identify_bench *bench, const char *co
                           "found a bench of points, expected one of recordings");
     }
     for (size_t i = 0; i < count && !code; i++) {
+        if (recording_is_log(file[i])) {
+            code = recording_read_log(bench->rig, bench->trial.joint.name, &bench->bench.columns,
+                                      file[i], arena, &all[i], error);
+            continue;
+        }
         code = recording_read(&bench->bench, file[i], NULL, arena, &all[i], error);
         if (!code && all[i].voltage_before &&
             all[i].time[1] - all[i].time[0] > 1.5e-9 * (double)bench->rig->tick_ns) {
