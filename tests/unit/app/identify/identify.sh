@@ -10,7 +10,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 . "$source/tests/service/tap.sh"
 tap_show=$work/out
-echo "1..7"
+echo "1..11"
 
 # arm FOLDER OHM: a pendulum on a drive of the catalogue with friction by load
 arm() {
@@ -67,3 +67,44 @@ result $? "the measured benches are within their limits, and a page with diagram
 "$hil" identify --bench robotis-xh430 --recording "$work/record/signals.csv" >"$work/out" 2>&1
 [ $? -eq 2 ] && grep -q 'found a bench of points' "$work/out"
 result $? "a bench of points is no bench of recordings"
+
+# The walk-through of docs/identify.md on a drive whose numbers are known: excite, record what candump
+# records, identify from other numbers, compare
+mkdir -p "$work/guess"
+cp -r "$source/config/robots" "$source/config/rigs" "$source/config/drives" "$work/guess/"
+sed -i 's/R_ohm: [0-9.]*/R_ohm: 3.4/; s/NK\([tw]\)\(.*\): [0-9.]*/NK\1\2: 0.4/
+    s/load_\(motor\|external\): [0-9.]*/load_\1: 0.15/; s/J_kg_m2: [0-9.]*/J_kg_m2: 0.0025/
+    s/Dm_nm_s_rad: [0-9.]*/Dm_nm_s_rad: 0.02/' "$work/guess/drives/robotis-xl330-m288.yaml"
+free=R_ohm,NKt_nm_a,J_kg_m2,load_motor,Dm_nm_s_rad
+timeout -k 5 60 "$hil" run xl330-pendulum --transport local --clock free --duration 16 \
+    --task excite --joint pivot --set excite.amplitude_v=5 --control none --record "$work/excite" \
+    >"$work/out" 2>&1 </dev/null && ! grep -qi under "$work/excite/events.log"
+result $? "a drive of 7.4 V is excited"
+
+# near FILE: the numbers of the drive that ships, within 2 %
+near() {
+    awk -v share=0.02 'FNR == NR { truth[$1] = $2; next }
+        $1 in truth && /#.*(known|rough)/ { off = $2 / truth[$1] - 1; n++
+            if (off > share || off < -share) { print $1, $2, truth[$1]; bad = 1 } }
+        END { exit bad || n < 5 }' "$source/config/drives/robotis-xl330-m288.yaml" "$1"
+}
+timeout -k 5 100 "$hil" identify "$work/guess/rigs/xl330-pendulum.yaml" --free $free \
+    --recording "$work/excite/candump.log" -o "$work/found.yaml" >"$work/out" 2>&1 &&
+    near "$work/found.yaml" >>"$work/out"
+result $? "its numbers come back within 2 % from what candump -l writes"
+
+# The same frames as candump -ta prints them, among those of another interface
+awk '{ split($3, f, "#"); data = ""; n = length(f[2]) / 2
+    for (i = 1; i <= n; i++) data = data " " substr(f[2], 2 * i - 1, 2)
+    printf " %s  %s  %s   [%d] %s\n %s  can7  100   [8]  00 00 00 00 00 00 00 00\n", \
+        $1, $2, f[1], n, data, $1 }' "$work/excite/candump.log" >"$work/printed"
+timeout -k 5 100 "$hil" identify "$work/guess/rigs/xl330-pendulum.yaml" --free $free \
+    --recording "$work/printed" -o "$work/again.yaml" >"$work/out" 2>&1 &&
+    [ "$(grep -v '#.*\(printed\|candump\)' "$work/again.yaml" | grep -c .)" -gt 5 ] &&
+    near "$work/again.yaml" >>"$work/out"
+result $? "and from what it prints"
+
+sed 's/ can0 / can7 /' "$work/excite/candump.log" >"$work/other.log"
+"$hil" identify xl330-pendulum --free R_ohm --recording "$work/other.log" >"$work/out" 2>&1
+[ $? -eq 2 ] && grep -q 'found 0 angles of joint pivot (pivot_motor_position)' "$work/out"
+result $? "a log of another interface is refused"
