@@ -56,8 +56,8 @@ struct boards_bus_config {
 
 enum { BOARD_AXES_MAX = 4, BOARD_CHANNELS = 6, BOARD_REPLIES_MAX = 64 };
 
-/* A supply below and above these multiples of the nominal one, the rig's, is an under-voltage and an
- * over-voltage fault (ours): 24 V and 60 V of 48 V. */
+/* A supply below and above these multiples of the rig's is an under-voltage and an over-voltage
+ * fault (ours): 24 V and 60 V of 48 V. */
 #define BOARD_UNDER_VOLTAGE_RATIO 0.5
 #define BOARD_OVER_VOLTAGE_RATIO 1.25
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads and writes the log format of `candump -L`, and reads what it prints. Lines are written without printf, so that the
- * loop may write them, and are parsed strictly. */
+/* Reads and writes the log format of `candump -L`, and reads what it prints. Lines are written
+ * without printf, so that the loop may write them, and are parsed strictly. */
 #include "canbus/candump.h"
 
 #include <errno.h>
@@ -222,7 +222,7 @@ static bool candump_parse_name(struct candump_cursor *cursor, char bus[16])
     return candump_expect(cursor, ' ', "a space after the name of the interface");
 }
 
-/* Parses the identifier: "123#", "12345678#" and, for error frames, "2000xxxx#". */
+/* Parses the identifier: "123", "12345678" and, for error frames, "2000xxxx". */
 static bool candump_parse_id(struct candump_cursor *cursor, struct bus_frame *frame)
 {
     const size_t start = cursor->at;
@@ -256,7 +256,7 @@ static bool candump_parse_id(struct candump_cursor *cursor, struct bus_frame *fr
                               "an extended identifier of at most 1FFFFFFF, or 2xxxxxxx for errors");
     }
     frame->id = id;
-    return candump_next_is(cursor, ' ') || candump_expect(cursor, '#', "'#' after the identifier");
+    return true;
 }
 
 /* Parses a data byte of two hexadecimal digits, if there is one. */
@@ -398,18 +398,27 @@ static bool candump_parse_data(struct candump_cursor *cursor, struct bus_frame *
     return true;
 }
 
-/* Parses a frame from its identifier to the end of the line, and checks that its length is
- * legal. */
+/* Checks that the line ends and that the frame's length is legal. */
+static bool candump_parse_end(struct candump_cursor *cursor, const struct bus_frame *frame)
+{
+    if (cursor->at != cursor->size) {
+        return candump_reject(cursor, cursor->at, "hexadecimal data or the end of the line");
+    }
+    if (!frame_valid(frame)) {
+        return candump_reject(cursor, cursor->at,
+                              "more data: FD has 0-8, 12, 16, 20, 24, 32, 48 or 64 bytes");
+    }
+    return true;
+}
+
+/* Parses a frame from its identifier to the end of the line. */
 static bool candump_parse_frame(struct candump_cursor *cursor, struct bus_frame *frame)
 {
-    if (!candump_parse_id(cursor, frame)) {
+    if (!candump_parse_id(cursor, frame) ||
+        !candump_expect(cursor, '#', "'#' after the identifier")) {
         return false;
     }
-    if (candump_next_is(cursor, ' ')) {
-        if (!candump_parse_printed(cursor, frame)) {
-            return false;
-        }
-    } else if (candump_next_is(cursor, 'R') || candump_next_is(cursor, 'r')) {
+    if (candump_next_is(cursor, 'R') || candump_next_is(cursor, 'r')) {
         if (!candump_parse_remote(cursor, frame)) {
             return false;
         }
@@ -421,14 +430,7 @@ static bool candump_parse_frame(struct candump_cursor *cursor, struct bus_frame 
             return false;
         }
     }
-    if (cursor->at != cursor->size) {
-        return candump_reject(cursor, cursor->at, "hexadecimal data or the end of the line");
-    }
-    if (!frame_valid(frame)) {
-        return candump_reject(cursor, cursor->at,
-                              "more data: FD has 0-8, 12, 16, 20, 24, 32, 48 or 64 bytes");
-    }
-    return true;
+    return candump_parse_end(cursor, frame);
 }
 
 /* Parses a whole line, with or without its newline; false = the cursor holds the fault. */
@@ -439,12 +441,19 @@ static bool candump_parse_line(struct candump_cursor *cursor, struct bus_frame *
     }
     memset(frame, 0, sizeof *frame);
     bus[0] = '\0';
-    candump_skip_spaces(cursor); /* printed lines begin with one */
-    if (!candump_parse_time(cursor, &frame->time_ns) || !candump_parse_name(cursor, bus)) {
-        return false;
+
+    /* Printed lines, which have a length in brackets, begin with a space and are aligned by some */
+    if (memchr(cursor->text, '[', cursor->size)) {
+        candump_skip_spaces(cursor);
+        if (!candump_parse_time(cursor, &frame->time_ns) || !candump_parse_name(cursor, bus)) {
+            return false;
+        }
+        candump_skip_spaces(cursor);
+        return candump_parse_id(cursor, frame) && candump_parse_printed(cursor, frame) &&
+               candump_parse_end(cursor, frame);
     }
-    candump_skip_spaces(cursor);
-    return candump_parse_frame(cursor, frame);
+    return candump_parse_time(cursor, &frame->time_ns) && candump_parse_name(cursor, bus) &&
+           candump_parse_frame(cursor, frame);
 }
 
 enum error_code candump_parse(const char *line, size_t size, struct bus_frame *frame, char bus[16],

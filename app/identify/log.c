@@ -57,8 +57,8 @@ struct log_wanted {
 };
 
 /* Returns whether a signal is wanted. */
-static bool is_wanted(const struct log_wanted *wanted, const struct dbc_message *message,
-                      const struct dbc_signal *signal)
+static bool is_log_wanted(const struct log_wanted *wanted, const struct dbc_message *message,
+                          const struct dbc_signal *signal)
 {
     if (wanted->name) {
         return !strcmp(signal->name, wanted->name);
@@ -69,13 +69,13 @@ static bool is_wanted(const struct log_wanted *wanted, const struct dbc_message 
 }
 
 /* Finds the first signal of any bus that is wanted; returns whether there is one. */
-static bool find_signal(const struct log_source *source, const struct log_wanted *wanted,
-                        struct log_signal *found)
+static bool find_log_signal(const struct log_source *source, const struct log_wanted *wanted,
+                            struct log_signal *found)
 {
     for (size_t bus = 0; bus < source->rig->nbus; bus++) {
         for (const struct dbc_message *m = source->dbc[bus]->message; m; m = m->next) {
             for (const struct dbc_signal *s = m->signal; s; s = s->next) {
-                if (is_wanted(wanted, m, s)) {
+                if (is_log_wanted(wanted, m, s)) {
                     *found = (struct log_signal){bus, m, s};
                     return true;
                 }
@@ -86,21 +86,21 @@ static bool find_signal(const struct log_source *source, const struct log_wanted
 }
 
 /* Finds the signal of the joint's angle, and that of its spring where the angle is the rotor's. */
-static bool find_position(struct log_source *source, const char *joint, const char *name)
+static bool find_angle(struct log_source *source, const char *joint, const char *name)
 {
     static const char *const link[] = {"position", "pos_estimate"}, *const rotor[] = {
                                                                         "motor_position",
                                                                         "motor_encoder"};
     struct log_wanted wanted = {.name = name};
 
-    if (name && find_signal(source, &wanted, &source->position)) {
+    if (name && find_log_signal(source, &wanted, &source->position)) {
         return true;
     }
     for (size_t i = 0; i < ARRAY_COUNT(rotor); i++) {
         wanted = (struct log_wanted){.word = rotor[i], .joint = joint, .unit = "rad"};
-        if (find_signal(source, &wanted, &source->position)) {
+        if (find_log_signal(source, &wanted, &source->position)) {
             wanted.word = "deflection";
-            if (find_signal(source, &wanted, &source->deflection) &&
+            if (find_log_signal(source, &wanted, &source->deflection) &&
                 source->deflection.message != source->position.message) {
                 source->deflection.signal = NULL;
             }
@@ -109,7 +109,7 @@ static bool find_position(struct log_source *source, const char *joint, const ch
     }
     for (size_t i = 0; i < ARRAY_COUNT(link); i++) {
         wanted = (struct log_wanted){.word = link[i], .joint = joint, .unit = "rad"};
-        if (find_signal(source, &wanted, &source->position)) {
+        if (find_log_signal(source, &wanted, &source->position)) {
             return true;
         }
     }
@@ -117,8 +117,8 @@ static bool find_position(struct log_source *source, const char *joint, const ch
 }
 
 /* Finds the signal of what the host commands: volts, percent of the supply, or a torque. */
-static bool find_command(struct log_source *source, const char *joint, const char *name,
-                         bool is_torque)
+static bool find_log_command(struct log_source *source, const char *joint, const char *name,
+                             bool is_torque)
 {
     static const struct {
         const char *word, *unit;
@@ -126,13 +126,13 @@ static bool find_command(struct log_source *source, const char *joint, const cha
                  {"set_point", "Nm"}, {"torque", "Nm"}, {"input_torque", "Nm"}};
     struct log_wanted wanted = {.name = name};
 
-    if (name && find_signal(source, &wanted, &source->command)) {
+    if (name && find_log_signal(source, &wanted, &source->command)) {
         source->is_torque = is_torque;
     }
     for (size_t i = 0; i < ARRAY_COUNT(kinds) && !source->command.signal; i++) {
         wanted = (struct log_wanted){
             .word = kinds[i].word, .joint = joint, .unit = kinds[i].unit, .commanded = true};
-        if (find_signal(source, &wanted, &source->command)) {
+        if (find_log_signal(source, &wanted, &source->command)) {
             source->is_torque = !strcmp(kinds[i].unit, "Nm");
         }
     }
@@ -160,14 +160,14 @@ static enum error_code open_source(const struct rig *rig, const char *joint,
     if (code) {
         return code;
     }
-    if (!find_position(source, joint, columns->position)) {
+    if (!find_angle(source, joint, columns->position)) {
         return error_set(error, ERROR_INPUT,
                          "found no signal with the angle of joint %s, expected its name as column "
                          "\"position\" of a bench (coman-hil dbc has the names)",
                          joint);
     }
-    if (!find_command(source, joint, columns->voltage ? columns->voltage : columns->torque,
-                      columns->torque != NULL)) {
+    if (!find_log_command(source, joint, columns->voltage ? columns->voltage : columns->torque,
+                          columns->torque != NULL)) {
         return error_set(error, ERROR_INPUT,
                          "found no signal with a voltage or a torque for joint %s, expected its "
                          "name as column \"voltage\" or \"torque\" of a bench",

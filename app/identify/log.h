@@ -13,8 +13,8 @@
 bool recording_is_log(const char *path);
 
 /* Reads a log: a row for each frame that tells the joint's angle, with the last command before it.
- * The columns position, and voltage or torque, name signals of coman-hil dbc; without such names, or
- * with those of other columns, they are found by joint and unit. Frames of other interfaces are
+ * The columns position, and voltage or torque, name signals of coman-hil dbc; without such names,
+ * or with those of other columns, they are found by joint and unit. Frames of other interfaces are
  * skipped. ERROR_INPUT says what is missing. */
 enum error_code recording_read_log(const struct rig *rig, const char *joint,
                                    const struct bench_columns *columns, const char *path,

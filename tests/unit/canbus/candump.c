@@ -300,7 +300,7 @@ static void names_file_line_and_column_of_a_fault(void **state)
         {"(0000000001.000000) can0 123#11\n(0.000000) c 123  [1]  AA B\n", 60,
          ":2:27: found 'B', expected"},
         {"(0000000001.000000) can0 123#11\n(0.000000) c 123  [9]\n", 54,
-         ":2:22: found ']', expected a length"},
+         ":2:21: found ']', expected a length"},
     };
     char path[32], bus[16], expected[128];
     char *const lengthy = calloc(1, 5000);

@@ -68,8 +68,8 @@ result $? "the measured benches are within their limits, and a page with diagram
 [ $? -eq 2 ] && grep -q 'found a bench of points' "$work/out"
 result $? "a bench of points is no bench of recordings"
 
-# The walk-through of docs/identify.md on a drive whose numbers are known: excite, record what candump
-# records, identify from other numbers, compare
+# The walk-through of docs/identify.md on a drive whose numbers are known: excite, record what
+# candump records, identify from other numbers, compare
 mkdir -p "$work/guess"
 cp -r "$source/config/robots" "$source/config/rigs" "$source/config/drives" "$work/guess/"
 sed -i 's/R_ohm: [0-9.]*/R_ohm: 3.4/; s/NK\([tw]\)\(.*\): [0-9.]*/NK\1\2: 0.4/
