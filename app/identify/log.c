@@ -22,6 +22,7 @@ struct log_source {
     struct log_signal position, deflection, command;
     double command_scale; /* of a command: 1, or the supply by 100 */
     bool is_torque;
+    bool reported; /* the command is what a board tells of its bridge, as it was */
 };
 
 bool recording_is_log(const char *path)
@@ -38,13 +39,13 @@ bool recording_is_log(const char *path)
     return c == '(';
 }
 
-/* Returns whether a name ends in a word behind an underscore, or is that word. */
+/* Returns whether a name has a word at its end, or before the number of an axis. */
 static bool ends_in(const char *name, const char *word)
 {
-    const size_t length = strlen(name), tail = strlen(word);
+    const char *at = strstr(name, word);
 
-    return length >= tail && !strcmp(name + length - tail, word) &&
-           (length == tail || name[length - tail - 1] == '_');
+    return at && (at == name || at[-1] == '_') &&
+           at[strlen(word) + strspn(at + strlen(word), "_0123")] == '\0';
 }
 
 /* What a signal has to be. NULL = whatever. */
@@ -116,24 +117,29 @@ static bool find_angle(struct log_source *source, const char *joint, const char 
     return false;
 }
 
-/* Finds the signal of what the host commands: volts, percent of the supply, or a torque. */
+/* Finds the signal of what the host commands, volts, percent of the supply, or a torque; else of what
+ * the board says of its bridge. */
 static bool find_log_command(struct log_source *source, const char *joint, const char *name,
                              bool is_torque)
 {
-    static const struct {
-        const char *word, *unit;
-    } kinds[] = {{"set_point", "V"},  {"voltage", "V"}, {"set_point", "%"},    {"pwm", "%"},
-                 {"set_point", "Nm"}, {"torque", "Nm"}, {"input_torque", "Nm"}};
+    static const struct log_wanted kinds[] = {
+        {.word = "set_point", .unit = "V", .commanded = true},
+        {.word = "target_voltage", .unit = "V", .commanded = true},
+        {.word = "SET_OPEN_LOOP_pwm", .unit = "%", .commanded = true},
+        {.word = "pwm", .unit = "%"},
+        {.word = "torque", .unit = "Nm", .commanded = true},
+    };
     struct log_wanted wanted = {.name = name};
 
     if (name && find_log_signal(source, &wanted, &source->command)) {
         source->is_torque = is_torque;
     }
     for (size_t i = 0; i < ARRAY_COUNT(kinds) && !source->command.signal; i++) {
-        wanted = (struct log_wanted){
-            .word = kinds[i].word, .joint = joint, .unit = kinds[i].unit, .commanded = true};
+        wanted = kinds[i];
+        wanted.joint = joint;
         if (find_log_signal(source, &wanted, &source->command)) {
-            source->is_torque = !strcmp(kinds[i].unit, "Nm");
+            source->is_torque = !strcmp(wanted.unit, "Nm");
+            source->reported = !wanted.commanded;
         }
     }
     if (source->command.signal) {
@@ -196,6 +202,22 @@ static size_t find_bus(const struct rig *rig, const char *name)
     return bus;
 }
 
+/* A command that holds, and its integral over time since the last row. */
+struct log_command {
+    bool given;
+    double value, sum; /* sum times ns */
+    int64_t since_ns;
+};
+
+/* Lets time pass under the command. */
+static void command_pass(struct log_command *command, int64_t now_ns)
+{
+    if (command->given && now_ns > command->since_ns) {
+        command->sum += command->value * (double)(now_ns - command->since_ns);
+    }
+    command->since_ns = now_ns;
+}
+
 /* Goes through a log and adds its rows while there is room; *count gets how many there are. */
 static enum error_code read_frames(const struct log_source *source, const char *path, size_t room,
                                    struct recording *r, size_t *count, struct error *error)
@@ -203,9 +225,10 @@ static enum error_code read_frames(const struct log_source *source, const char *
     struct candump_reader reader;
     struct bus_frame frame;
     char name[16];
-    double angle, yields, command = 0.0;
+    struct log_command command = {.given = false};
+    double angle, yields;
     int64_t begin = 0, last = 0;
-    bool end = false, commanded = false;
+    bool end = false;
     enum error_code code = candump_open(&reader, path, error);
 
     *count = 0;
@@ -219,23 +242,30 @@ static enum error_code read_frames(const struct log_source *source, const char *
             continue;
         }
         if (read_signal(source, &source->command, bus, &frame, &angle)) {
-            command = source->command_scale * angle;
-            commanded = true;
+            command_pass(&command, frame.time_ns);
+            command.value = source->command_scale * angle;
+            command.given = true;
+            if (source->reported && *count > 0 && *count <= room) {
+                r->voltage[*count - 1] = command.value;
+            }
         }
-        if (!commanded || !read_signal(source, &source->position, bus, &frame, &angle) ||
+        if (!command.given || !read_signal(source, &source->position, bus, &frame, &angle) ||
             (*count > 0 && frame.time_ns <= last)) {
             continue;
         }
+        command_pass(&command, frame.time_ns);
         begin = *count == 0 ? frame.time_ns : begin;
-        last = frame.time_ns;
         if (*count < room) {
             yields = 0.0;
             read_signal(source, &source->deflection, bus, &frame, &yields);
             r->time[*count] = 1e-9 * (double)(frame.time_ns - begin);
             r->position[*count] = angle - yields;
-            r->voltage[*count] = command;
+            r->voltage[*count] =
+                *count > 0 ? command.sum / (double)(frame.time_ns - last) : command.value;
             r->enabled[*count] = true;
         }
+        command.sum = 0.0;
+        last = frame.time_ns;
         ++*count;
     }
     candump_close(&reader);

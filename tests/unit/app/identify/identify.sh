@@ -10,7 +10,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 . "$source/tests/service/tap.sh"
 tap_show=$work/out
-echo "1..11"
+echo "1..14"
 
 # arm FOLDER OHM: a pendulum on a drive of the catalogue with friction by load
 arm() {
@@ -108,3 +108,20 @@ sed 's/ can0 / can7 /' "$work/excite/candump.log" >"$work/other.log"
 "$hil" identify xl330-pendulum --free R_ohm --recording "$work/other.log" >"$work/out" 2>&1
 [ $? -eq 2 ] && grep -q 'found 0 angles of joint pivot (pivot_motor_position)' "$work/out"
 result $? "a log of another interface is refused"
+
+# Other protocols: voltages in percent every millisecond and angles every four; a bridge that is told
+cp -r "$work/guess" "$work/other"
+sed -i 's/J_kg_m2: [0-9.]*/J_kg_m2: 0.003/' "$work/other/drives/robotis-xl330-m288.yaml"
+for protocol in icub cia402 foc; do
+    sed "s/personality: .*/personality: $protocol/" "$source/config/rigs/xl330-pendulum.yaml" \
+        >"$work/guess/rigs/$protocol.yaml"
+    timeout -k 5 60 "$hil" run "$work/guess/rigs/$protocol.yaml" --transport local --clock free \
+        --duration 16 --task excite --joint pivot --set excite.amplitude_v=5 --control none \
+        --record "$work/$protocol" >"$work/out" 2>&1 </dev/null
+    cp "$work/guess/rigs/$protocol.yaml" "$work/other/rigs/"
+    timeout -k 5 100 "$hil" identify "$work/other/rigs/$protocol.yaml" --free J_kg_m2 \
+        --recording "$work/$protocol/candump.log" -o "$work/$protocol.yaml" >"$work/out" 2>&1 &&
+        awk '/J_kg_m2:/ { j = $2 } END { exit !(j > 0.00245 && j < 0.00255) }' \
+            "$work/$protocol.yaml"
+    result $? "a log of $protocol is read"
+done
