@@ -505,25 +505,3 @@ enum error_code recording_read(const struct bench *bench, const char *path, cons
     free(text);
     return code;
 }
-
-enum error_code bench_read_recordings(const struct bench *bench, struct arena *arena,
-                                      struct recording **recording, struct error *error)
-{
-    struct recording *all = arena_alloc(arena, bench->nrecording + 1, sizeof *all);
-    enum error_code code = ERROR_NONE;
-
-    if (!all) {
-        return error_set(error, ERROR_MEMORY, "no memory for recordings");
-    }
-    for (size_t i = 0; i < bench->nrecording && !code; i++) {
-        const struct bench_recording *one = &bench->recording[i];
-        const char *path;
-
-        code = yaml_resolve_path(&one->file_mark, one->file, arena, &path, error);
-        code = code ? code : recording_read(bench, path, one->crc32, arena, &all[i], error);
-        all[i].group = one->group;
-        all[i].judge = one->judge;
-    }
-    *recording = all;
-    return code;
-}

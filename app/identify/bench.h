@@ -130,8 +130,4 @@ enum error_code recording_read(const struct bench *bench, const char *path, cons
                                struct arena *arena, struct recording *recording,
                                struct error *error);
 
-/* Reads all recordings of a bench: *recording gets bench->nrecording of them. */
-enum error_code bench_read_recordings(const struct bench *bench, struct arena *arena,
-                                      struct recording **recording, struct error *error);
-
 #endif

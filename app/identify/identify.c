@@ -59,6 +59,46 @@ static enum error_code load_bench_rig(const char *path, struct arena *arena,
     return code;
 }
 
+/* Reads a recording: rows as CSV, or a log of candump. */
+static enum error_code read_recording(const struct identify_bench *bench, const char *path,
+                                      const char *crc32, struct arena *arena,
+                                      struct recording *recording, struct error *error)
+{
+    if (!recording_is_log(path)) {
+        return recording_read(&bench->bench, path, crc32, arena, recording, error);
+    }
+    if (crc32) {
+        return error_set(error, ERROR_INPUT,
+                         "%.200s: found key \"crc32\" for a log of candump, expected none", path);
+    }
+    return recording_read_log(bench->rig, bench->trial.joint.name, &bench->bench.columns, path,
+                              arena, recording, error);
+}
+
+/* Reads all recordings that a bench names. */
+static enum error_code read_recordings(struct identify_bench *bench, struct arena *arena,
+                                       struct error *error)
+{
+    enum error_code code = ERROR_NONE;
+
+    bench->nrecording = bench->bench.nrecording;
+    bench->recording = arena_alloc(arena, bench->nrecording + 1, sizeof *bench->recording);
+    if (!bench->recording) {
+        return error_set(error, ERROR_MEMORY, "no memory for recordings");
+    }
+    for (size_t i = 0; i < bench->nrecording && !code; i++) {
+        const struct bench_recording *one = &bench->bench.recording[i];
+        struct recording *recording = &bench->recording[i];
+        const char *path;
+
+        code = yaml_resolve_path(&one->file_mark, one->file, arena, &path, error);
+        code = code ? code : read_recording(bench, path, one->crc32, arena, recording, error);
+        recording->group = one->group;
+        recording->judge = one->judge;
+    }
+    return code;
+}
+
 enum error_code identify_open(const char *path, struct arena *arena, struct identify_bench *bench,
                               struct error *error)
 {
@@ -77,9 +117,7 @@ enum error_code identify_open(const char *path, struct arena *arena, struct iden
     }
     code = yaml_resolve_path(&bench->bench.rig_mark, bench->bench.rig, arena, &rig, error);
     code = code ? code : load_bench_rig(rig, arena, bench, error);
-    code = code ? code : bench_read_recordings(&bench->bench, arena, &bench->recording, error);
-    bench->nrecording = bench->bench.nrecording;
-    return code;
+    return code ? code : read_recordings(bench, arena, error);
 }
 
 enum error_code identify_open_own(const char *rig, const char *joint, struct arena *arena,
@@ -110,13 +148,10 @@ enum error_code identify_take_files(struct identify_bench *bench, const char *co
                           "found a bench of points, expected one of recordings");
     }
     for (size_t i = 0; i < count && !code; i++) {
-        if (recording_is_log(file[i])) {
-            code = recording_read_log(bench->rig, bench->trial.joint.name, &bench->bench.columns,
-                                      file[i], arena, &all[i], error);
-            continue;
-        }
-        code = recording_read(&bench->bench, file[i], NULL, arena, &all[i], error);
-        if (!code && all[i].voltage_before &&
+        const bool log = recording_is_log(file[i]);
+
+        code = read_recording(bench, file[i], NULL, arena, &all[i], error);
+        if (!code && !log && all[i].voltage_before &&
             all[i].time[1] - all[i].time[0] > 1.5e-9 * (double)bench->rig->tick_ns) {
             code = error_set(error, ERROR_INPUT,
                              "%s: found rows every %g s, expected one a tick, whose voltages are "

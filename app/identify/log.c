@@ -89,16 +89,15 @@ static bool find_log_signal(const struct log_source *source, const struct log_wa
 /* Finds the signal of the joint's angle, and that of its spring where the angle is the rotor's. */
 static bool find_angle(struct log_source *source, const char *joint, const char *name)
 {
-    static const char *const link[] = {"position", "pos_estimate"}, *const rotor[] = {
-                                                                        "motor_position",
-                                                                        "motor_encoder"};
+    static const char *const words[] = {"motor_position", "motor_encoder", "position",
+                                        "pos_estimate"};
     struct log_wanted wanted = {.name = name};
 
     if (name && find_log_signal(source, &wanted, &source->position)) {
         return true;
     }
-    for (size_t i = 0; i < ARRAY_COUNT(rotor); i++) {
-        wanted = (struct log_wanted){.word = rotor[i], .joint = joint, .unit = "rad"};
+    for (size_t i = 0; i < ARRAY_COUNT(words); i++) {
+        wanted = (struct log_wanted){.word = words[i], .joint = joint, .unit = "rad"};
         if (find_log_signal(source, &wanted, &source->position)) {
             wanted.word = "deflection";
             if (find_log_signal(source, &wanted, &source->deflection) &&
@@ -108,17 +107,11 @@ static bool find_angle(struct log_source *source, const char *joint, const char 
             return true;
         }
     }
-    for (size_t i = 0; i < ARRAY_COUNT(link); i++) {
-        wanted = (struct log_wanted){.word = link[i], .joint = joint, .unit = "rad"};
-        if (find_log_signal(source, &wanted, &source->position)) {
-            return true;
-        }
-    }
     return false;
 }
 
-/* Finds the signal of what the host commands, volts, percent of the supply, or a torque; else of what
- * the board says of its bridge. */
+/* Finds the signal of what the host commands, volts, percent of the supply, or a torque; else of
+ * what the board says of its bridge. */
 static bool find_log_command(struct log_source *source, const char *joint, const char *name,
                              bool is_torque)
 {

@@ -12,10 +12,10 @@
 /* Returns whether a file begins as a log does: with the time of a frame. */
 bool recording_is_log(const char *path);
 
-/* Reads a log: a row for each frame that tells the joint's angle, with the mean of the commands since the last.
- * The columns position, and voltage or torque, name signals of coman-hil dbc; without such names,
- * or with those of other columns, they are found by joint and unit. Frames of other interfaces are
- * skipped. ERROR_INPUT says what is missing. */
+/* Reads a log: a row for each frame that tells the joint's angle, with the mean of the commands
+ * since the last. The columns position, and voltage or torque, name signals of coman-hil dbc;
+ * without such names, or with those of other columns, they are found by joint and unit. Frames of
+ * other interfaces are skipped. ERROR_INPUT says what is missing. */
 enum error_code recording_read_log(const struct rig *rig, const char *joint,
                                    const struct bench_columns *columns, const char *path,
                                    struct arena *arena, struct recording *recording,

@@ -109,7 +109,7 @@ sed 's/ can0 / can7 /' "$work/excite/candump.log" >"$work/other.log"
 [ $? -eq 2 ] && grep -q 'found 0 angles of joint pivot (pivot_motor_position)' "$work/out"
 result $? "a log of another interface is refused"
 
-# Other protocols: voltages in percent every millisecond and angles every four; a bridge that is told
+# Other protocols: percent every millisecond and angles every four; a bridge that is told
 cp -r "$work/guess" "$work/other"
 sed -i 's/J_kg_m2: [0-9.]*/J_kg_m2: 0.003/' "$work/other/drives/robotis-xl330-m288.yaml"
 for protocol in icub cia402 foc; do
