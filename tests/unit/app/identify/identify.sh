@@ -10,7 +10,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 . "$source/tests/service/tap.sh"
 tap_show=$work/out
-echo "1..14"
+echo "1..16"
 
 # arm FOLDER OHM: a pendulum on a drive of the catalogue with friction by load
 arm() {
@@ -125,3 +125,22 @@ for protocol in icub cia402 foc; do
             "$work/$protocol.yaml"
     result $? "a log of $protocol is read"
 done
+
+sed -i 's/_rad: -3.2, upper_rad: 3.2/_rad: -0.2, upper_rad: 0.2/' \
+    "$work/other/robots/xl330-pendulum.yaml"
+timeout -k 5 60 "$hil" run "$work/other/rigs/xl330-pendulum.yaml" --transport local --clock free \
+    --duration 16 --task excite --joint pivot --set excite.amplitude_v=7 --control none \
+    >"$work/out" 2>&1 </dev/null
+[ $? -eq 1 ] && grep -q 'joint pivot: .* rad is at its limits, -0.2 to 0.2 rad' "$work/out"
+result $? "an excitation ends where the joint reaches a limit"
+
+cat >"$work/guess/rigs/oil.yaml" <<'END'
+name: a
+source: b
+license: c
+drive: ../drives/hyq.yaml
+points: [{what: x, voltage_v: 1, speed_rad_s: 0, find: load_nm, value: 1}]
+END
+"$hil" validate "$work/guess/rigs/oil.yaml" >"$work/out" 2>&1
+[ $? -eq 2 ] && grep -q 'oil.yaml:4:8: found a hydraulic drive' "$work/out"
+result $? "points of a hydraulic drive are refused"
