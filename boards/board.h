@@ -56,10 +56,9 @@ struct boards_bus_config {
 
 enum { BOARD_AXES_MAX = 4, BOARD_CHANNELS = 6, BOARD_REPLIES_MAX = 64 };
 
-/* A supply below this is an under-voltage fault: half of the nominal 48 V. */
-#define BOARD_UNDER_VOLTAGE_V 24.0
-
-/* A supply above this multiple of the nominal one is an over-voltage fault (ours): 60 V of 48 V. */
+/* A supply below and above these multiples of the rig's is an under-voltage and an over-voltage
+ * fault (ours): 24 V and 60 V of 48 V. */
+#define BOARD_UNDER_VOLTAGE_RATIO 0.5
 #define BOARD_OVER_VOLTAGE_RATIO 1.25
 
 /* The same of the pressure that feeds hydraulic joints: half and 1.25 times the nominal one. */
@@ -111,6 +110,7 @@ struct board_config {
     int64_t command_timeout_ns; /* a voltage, current or torque reference without a fresh command
                                  * for so long becomes 0; 0 = off; foc boards have the firmware's
                                  * time-out, strict icub boards none */
+    double under_voltage_v;     /* motor boards: a supply below this is a fault */
     double over_voltage_v;      /* motor boards: a supply above this is a fault; 0 = none is */
     /* cia402, described: a supply of the valves' axes outside of these is a fault, Pa; 0 = none */
     double under_pressure_pa, over_pressure_pa;

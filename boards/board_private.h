@@ -163,6 +163,12 @@ static inline unsigned board_config_axes(const struct board_config *config)
     return count;
 }
 
+/* Returns whether a supply is below what the board needs. */
+static inline bool board_is_under_voltage(const struct board *board, double supply_v)
+{
+    return supply_v < board->config.under_voltage_v;
+}
+
 /* Returns whether the supply is above what the board takes, by regeneration or otherwise. */
 static inline bool board_is_over_voltage(const struct board *board, double supply_v)
 {

@@ -155,8 +155,10 @@ static enum error_code check_board_config(const struct boards_config *config,
     if (board->command_timeout_ns < 0) {
         return check_refuse(error, board, "the command time-out must not be negative");
     }
-    if (!(board->over_voltage_v >= 0.0 && isfinite(board->over_voltage_v))) {
-        return check_refuse(error, board, "the over-voltage must be a number, 0 or more");
+    if (!(board->under_voltage_v >= 0.0 && isfinite(board->under_voltage_v) &&
+          board->over_voltage_v >= 0.0 && isfinite(board->over_voltage_v))) {
+        return check_refuse(error, board,
+                            "under-voltage and over-voltage must be numbers, 0 or more");
     }
     if (!(board->under_pressure_pa >= 0.0 && isfinite(board->under_pressure_pa) &&
           board->over_pressure_pa >= 0.0 && isfinite(board->over_pressure_pa))) {

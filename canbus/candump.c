@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads and writes the log format of `candump -L`. Lines are written without printf, so that the
- * loop may write them, and are parsed strictly. */
+/* Reads and writes the log format of `candump -L`, and reads what it prints. Lines are written
+ * without printf, so that the loop may write them, and are parsed strictly. */
 #include "canbus/candump.h"
 
 #include <errno.h>
@@ -157,11 +157,18 @@ static int candump_next_hex(const struct candump_cursor *cursor)
     return cursor->at < cursor->size ? candump_hex_value(cursor->text[cursor->at]) : -1;
 }
 
+static void candump_skip_spaces(struct candump_cursor *cursor)
+{
+    while (candump_next_is(cursor, ' ')) {
+        cursor->at++;
+    }
+}
+
 /* Parses the time, "(seconds.microseconds) ", into nanoseconds. */
 static bool candump_parse_time(struct candump_cursor *cursor, int64_t *time_ns)
 {
     const int64_t max_seconds = INT64_MAX / 1000000000 - 1;
-    const size_t start = 1;
+    const size_t start = cursor->at + 1;
     int64_t seconds = 0, us = 0;
 
     /* Seconds, as many digits as there are */
@@ -200,9 +207,7 @@ static bool candump_parse_name(struct candump_cursor *cursor, char bus[16])
 {
     size_t length = 0;
 
-    while (candump_next_is(cursor, ' ')) {
-        cursor->at++;
-    }
+    candump_skip_spaces(cursor);
     while (cursor->at < cursor->size && cursor->text[cursor->at] > ' ' &&
            cursor->text[cursor->at] < 0x7F) {
         if (length == NAME_MAX_LENGTH) {
@@ -217,7 +222,7 @@ static bool candump_parse_name(struct candump_cursor *cursor, char bus[16])
     return candump_expect(cursor, ' ', "a space after the name of the interface");
 }
 
-/* Parses the identifier: "123#", "12345678#" and, for error frames, "2000xxxx#". */
+/* Parses the identifier: "123", "12345678" and, for error frames, "2000xxxx". */
 static bool candump_parse_id(struct candump_cursor *cursor, struct bus_frame *frame)
 {
     const size_t start = cursor->at;
@@ -251,7 +256,86 @@ static bool candump_parse_id(struct candump_cursor *cursor, struct bus_frame *fr
                               "an extended identifier of at most 1FFFFFFF, or 2xxxxxxx for errors");
     }
     frame->id = id;
-    return candump_expect(cursor, '#', "'#' after the identifier");
+    return true;
+}
+
+/* Parses a data byte of two hexadecimal digits, if there is one. */
+static bool candump_parse_byte(struct candump_cursor *cursor, struct bus_frame *frame)
+{
+    const int high = candump_next_hex(cursor);
+    int low;
+
+    if (high < 0) {
+        return true;
+    }
+    cursor->at++;
+    low = candump_next_hex(cursor);
+    if (low < 0) {
+        return candump_reject(cursor, cursor->at, "the second hexadecimal digit of a byte");
+    }
+    cursor->at++;
+    frame->data[frame->len++] = (uint8_t)(high << 4 | low);
+    return true;
+}
+
+/* Consumes a word if it stands next. */
+static bool candump_take(struct candump_cursor *cursor, const char *word)
+{
+    const size_t length = strlen(word);
+
+    if (cursor->size - cursor->at < length || memcmp(cursor->text + cursor->at, word, length)) {
+        return false;
+    }
+    cursor->at += length;
+    return true;
+}
+
+/* Parses what is printed behind an identifier: "[4]  DE AD BE EF", with two digits of an FD frame;
+ * "[4]  remote request"; and behind an error frame's data "ERRORFRAME". */
+static bool candump_parse_printed(struct candump_cursor *cursor, struct bus_frame *frame)
+{
+    size_t digits = 0, length = 0;
+
+    /* The length */
+    candump_skip_spaces(cursor);
+    if (!candump_expect(cursor, '[', "'[' before the length")) {
+        return false;
+    }
+    for (; cursor->at < cursor->size && candump_is_digit(cursor->text[cursor->at]) && digits < 2;
+         cursor->at++, digits++) {
+        length = 10 * length + (size_t)(cursor->text[cursor->at] - '0');
+    }
+    if (digits == 0 || length > (digits == 2 ? 64 : 8)) {
+        return candump_reject(cursor, cursor->at, "a length of 0 to 8, or 00 to 64");
+    }
+    frame->flags |= digits == 2 ? FRAME_FD : 0;
+    if (!candump_expect(cursor, ']', "']' after the length")) {
+        return false;
+    }
+
+    /* The data */
+    candump_skip_spaces(cursor);
+    if (candump_take(cursor, "remote request")) {
+        frame->flags |= FRAME_REMOTE;
+        frame->len = (uint8_t)length;
+        return true;
+    }
+    for (size_t i = 0; i < length; i++) {
+        const size_t before = frame->len;
+
+        candump_skip_spaces(cursor);
+        if (!candump_parse_byte(cursor, frame)) {
+            return false;
+        }
+        if (frame->len == before) {
+            return candump_reject(cursor, cursor->at, "as many bytes as the length says");
+        }
+    }
+    candump_skip_spaces(cursor);
+    if ((frame->flags & FRAME_ERROR) && candump_take(cursor, "ERRORFRAME")) {
+        candump_skip_spaces(cursor);
+    }
+    return true;
 }
 
 /* Parses what follows "R" of a remote frame: nothing, or the length that it asks for. */
@@ -296,35 +380,42 @@ static bool candump_parse_fd_flags(struct candump_cursor *cursor, struct bus_fra
     return true;
 }
 
-/* Parses the data bytes, two hexadecimal digits each, up to the first character that is no
- * digit. */
+/* Parses the data bytes up to the first character that is no digit. */
 static bool candump_parse_data(struct candump_cursor *cursor, struct bus_frame *frame)
 {
     const size_t max = (frame->flags & FRAME_FD) ? 64 : 8;
-    int high, low;
 
-    while ((high = candump_next_hex(cursor)) >= 0) {
+    while (candump_next_hex(cursor) >= 0) {
         if (frame->len == max) {
             return candump_reject(cursor, cursor->at,
                                   max == 8 ? "at most 8 bytes of data"
                                            : "at most 64 bytes of data");
         }
-        cursor->at++;
-        low = candump_next_hex(cursor);
-        if (low < 0) {
-            return candump_reject(cursor, cursor->at, "the second hexadecimal digit of a byte");
+        if (!candump_parse_byte(cursor, frame)) {
+            return false;
         }
-        cursor->at++;
-        frame->data[frame->len++] = (uint8_t)(high << 4 | low);
     }
     return true;
 }
 
-/* Parses a frame from its identifier to the end of the line, and checks that its length is
- * legal. */
+/* Checks that the line ends and that the frame's length is legal. */
+static bool candump_parse_end(struct candump_cursor *cursor, const struct bus_frame *frame)
+{
+    if (cursor->at != cursor->size) {
+        return candump_reject(cursor, cursor->at, "hexadecimal data or the end of the line");
+    }
+    if (!frame_valid(frame)) {
+        return candump_reject(cursor, cursor->at,
+                              "more data: FD has 0-8, 12, 16, 20, 24, 32, 48 or 64 bytes");
+    }
+    return true;
+}
+
+/* Parses a frame from its identifier to the end of the line. */
 static bool candump_parse_frame(struct candump_cursor *cursor, struct bus_frame *frame)
 {
-    if (!candump_parse_id(cursor, frame)) {
+    if (!candump_parse_id(cursor, frame) ||
+        !candump_expect(cursor, '#', "'#' after the identifier")) {
         return false;
     }
     if (candump_next_is(cursor, 'R') || candump_next_is(cursor, 'r')) {
@@ -339,14 +430,7 @@ static bool candump_parse_frame(struct candump_cursor *cursor, struct bus_frame 
             return false;
         }
     }
-    if (cursor->at != cursor->size) {
-        return candump_reject(cursor, cursor->at, "hexadecimal data or the end of the line");
-    }
-    if (!frame_valid(frame)) {
-        return candump_reject(cursor, cursor->at,
-                              "more data: FD has 0-8, 12, 16, 20, 24, 32, 48 or 64 bytes");
-    }
-    return true;
+    return candump_parse_end(cursor, frame);
 }
 
 /* Parses a whole line, with or without its newline; false = the cursor holds the fault. */
@@ -357,6 +441,17 @@ static bool candump_parse_line(struct candump_cursor *cursor, struct bus_frame *
     }
     memset(frame, 0, sizeof *frame);
     bus[0] = '\0';
+
+    /* Printed lines, which have a length in brackets, begin with a space and are aligned by some */
+    if (memchr(cursor->text, '[', cursor->size)) {
+        candump_skip_spaces(cursor);
+        if (!candump_parse_time(cursor, &frame->time_ns) || !candump_parse_name(cursor, bus)) {
+            return false;
+        }
+        candump_skip_spaces(cursor);
+        return candump_parse_id(cursor, frame) && candump_parse_printed(cursor, frame) &&
+               candump_parse_end(cursor, frame);
+    }
     return candump_parse_time(cursor, &frame->time_ns) && candump_parse_name(cursor, bus) &&
            candump_parse_frame(cursor, frame);
 }

@@ -2,7 +2,8 @@
 /*
  * Logs in the format of `candump -L`: "(1436509052.249713) can0 123#DEADBEEF", FD as
  * "123##1<data>", remote "123#R", error frames with the 8-digit id of the error class. canplayer
- * and log2asc read them. Writing a line is RT-safe, reading is not.
+ * and log2asc read them. What `candump -ta` prints is read too: " (1436509052.249713)  can0  123
+ * [4]  DE AD BE EF". Writing a line is RT-safe, reading is not.
  */
 #ifndef CANBUS_CANDUMP_H
 #define CANBUS_CANDUMP_H

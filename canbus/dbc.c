@@ -507,3 +507,65 @@ enum error_code dbc_add_value(struct dbc *dbc, struct dbc_signal *signal, int64_
     signal->nvalue++;
     return ERROR_NONE;
 }
+
+/* ---- frames ---- */
+
+const struct dbc_message *dbc_find_frame(const struct dbc *dbc, const struct bus_frame *frame)
+{
+    const bool extended = frame->flags & FRAME_EXTENDED;
+
+    if (frame->flags & (FRAME_ERROR | FRAME_REMOTE)) {
+        return NULL;
+    }
+    for (const struct dbc_message *m = dbc->message; m; m = m->next) {
+        if (extended == ((m->id & DBC_EXTENDED) != 0) &&
+            (frame->id & ~m->id_mask) == (m->id & ~DBC_EXTENDED)) {
+            return m;
+        }
+    }
+    return NULL;
+}
+
+/* Returns the bits of a signal in a frame that holds them. */
+static uint64_t dbc_raw_bits(const struct dbc_signal *signal, const struct bus_frame *frame)
+{
+    uint64_t raw = 0;
+
+    for (unsigned k = 0; k < signal->bits; k++) {
+        const unsigned bit = dbc_bit(signal, k);
+
+        raw |= (uint64_t)(frame->data[bit / 8] >> bit % 8 & 1) << k;
+    }
+    return raw;
+}
+
+bool dbc_read_signal(const struct dbc_message *message, const struct dbc_signal *signal,
+                     const struct bus_frame *frame, double *value)
+{
+    const struct dbc_signal *by = message->multiplexor;
+    uint64_t raw;
+    double number;
+
+    /* Whether it is there */
+    if (!dbc_signal_fits(signal, frame->len) ||
+        (signal->role == DBC_MULTIPLEXED && (!by || !dbc_signal_fits(by, frame->len) ||
+                                             dbc_raw_bits(by, frame) != signal->selector))) {
+        return false;
+    }
+
+    /* What its bits mean */
+    raw = dbc_raw_bits(signal, frame);
+    if (signal->type == DBC_FLOAT) {
+        const uint32_t bits = (uint32_t)raw;
+        float real;
+
+        memcpy(&real, &bits, sizeof real);
+        number = (double)real;
+    } else if (signal->type == DBC_SIGNED && raw >> (signal->bits - 1) & 1) {
+        number = -(double)((~raw & (~UINT64_C(0) >> (64 - signal->bits))) + 1);
+    } else {
+        number = (double)raw;
+    }
+    *value = number * signal->scale + signal->offset;
+    return isfinite(*value);
+}

@@ -18,6 +18,7 @@
 
 #include "base/arena.h"
 #include "base/error.h"
+#include "canbus/frame.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -138,6 +139,15 @@ struct dbc_signal *dbc_find_signal(const struct dbc_message *message, const char
 /* Returns the position (counted as start is) of bit k of a signal, 0 = the least significant; k
  * < bits. */
 unsigned dbc_bit(const struct dbc_signal *signal, unsigned k);
+
+/* Finds the message of a frame by its identifier, without the bits that carry values; NULL = none.
+ */
+const struct dbc_message *dbc_find_frame(const struct dbc *dbc, const struct bus_frame *frame);
+
+/* Reads a signal from a frame of its message. Returns false where the frame does not carry it: it
+ * is too short, or the multiplexor says another. */
+bool dbc_read_signal(const struct dbc_message *message, const struct dbc_signal *signal,
+                     const struct bus_frame *frame, double *value);
 
 /* Writes a database as text; the same database gives the same bytes. */
 enum error_code dbc_write(const struct dbc *dbc, FILE *file, struct error *error);

@@ -419,6 +419,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
         .command_timeout_ns = llround(motors->command_timeout_s * 1e9),
         .status_period_ns = llround(motors->status_period_s * 1e9),
         .boot_ns = llround(motors->boot_s * 1e9),
+        .under_voltage_v = BOARD_UNDER_VOLTAGE_RATIO * b->rig->supply_v,
         .over_voltage_v = BOARD_OVER_VOLTAGE_RATIO * b->rig->supply_v,
         .under_pressure_pa = BOARD_UNDER_PRESSURE_RATIO * b->robot->hydraulic_supply.pressure,
         .over_pressure_pa = BOARD_OVER_PRESSURE_RATIO * b->robot->hydraulic_supply.pressure,

@@ -167,7 +167,7 @@ static bool sweep_begin_point(struct task *task, double t_s)
 {
     struct sweep *sweep = task->state;
     const struct host_axis *axis = &task->config.host.axis[sweep->axis];
-    double pose = task->config.initial_rad[sweep->axis], hz, settle;
+    double hz, settle;
     struct sweep_now *now = &sweep->now;
 
     /* Whole periods, so that the excitation never jumps */
@@ -187,15 +187,7 @@ static bool sweep_begin_point(struct task *task, double t_s)
         snprintf(task->message, sizeof task->message, "joint %s: the amplitude is 0", axis->joint);
         return false;
     }
-    if (now->radians > 0 &&
-        !(pose - now->radians >= axis->lower_rad && pose + now->radians <= axis->upper_rad)) {
-        snprintf(task->message, sizeof task->message,
-                 "joint %s: %.3g rad to both sides of %.3g rad is beyond its limits, %.3g to %.3g "
-                 "rad",
-                 axis->joint, now->radians, pose, axis->lower_rad, axis->upper_rad);
-        return false;
-    }
-    return true;
+    return !(now->radians > 0) || task_can_swing(task, sweep->axis, now->radians);
 }
 
 /* Sets the excitation of this step: a voltage, or the reference. */

@@ -14,10 +14,11 @@ enum { TELL_STEPS = 20, TEXT_SIZE = 100, WORST_TOLD = 3 };
 static const double STRAY_RAD = 0.4; /* a motor that far from its reference is stuck, or the
                                       * robot has fallen */
 
-static const struct task_ops *const known[] = {&task_squat, &task_grasp, &task_hold,   &task_stand,
-                                               &task_walk,  &task_sweep, &task_follow, &task_pose};
-static const char *const names[] = {"squat", "grasp",  "hold", "stand", "walk",
-                                    "sweep", "follow", "pose", NULL};
+static const struct task_ops *const known[] = {&task_squat,  &task_grasp, &task_hold,
+                                               &task_stand,  &task_walk,  &task_sweep,
+                                               &task_follow, &task_pose,  &task_excite};
+static const char *const names[] = {"squat", "grasp",  "hold", "stand",  "walk",
+                                    "sweep", "follow", "pose", "excite", NULL};
 
 enum { KNOWN = ARRAY_COUNT(known) };
 
@@ -165,6 +166,20 @@ void task_tell_worst(struct task *task, const double *worst)
                  count ? "," : "", task->config.host.axis[next].joint, 1e3 * worst[next]);
         told[count++] = next;
     }
+}
+
+bool task_can_swing(struct task *task, size_t axis, double radians)
+{
+    const struct host_axis *of = &task->config.host.axis[axis];
+    const double pose = task->config.initial_rad[axis];
+
+    if (pose - radians >= of->lower_rad && pose + radians <= of->upper_rad) {
+        return true;
+    }
+    snprintf(task->message, sizeof task->message,
+             "joint %s: %.3g rad to both sides of %.3g rad is beyond its limits, %.3g to %.3g rad",
+             of->joint, radians, pose, of->lower_rad, of->upper_rad);
+    return false;
 }
 
 bool task_motors_follow(struct task *task, double *worst_error_rad)

@@ -51,7 +51,7 @@ struct task {
 };
 
 extern const struct task_ops task_squat, task_grasp, task_hold, task_stand, task_walk, task_sweep,
-    task_follow, task_pose;
+    task_follow, task_pose, task_excite;
 
 /* Find the index of a joint's axis or of a force-torque board; the error says which one is
  * missing. */
@@ -68,6 +68,10 @@ void task_hold_pose(struct task *task, const double *from, double ramp_s, double
 
 /* Adds the joints with the largest of these deviations (rad, by axis) to the message. */
 void task_tell_worst(struct task *task, const double *worst);
+
+/* Checks whether a joint may swing that far to both sides of the initial pose; false with a
+ * message. */
+bool task_can_swing(struct task *task, size_t axis, double radians);
 
 /* Checks whether every motor is near its reference; false with a message. Keeps the worst error. */
 bool task_motors_follow(struct task *task, double *worst_error_rad);

@@ -21,13 +21,22 @@ struct validate_options {
 static void print_validation(const struct validation *v)
 {
     const struct bench *bench = &v->bench.bench;
+    const bool points = bench->npoint > 0;
+    const double scale = points ? 100.0 : 1.0,
+                 limit = points ? bench->limit_share : bench->limit_rad;
+    const char *unit = points ? "%" : "rad";
+    const int digits = points ? 1 : 4;
 
-    printf("%-6s %-20s mean error %.4f rad", v->passed ? "passed" : "failed", bench->name, v->mean);
-    if (bench->limit_rad > 0.0) {
-        printf(", limit %.4f", bench->limit_rad);
+    printf("%-6s %-20s mean error %.*f %s", v->passed ? "passed" : "failed", bench->name, digits,
+           scale * v->mean, unit);
+    if (limit > 0.0) {
+        printf(", limit %.*f", digits, scale * limit);
     }
     for (size_t i = 0; i < bench->npublished; i++) {
-        printf("; %s %.4f", bench->published[i].what, bench->published[i].error_rad);
+        const struct bench_published *one = &bench->published[i];
+
+        printf("; %s %.*f", one->what, digits,
+               scale * (points ? one->error_share : one->error_rad));
     }
     putchar('\n');
 }

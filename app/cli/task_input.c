@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads the options of the tasks sweep and follow. */
+/* Reads the options of the tasks sweep, excite and follow. */
 #include "app/cli/task_input.h"
 
 #include <string.h>
@@ -12,7 +12,7 @@ static enum error_code task_input_refuse(const char *option, const char *task, s
 {
     return error_set(error, ERROR_INPUT, "found %s with %s%s, expected it with %s only", option,
                      task ? "the task " : "no task", task ? task : "",
-                     strcmp(option, "--joint") == 0    ? "sweep"
+                     strcmp(option, "--joint") == 0    ? "sweep and excite"
                      : strcmp(option, "--report") == 0 ? "sweep and follow"
                                                        : "follow");
 }
@@ -22,9 +22,10 @@ enum error_code task_input_read(const struct task_options *options, const char *
                                 struct task_input *input, struct error *error)
 {
     bool sweep = task && strcmp(task, "sweep") == 0, follow = task && strcmp(task, "follow") == 0;
+    bool excite = task && strcmp(task, "excite") == 0;
 
     *input = (struct task_input){.joint = options->joint};
-    if (options->joint && !sweep) {
+    if (options->joint && !sweep && !excite) {
         return task_input_refuse("--joint", task, error);
     }
     if (options->trajectory && !follow) {

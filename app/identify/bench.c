@@ -99,10 +99,35 @@ static const struct yaml_schema recording_schema = {.what = "a recording",
                                                     .defaults = &recording_defaults};
 #undef STRUCT
 
+const struct word point_words[] = {{"voltage_v", POINT_VOLTAGE}, {"current_a", POINT_CURRENT},
+                                   {"motor_nm", POINT_MOTOR},    {"speed_rad_s", POINT_SPEED},
+                                   {"load_nm", POINT_LOAD},      {NULL, 0}};
+
+#define STRUCT bench_point
+#define KNOWN(word, quantity)                                                                      \
+    {                                                                                              \
+        .key = word, .type = YAML_REAL, .offset = AT(known[quantity]), .max = 1e6,                 \
+        .given_offset = AT(is_known[quantity])                                                     \
+    }
+static const struct yaml_field point_fields[] = {
+    TEXT("what", true, what),
+    KNOWN("voltage_v", POINT_VOLTAGE),
+    KNOWN("current_a", POINT_CURRENT),
+    KNOWN("motor_nm", POINT_MOTOR),
+    KNOWN("speed_rad_s", POINT_SPEED),
+    KNOWN("load_nm", POINT_LOAD),
+    {"backdriven", YAML_BOOL, false, .offset = AT(backdriven)},
+    {"find", YAML_ENUM, true, .offset = AT(find), .names = point_words},
+    REAL("value", true, value, DBL_MIN, 1e6),
+};
+static const struct yaml_schema point_schema = SCHEMA("a point", point_fields);
+#undef STRUCT
+
 #define STRUCT bench_published
 static const struct yaml_field published_fields[] = {
     TEXT("what", true, what),
-    REAL("error_rad", true, error_rad, 0.0, 10.0),
+    REAL("error_rad", false, error_rad, 0.0, 10.0),
+    REAL("error_share", false, error_share, 0.0, 10.0),
 };
 static const struct yaml_schema published_schema = SCHEMA("a published error", published_fields);
 #undef STRUCT
@@ -113,30 +138,33 @@ static const struct yaml_schema published_schema = SCHEMA("a published error", p
         .key = word, .type = YAML_LIST, .offset = AT(member), .count_offset = AT(n##member),       \
         .schema = &entry                                                                           \
     }
+#define FILE_NAME(word, member)                                                                    \
+    {                                                                                              \
+        .key = word, .type = YAML_STRING, .offset = AT(member), .min = 1, .max = 255,              \
+        .mark_offset = AT(member##_mark)                                                           \
+    }
 static const struct yaml_field bench_fields[] = {
     TEXT("name", true, name),
     TEXT("description", false, description),
     TEXT("source", true, source),
     TEXT("license", true, license),
     TEXT("supports", false, supports),
-    {.key = "rig",
-     .type = YAML_STRING,
-     .required = true,
-     .offset = AT(rig),
-     .min = 1,
-     .max = 255,
-     .mark_offset = AT(rig_mark)},
+    FILE_NAME("rig", rig),
+    FILE_NAME("drive", drive),
     {.key = "columns",
      .type = YAML_MAP,
-     .required = true,
      .offset = AT(columns),
+     .given_offset = AT(has_columns),
      .schema = &column_schema},
     {.key = "law", .type = YAML_MAP, .offset = AT(law), .schema = &law_schema},
     REAL("robust_rad", false, robust_rad, 0.0, 10.0),
     REAL("limit_rad", false, limit_rad, 0.0, 10.0),
+    REAL("limit_share", false, limit_share, 0.0, 10.0),
+    REAL("diagram_nm", false, diagram_nm, 0.0, 1e6),
     {.key = "numbers", .type = YAML_REAL_DICT, .offset = AT(number), .count_offset = AT(nnumber)},
     LIST("free", free, free_schema),
     LIST("recordings", recording, recording_schema),
+    LIST("points", point, point_schema),
     LIST("published", published, published_schema),
 };
 static const struct yaml_schema bench_schema = SCHEMA("a measured bench", bench_fields);
@@ -152,9 +180,56 @@ static enum error_code refuse_key(const struct yaml_mark *mark, const char *key,
                       key);
 }
 
-/* Checks what the table of keys cannot say. */
-static enum error_code check_bench(struct bench *bench, struct error *error)
+/* Checks which two quantities of a point are known: one of the motor's and one of the load's
+ * side, or speed and load; a current and a load leave the speed open. */
+static enum error_code check_point(const struct bench_point *point, struct error *error)
 {
+    const bool *known = point->is_known;
+    const int motor = known[POINT_VOLTAGE] + known[POINT_CURRENT] + known[POINT_MOTOR];
+    const int link = known[POINT_SPEED] + known[POINT_LOAD];
+
+    if (motor + link != 2 || motor > 1 || known[point->find] ||
+        (known[POINT_LOAD] && (known[POINT_CURRENT] || known[POINT_MOTOR]))) {
+        return yaml_error(error, &point->mark,
+                          "found keys that do not tell one steady state, expected speed_rad_s with "
+                          "one of voltage_v, current_a, motor_nm and load_nm, or load_nm with "
+                          "voltage_v, and another to find");
+    }
+    if (point->backdriven && known[POINT_LOAD] && known[POINT_VOLTAGE]) {
+        return yaml_error(error, &point->mark,
+                          "found \"backdriven\" without a speed, expected speed_rad_s");
+    }
+    return ERROR_NONE;
+}
+
+/* Checks a bench of points: it has a rig or a drive, and no recordings. */
+static enum error_code check_points(const struct bench *bench, struct error *error)
+{
+    enum error_code code = ERROR_NONE;
+
+    if (!bench->rig == !bench->drive || bench->nrecording + bench->nfree > 0) {
+        return yaml_error(error, &bench->mark,
+                          "found points %s, expected them with one of the keys \"rig\" and "
+                          "\"drive\", without recordings and free numbers",
+                          bench->nrecording + bench->nfree > 0 ? "beside recordings"
+                          : bench->rig                         ? "of a rig and a drive"
+                                                               : "of no drive");
+    }
+    for (size_t i = 0; i < bench->npoint && !code; i++) {
+        code = check_point(&bench->point[i], error);
+    }
+    return code;
+}
+
+/* Checks a bench of recordings. */
+static enum error_code check_recordings(const struct bench *bench, struct error *error)
+{
+    if (!bench->rig || !bench->has_columns || bench->drive) {
+        return yaml_error(error, &bench->mark,
+                          "found no %s, expected keys \"rig\" and \"columns\" for recordings, or "
+                          "\"points\" of a \"rig\" or a \"drive\"",
+                          !bench->rig ? "rig" : "columns");
+    }
     if (!!bench->columns.goal + !!bench->columns.voltage + !!bench->columns.torque != 1) {
         return yaml_error(error, &bench->columns.mark,
                           "found none or several of the columns \"goal\", \"voltage\" and "
@@ -163,6 +238,18 @@ static enum error_code check_bench(struct bench *bench, struct error *error)
     if (bench->columns.goal && !(bench->law.duty_per_rad > 0.0)) {
         return yaml_error(error, &bench->columns.mark,
                           "found a column of goals without key \"law\", expected the servo's law");
+    }
+    return ERROR_NONE;
+}
+
+/* Checks what the table of keys cannot say. */
+static enum error_code check_bench(struct bench *bench, struct error *error)
+{
+    enum error_code code =
+        bench->npoint > 0 ? check_points(bench, error) : check_recordings(bench, error);
+
+    if (code) {
+        return code;
     }
     if (bench->nfree > IDENTIFY_FREE_MAX) {
         return yaml_error(error, &bench->free[IDENTIFY_FREE_MAX].mark,
@@ -208,6 +295,7 @@ enum error_code bench_of_own(const char *joint, struct arena *arena, struct benc
     snprintf(title[1], sizeof title[1], "voltage_%.63s_v", joint);
     *bench = (struct bench){
         .name = "own",
+        .has_columns = true,
         .columns = {.time = "time_s",
                     .position = arena_strdup(arena, title[0]),
                     .voltage = arena_strdup(arena, title[1]),
@@ -415,27 +503,5 @@ enum error_code recording_read(const struct bench *bench, const char *path, cons
         code = read_table(bench, path, text, size, arena, recording, error);
     }
     free(text);
-    return code;
-}
-
-enum error_code bench_read_recordings(const struct bench *bench, struct arena *arena,
-                                      struct recording **recording, struct error *error)
-{
-    struct recording *all = arena_alloc(arena, bench->nrecording + 1, sizeof *all);
-    enum error_code code = ERROR_NONE;
-
-    if (!all) {
-        return error_set(error, ERROR_MEMORY, "no memory for recordings");
-    }
-    for (size_t i = 0; i < bench->nrecording && !code; i++) {
-        const struct bench_recording *one = &bench->recording[i];
-        const char *path;
-
-        code = yaml_resolve_path(&one->file_mark, one->file, arena, &path, error);
-        code = code ? code : recording_read(bench, path, one->crc32, arena, &all[i], error);
-        all[i].group = one->group;
-        all[i].judge = one->judge;
-    }
-    *recording = all;
     return code;
 }

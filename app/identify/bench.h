@@ -10,6 +10,7 @@
 #include "app/identify/parameters.h"
 #include "base/arena.h"
 #include "base/error.h"
+#include "base/word.h"
 #include "base/yaml.h"
 
 /* Titles of a recording's columns; NULL = there is none. One of goal, voltage and torque is
@@ -31,6 +32,30 @@ struct bench_law {
     double duty_per_rad, duty_max;
 };
 
+/* What of a steady state is known, or is asked for. */
+enum point_quantity {
+    POINT_VOLTAGE,
+    POINT_CURRENT,
+    POINT_MOTOR, /* N m of the motor on the gear */
+    POINT_SPEED,
+    POINT_LOAD,
+    POINT_QUANTITIES
+};
+
+/* Their keys. */
+extern const struct word point_words[];
+
+/* A figure of a steady state: two known quantities, and the value of a third as measured. */
+struct bench_point {
+    struct yaml_mark mark;
+    const char *what;
+    double known[POINT_QUANTITIES]; /* V, A, N m, rad/s, N m */
+    bool is_known[POINT_QUANTITIES];
+    bool backdriven; /* the load turns the motor back */
+    int find;        /* enum point_quantity */
+    double value;
+};
+
 /* A number that may change. */
 struct bench_free {
     struct yaml_mark mark;
@@ -50,26 +75,32 @@ struct bench_recording {
     bool judge;        /* identifications do not see it */
 };
 
-/* What others reach: their mean error on the recordings that are judged, rad. */
+/* What others reach: their mean error on the recordings that are judged, rad, or on the points,
+ * as a share. */
 struct bench_published {
     struct yaml_mark mark;
     const char *what;
-    double error_rad;
+    double error_rad, error_share;
 };
 
 struct bench {
     struct yaml_mark mark;
     const char *name, *description, *source, *license, *supports;
-    const char *rig;
-    struct yaml_mark rig_mark;
+    const char *rig, *drive; /* one of them is NULL; a drive has points alone */
+    struct yaml_mark rig_mark, drive_mark;
     struct bench_columns columns;
+    bool has_columns;
     struct bench_law law;
-    double robust_rad; /* errors beyond it count linearly; 0 = all squared */
-    double limit_rad;  /* mean error that the judged recordings must not exceed */
+    double robust_rad;  /* errors beyond it count linearly; 0 = all squared */
+    double limit_rad;   /* mean error that the judged recordings must not exceed */
+    double limit_share; /* the same of the points */
+    double
+        diagram_nm; /* motor's torque up to which a drive/back-drive diagram is drawn; 0 = none */
     struct bench_free *free;
     struct bench_recording *recording;
+    struct bench_point *point; /* a bench has recordings or points */
     struct bench_published *published;
-    size_t nfree, nrecording, npublished;
+    size_t nfree, nrecording, npoint, npublished;
     struct yaml_real_entry *number; /* of drive and bench, in the place of the rig's */
     size_t nnumber;
 };
@@ -98,9 +129,5 @@ enum error_code bench_of_own(const char *joint, struct arena *arena, struct benc
 enum error_code recording_read(const struct bench *bench, const char *path, const char *crc32,
                                struct arena *arena, struct recording *recording,
                                struct error *error);
-
-/* Reads all recordings of a bench: *recording gets bench->nrecording of them. */
-enum error_code bench_read_recordings(const struct bench *bench, struct arena *arena,
-                                      struct recording **recording, struct error *error);
 
 #endif

@@ -2,11 +2,46 @@
 /* Opens benches, fits and judges. */
 #include "app/identify/identify.h"
 
-#include "base/config.h"
+#include "app/identify/log.h"
+#include "app/identify/points.h"
 
 #include <math.h>
 #include <string.h>
 #include <time.h>
+
+/* Sets the numbers that a bench has in the place of its drive's. */
+static void set_numbers(struct identify_bench *bench)
+{
+    for (size_t i = 0; i < bench->bench.nnumber; i++) {
+        const int parameter = parameter_find(bench->bench.number[i].name);
+
+        parameter_set(&bench->trial, &parameter, &bench->bench.number[i].value, 1);
+    }
+}
+
+/* Loads a drive of the catalogue for a bench of points. */
+static enum error_code load_bench_drive(struct arena *arena, struct identify_bench *bench,
+                                        struct error *error)
+{
+    const struct robot_drive *drive;
+    const char *path;
+    enum error_code code =
+        yaml_resolve_path(&bench->bench.drive_mark, bench->bench.drive, arena, &path, error);
+
+    code = code ? code : robot_load_drive(path, arena, &drive, error);
+    if (!code && !drive->sea.present) {
+        code = yaml_error(error, &bench->bench.drive_mark,
+                          "found a hydraulic drive, expected an electric one");
+    }
+    if (!code) {
+        bench->trial = (struct trial_robot){.joint = {.sea = drive->sea}};
+        if (drive->sea.effects) {
+            bench->trial.effects = *drive->sea.effects;
+        }
+        set_numbers(bench);
+    }
+    return code;
+}
 
 /* Loads the rig and copies its robot. */
 static enum error_code load_bench_rig(const char *path, struct arena *arena,
@@ -18,10 +53,48 @@ static enum error_code load_bench_rig(const char *path, struct arena *arena,
     if (!code && bench->rig->nfree > 0) {
         code = error_set(error, ERROR_INPUT, "%s: found free bodies, expected a joint alone", path);
     }
-    for (size_t i = 0; i < bench->bench.nnumber && !code; i++) {
-        const int parameter = parameter_find(bench->bench.number[i].name);
+    if (!code) {
+        set_numbers(bench);
+    }
+    return code;
+}
 
-        parameter_set(&bench->trial, &parameter, &bench->bench.number[i].value, 1);
+/* Reads a recording: rows as CSV, or a log of candump. */
+static enum error_code read_recording(const struct identify_bench *bench, const char *path,
+                                      const char *crc32, struct arena *arena,
+                                      struct recording *recording, struct error *error)
+{
+    if (!recording_is_log(path)) {
+        return recording_read(&bench->bench, path, crc32, arena, recording, error);
+    }
+    if (crc32) {
+        return error_set(error, ERROR_INPUT,
+                         "%.200s: found key \"crc32\" for a log of candump, expected none", path);
+    }
+    return recording_read_log(bench->rig, bench->trial.joint.name, &bench->bench.columns, path,
+                              arena, recording, error);
+}
+
+/* Reads all recordings that a bench names. */
+static enum error_code read_recordings(struct identify_bench *bench, struct arena *arena,
+                                       struct error *error)
+{
+    enum error_code code = ERROR_NONE;
+
+    bench->nrecording = bench->bench.nrecording;
+    bench->recording = arena_alloc(arena, bench->nrecording + 1, sizeof *bench->recording);
+    if (!bench->recording) {
+        return error_set(error, ERROR_MEMORY, "no memory for recordings");
+    }
+    for (size_t i = 0; i < bench->nrecording && !code; i++) {
+        const struct bench_recording *one = &bench->bench.recording[i];
+        struct recording *recording = &bench->recording[i];
+        const char *path;
+
+        code = yaml_resolve_path(&one->file_mark, one->file, arena, &path, error);
+        code = code ? code : read_recording(bench, path, one->crc32, arena, recording, error);
+        recording->group = one->group;
+        recording->judge = one->judge;
     }
     return code;
 }
@@ -39,11 +112,12 @@ enum error_code identify_open(const char *path, struct arena *arena, struct iden
         return yaml_error(error, &bench->bench.mark, "found %zu recordings, expected %d or fewer",
                           bench->bench.nrecording, IDENTIFY_RECORDINGS_MAX);
     }
+    if (bench->bench.drive) {
+        return load_bench_drive(arena, bench, error);
+    }
     code = yaml_resolve_path(&bench->bench.rig_mark, bench->bench.rig, arena, &rig, error);
     code = code ? code : load_bench_rig(rig, arena, bench, error);
-    code = code ? code : bench_read_recordings(&bench->bench, arena, &bench->recording, error);
-    bench->nrecording = bench->bench.nrecording;
-    return code;
+    return code ? code : read_recordings(bench, arena, error);
 }
 
 enum error_code identify_open_own(const char *rig, const char *joint, struct arena *arena,
@@ -69,9 +143,15 @@ enum error_code identify_take_files(struct identify_bench *bench, const char *co
     if (!all) {
         return error_set(error, ERROR_MEMORY, "no memory for recordings");
     }
+    if (!bench->bench.has_columns) {
+        return yaml_error(error, &bench->bench.mark,
+                          "found a bench of points, expected one of recordings");
+    }
     for (size_t i = 0; i < count && !code; i++) {
-        code = recording_read(&bench->bench, file[i], NULL, arena, &all[i], error);
-        if (!code && all[i].voltage_before &&
+        const bool log = recording_is_log(file[i]);
+
+        code = read_recording(bench, file[i], NULL, arena, &all[i], error);
+        if (!code && !log && all[i].voltage_before &&
             all[i].time[1] - all[i].time[0] > 1.5e-9 * (double)bench->rig->tick_ns) {
             code = error_set(error, ERROR_INPUT,
                              "%s: found rows every %g s, expected one a tick, whose voltages are "
@@ -203,6 +283,36 @@ enum error_code identify_run(const struct identify_bench *bench, struct fit_prob
     return code;
 }
 
+struct robot_sea trial_drive(const struct trial_robot *trial)
+{
+    struct robot_sea sea = trial->joint.sea;
+
+    sea.effects = &trial->effects;
+    return sea;
+}
+
+/* Computes a bench's points, and the mean of their relative errors. */
+static enum error_code judge_points(struct validation *validation, struct arena *arena,
+                                    struct error *error)
+{
+    const struct bench *bench = &validation->bench.bench;
+    const struct robot_sea sea = trial_drive(&validation->bench.trial);
+    double sum = 0.0;
+
+    validation->ours = arena_alloc(arena, bench->npoint, sizeof *validation->ours);
+    if (!validation->ours) {
+        return error_set(error, ERROR_MEMORY, "no memory for points");
+    }
+    for (size_t i = 0; i < bench->npoint; i++) {
+        validation->ours[i] = point_compute(&sea, &bench->point[i]);
+        sum += fabs(validation->ours[i] / bench->point[i].value - 1.0);
+    }
+    validation->mean = sum / (double)bench->npoint;
+    validation->passed =
+        isfinite(sum) && (bench->limit_share == 0.0 || validation->mean <= bench->limit_share);
+    return ERROR_NONE;
+}
+
 enum error_code validation_run(const char *path, struct arena *arena, struct validation *validation,
                                struct error *error)
 {
@@ -211,6 +321,9 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
     bool any = false;
     enum error_code code = identify_open(path, arena, bench, error);
 
+    if (!code && bench->bench.npoint > 0) {
+        return judge_points(validation, arena, error);
+    }
     if (!code && bench->nrecording == 0) {
         code = yaml_error(error, &bench->bench.mark, "found no recordings, expected some");
     }

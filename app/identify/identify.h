@@ -15,7 +15,7 @@ enum { IDENTIFY_RECORDINGS_MAX = 64 };
 /* A bench ready for simulations. */
 struct identify_bench {
     struct bench bench;
-    const struct rig *rig;
+    const struct rig *rig; /* NULL for a bench of a drive */
     struct trial_robot trial;
     struct recording *recording;
     size_t nrecording;
@@ -80,11 +80,15 @@ struct validation {
     struct identify_bench bench;
     double error[IDENTIFY_RECORDINGS_MAX]; /* mean of a recording, rad */
     double *position[IDENTIFY_RECORDINGS_MAX];
-    double mean; /* of those that are judged, or of all when none is */
+    double *ours; /* of a bench of points, one a point */
+    double mean;  /* of those that are judged, or of all when none is; of points a share */
     bool passed;
 };
 
-/* Simulates a bench's recordings with its rig's own drive. */
+/* Returns the drive of a trial, effects included; those are the trial's. */
+struct robot_sea trial_drive(const struct trial_robot *trial);
+
+/* Simulates a bench's recordings, or computes its points, with its own drive. */
 enum error_code validation_run(const char *path, struct arena *arena, struct validation *validation,
                                struct error *error);
 

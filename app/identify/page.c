@@ -2,7 +2,9 @@
 /* Writes the pages of identifications and of validations. */
 #include "app/identify/identify.h"
 
+#include "app/identify/points.h"
 #include "app/report/report.h"
+#include "base/word.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -184,6 +186,33 @@ enum error_code identify_write_page(const struct identify_bench *bench,
 
 /* ---- validation ---- */
 
+/* Adds the points of a bench, and its diagram. */
+static void add_points(struct report *report, const struct validation *v)
+{
+    const struct bench *bench = &v->bench.bench;
+    char id[64];
+
+    snprintf(id, sizeof id, "%.20s-points", bench->name);
+    report_table(report, id, "Steady states", "state|quantity|theirs|ours|error, %");
+    for (size_t i = 0; i < bench->npoint; i++) {
+        const struct bench_point *point = &bench->point[i];
+
+        report_row(report, "%s|%s|%.4g|%.4g|%+.1f", point->what, word_of(point_words, point->find),
+                   point->value, v->ours[i], 100.0 * (v->ours[i] / point->value - 1.0));
+    }
+    report_row(report, "mean of the absolute errors||||%.1f", 100.0 * v->mean);
+    for (size_t i = 0; i < bench->npublished; i++) {
+        report_row(report, "%s||||%.1f", bench->published[i].what,
+                   100.0 * bench->published[i].error_share);
+    }
+    if (bench->diagram_nm > 0.0) {
+        const struct robot_sea sea = trial_drive(&v->bench.trial);
+
+        snprintf(id, sizeof id, "%.20s-diagram", bench->name);
+        point_diagram(report, id, &sea, bench);
+    }
+}
+
 /* Adds the section of a bench. */
 static void add_bench(struct report *report, const struct validation *v)
 {
@@ -195,6 +224,10 @@ static void add_bench(struct report *report, const struct validation *v)
     report_text(report, "%s. Source: %s (%s). Supports: %s.",
                 bench->description ? bench->description : "", bench->source, bench->license,
                 bench->supports ? bench->supports : "nothing said");
+    if (bench->npoint > 0) {
+        add_points(report, v);
+        return;
+    }
     snprintf(id, sizeof id, "%.20s-errors", bench->name);
     report_table(report, id, "Mean of |simulated - measured|, rad", "recording|error|");
     for (size_t i = 0; i < v->bench.nrecording; i++) {
@@ -213,6 +246,27 @@ static void add_bench(struct report *report, const struct validation *v)
     }
 }
 
+/* Adds a bench to the summary: errors in rad, or of points in %. */
+static void add_summary(struct report *report, const struct validation *v)
+{
+    const struct bench *bench = &v->bench.bench;
+    const bool points = bench->npoint > 0;
+    const double scale = points ? 100.0 : 1.0;
+    double best = -1.0;
+    char text[32];
+
+    for (size_t k = 0; k < bench->npublished; k++) {
+        const double one = points ? bench->published[k].error_share : bench->published[k].error_rad;
+
+        best = best < 0.0 || one < best ? one : best;
+    }
+    report_row(report, "%s|%s|%s|%.4f|%s|%.4f|%s", bench->name,
+               bench->description ? bench->description : "", points ? "%" : "rad", scale * v->mean,
+               error_text(scale * best, text),
+               scale * (points ? bench->limit_share : bench->limit_rad),
+               v->passed ? "passed" : "failed");
+}
+
 enum error_code validation_write_page(const struct validation *validation, size_t count,
                                       const char *folder, struct error *error)
 {
@@ -224,23 +278,12 @@ enum error_code validation_write_page(const struct validation *validation, size_
     }
     report_section(&report, "benches", "Measured benches");
     report_text(&report, "Simulations run free from the first row of a recording: they are never "
-                         "set back to what was measured.");
-    report_table(&report, "summary", "Mean of |simulated - measured|, rad",
-                 "bench|what|ours|best published|limit|verdict");
+                         "set back to what was measured. Points are steady states: errors are "
+                         "shares of what was measured.");
+    report_table(&report, "summary", "Mean errors",
+                 "bench|what|unit|ours|best published|limit|verdict");
     for (size_t i = 0; i < count; i++) {
-        const struct bench *bench = &validation[i].bench.bench;
-        double best = -1.0;
-        char text[32];
-
-        for (size_t k = 0; k < bench->npublished; k++) {
-            const double one = bench->published[k].error_rad;
-
-            best = best < 0.0 || one < best ? one : best;
-        }
-        report_row(&report, "%s|%s|%.4f|%s|%.4f|%s", bench->name,
-                   bench->description ? bench->description : "", validation[i].mean,
-                   error_text(best, text), bench->limit_rad,
-                   validation[i].passed ? "passed" : "failed");
+        add_summary(&report, &validation[i]);
     }
     for (size_t i = 0; i < count; i++) {
         add_bench(&report, &validation[i]);

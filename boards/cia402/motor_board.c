@@ -255,7 +255,7 @@ static uint32_t cia402_axis_present_faults(const struct board *board, struct cia
     bool off_course = axis->following_ms > axis->settings.following_timeout_ms;
     uint32_t faults = 0;
 
-    faults |= supply_v < BOARD_UNDER_VOLTAGE_V ? CIA402_FAULT_UNDER_VOLTAGE : 0;
+    faults |= board_is_under_voltage(board, supply_v) ? CIA402_FAULT_UNDER_VOLTAGE : 0;
     faults |= board_is_over_voltage(board, supply_v) ? CIA402_FAULT_OVER_VOLTAGE : 0;
     faults |= cia402_axis_is_over_current(board, axis) ? CIA402_FAULT_OVER_CURRENT : 0;
     faults |= axis->bad_motor ? CIA402_FAULT_MOTOR_ENCODER : 0;

@@ -206,7 +206,7 @@ static unsigned compact_axis_present_faults(const struct board *board, struct co
     const struct compact_motor *motor = compact_motor_of(board);
     unsigned faults = 0;
 
-    faults |= motor->supply_v < BOARD_UNDER_VOLTAGE_V ? COMPACT_FAULT_UNDER_VOLTAGE : 0;
+    faults |= board_is_under_voltage(board, motor->supply_v) ? COMPACT_FAULT_UNDER_VOLTAGE : 0;
     faults |= board_is_over_voltage(board, motor->supply_v) ? COMPACT_FAULT_OVER_VOLTAGE : 0;
     faults |= compact_axis_is_over_current(board, axis) ? COMPACT_FAULT_OVER_CURRENT : 0;
     faults |= axis->bad_motor ? COMPACT_FAULT_MOTOR_ENCODER : 0;

@@ -406,7 +406,7 @@ static uint32_t described_axis_present_faults(const struct board *board,
     double hottest_c =
         config->temperature_limit_c > 0.0 ? config->temperature_limit_c : TEMPERATURE_MAX_C;
 
-    return fault_if(supply_v < BOARD_UNDER_VOLTAGE_V, DESCRIBED_UNDER_VOLTAGE) |
+    return fault_if(board_is_under_voltage(board, supply_v), DESCRIBED_UNDER_VOLTAGE) |
            fault_if(board_is_over_voltage(board, supply_v), DESCRIBED_OVER_VOLTAGE) |
            fault_if(described_axis_is_over_current(board, axis), DESCRIBED_OVER_CURRENT) |
            fault_if(axis->bad_motor, DESCRIBED_MOTOR_ENCODER) |

@@ -175,7 +175,7 @@ static void foc_board_watch_faults(struct board *board)
         board->boards->counters.trips++;
         faults |= FOC_FAULT_OVER_CURRENT;
     }
-    if (foc->supply_v < BOARD_UNDER_VOLTAGE_V) {
+    if (board_is_under_voltage(board, foc->supply_v)) {
         faults |= FOC_FAULT_UNDER_VOLTAGE;
     }
     if (board_is_over_voltage(board, foc->supply_v)) {

@@ -29,7 +29,7 @@ static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis
 {
     double supply_v = motor_board_of(board)->supply_v;
     uint8_t faults =
-        (uint8_t)((supply_v < BOARD_UNDER_VOLTAGE_V ? ICUB_FAULT_UNDER_VOLTAGE : 0) |
+        (uint8_t)((board_is_under_voltage(board, supply_v) ? ICUB_FAULT_UNDER_VOLTAGE : 0) |
                   (board_is_over_voltage(board, supply_v) ? ICUB_FAULT_OVER_VOLTAGE : 0) |
                   (axis->sensors_bad ? ICUB_FAULT_ABSOLUTE_ENCODER : 0));
     uint8_t risen = faults & (uint8_t)~axis->faults;

@@ -39,7 +39,7 @@ RULES = {
     "viewer": r"(base|contact|model|boards|rig|sim|viewer)/[^/]*|canbus/(candump|frame|port)\.h"
               r"|rt/(clock|histogram|requests)\.h|control/(parse|socket)\.h",
     "app/report": r"(base|app/report)/[^/]*",
-    "app/identify": r"(base|model|rig|app/report|app/identify)/[^/]*",
+    "app/identify": r"(base|canbus|model|model/drives|rig|app/report|app/identify)/[^/]*",
     "app/scenario": BELOW_SIM + r"|(sim|app/report|app/scenario)/[^/]*",
     "app/sweep": BELOW_SIM + r"|(sim|app/report|app/scenario|app/sweep)/[^/]*",
     "app/bench": BELOW_SIM + r"|(sim|app/report|app|app/bench)/[^/]*|manual/[^/]*",

@@ -64,6 +64,7 @@ static inline struct board_config bench_motor(const char *name, int bus, uint8_t
                                               int j1)
 {
     return (struct board_config){
+        .under_voltage_v = 24.0,
         .over_voltage_v = 60.0,
         .name = name,
         .kind = BOARD_MOTOR,

@@ -129,6 +129,22 @@ static void reads_what_candump_and_its_relatives_write(void **state)
         {"(0000000000.000000) fifteen-letters 20000040#\n",
          "fifteen-letters",
          {.id = 0x40, .flags = FRAME_ERROR}},
+        /* What candump -ta prints */
+        {" (1436509052.249713)  can0  123   [4]  DE AD BE EF\n",
+         "can0",
+         {.id = 0x123, .len = 4, .data = {0xDE, 0xAD, 0xBE, 0xEF}, .time_ns = 1436509052249713000}},
+        {" (0000000000.000000)  vcan0  1ABCDEF0   [0] ",
+         "vcan0",
+         {.id = 0x1ABCDEF0, .flags = FRAME_EXTENDED}},
+        {" (0000000000.000000)  can0  123   [5]  remote request",
+         "can0",
+         {.id = 0x123, .flags = FRAME_REMOTE, .len = 5}},
+        {" (0000000000.000000)  can0  123  [02]  AA BB",
+         "can0",
+         {.id = 0x123, .flags = FRAME_FD, .len = 2, .data = {0xAA, 0xBB}}},
+        {" (0000000000.000000)  can0  20000040   [1]  01   ERRORFRAME",
+         "can0",
+         {.id = 0x40, .flags = FRAME_ERROR, .len = 1, .data = {1}}},
     };
 
     (void)state;
@@ -279,6 +295,12 @@ static void names_file_line_and_column_of_a_fault(void **state)
         {"(0000000001.000000) can0 123#11\n\n", 33, ":2:1: found the end of the line, expected"},
         {"(0000000001.000000) can0 123#11\nx", 33, ":2:1: found 'x', expected '('"},
         {"(0000000001.000000) can0 123#11\n(0.0\0", 37, ":2:5: found byte 0x00, expected six"},
+        {"(0000000001.000000) can0 123#11\n(0.000000) c 123  [2]  AA\n", 58,
+         ":2:26: found the end of the line, expected as many bytes"},
+        {"(0000000001.000000) can0 123#11\n(0.000000) c 123  [1]  AA B\n", 60,
+         ":2:27: found 'B', expected"},
+        {"(0000000001.000000) can0 123#11\n(0.000000) c 123  [9]\n", 54,
+         ":2:21: found ']', expected a length"},
     };
     char path[32], bus[16], expected[128];
     char *const lengthy = calloc(1, 5000);

@@ -337,10 +337,53 @@ static void memory_that_runs_out_is_an_error(void **state)
     assert_true(blocks > 20);
 }
 
+/* Values are as the text format defines them; bits of other messages and multiplexors are not
+ * read. */
+static void signals_are_read_from_frames(void **state)
+{
+    struct bench *b = *state;
+    struct dbc_signal by = plain("by", 0, 8), big = plain("big", 15, 12);
+    struct dbc_signal low = plain("low", 20, 12), real = plain("real", 32, 32);
+    struct bus_frame frame = {
+        .id = 0x123, .len = 8, .data = {3, 0xAB, 0xC0 | 0x5, 0x80, 0, 0, 0x20, 0xC0}};
+    double value;
+
+    by.role = DBC_MULTIPLEXOR;
+    big.big_endian = true;
+    low.type = DBC_SIGNED;
+    low.scale = 0.5;
+    low.offset = 1.0;
+    real.type = DBC_FLOAT;
+    real.role = DBC_MULTIPLEXED;
+    real.selector = 3;
+    assert_int_equal(add(b, by), ERROR_NONE);
+    assert_int_equal(add(b, big), ERROR_NONE);
+    assert_int_equal(add(b, real), ERROR_NONE);
+    assert_ptr_equal(dbc_find_frame(b->dbc, &frame), b->message);
+    assert_true(dbc_read_signal(b->message, &big, &frame, &value));
+    assert_true(value == 0xABC);
+    frame.data[2] = 0x0F; /* 0x80 and 0 above: -2048 */
+    assert_true(dbc_read_signal(b->message, &low, &frame, &value));
+    assert_true(value == 0.5 * -2048 + 1.0);
+    assert_true(dbc_read_signal(b->message, &real, &frame, &value));
+    assert_true(value == -2.5);
+
+    /* Another selector, a short frame, other frames */
+    frame.data[0] = 4;
+    assert_false(dbc_read_signal(b->message, &real, &frame, &value));
+    frame.len = 2;
+    assert_false(dbc_read_signal(b->message, &low, &frame, &value));
+    frame.flags = FRAME_EXTENDED;
+    assert_null(dbc_find_frame(b->dbc, &frame));
+    frame = (struct bus_frame){.id = 0x124};
+    assert_null(dbc_find_frame(b->dbc, &frame));
+}
+
 int main(void)
 {
 #define WITH_BENCH(test) cmocka_unit_test_setup_teardown(test, start, stop)
     const struct CMUnitTest tests[] = {
+        WITH_BENCH(signals_are_read_from_frames),
         cmocka_unit_test(names_are_identifiers_of_32_letters_that_mean_nothing_else),
         WITH_BENCH(signals_stay_within_the_frame_and_off_each_other),
         WITH_BENCH(multiplexed_signals_share_bits_only_with_other_selectors),

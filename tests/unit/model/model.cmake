@@ -7,8 +7,8 @@ add_library(random_robot STATIC ${unit}/random_robot.c)
 target_link_libraries(random_robot PUBLIC hil_flags model)
 
 foreach(name coupling description/robot description/yaml description/yaml_drive
-             description/yaml_hydraulic drives/actuator integrator integrator_dopri5 published
-             walkman)
+             description/yaml_hydraulic drives/actuator drives/steady integrator integrator_dopri5
+             published walkman)
     string(REPLACE / _ test ${name})
     hil_test(model_${test} SOURCES ${unit}/${name}.c LIBS model LABELS unit)
 endforeach()

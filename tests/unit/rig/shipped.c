@@ -18,6 +18,7 @@
 
 #include <cmocka.h>
 
+#include "tests/physics/near.h"
 #include "tests/unit/arena_fixture.h"
 
 enum { LINE = 256, LINES = 160 };
@@ -386,6 +387,30 @@ static void grasp_has_its_numbers(void **state)
 }
 
 /* The ground of each, and how it differs from coman-fd-imu: in its name and its ground. */
+/* The benches of measured drives: their boards' limits follow the supply of the rig. */
+static void pendulums_have_their_supplies(void **state)
+{
+    static const struct {
+        const char *name;
+        double supply_v, under_v, over_v, current_a, torque_nm;
+    } benches[] = {{"xl330-pendulum", 7.4, 3.7, 9.25, 4.0, 2.0},
+                   {"ak80-6-pendulum", 24.0, 12.0, 30.0, 40.0, 24.0}};
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_COUNT(benches); i++) {
+        tell_rig(benches[i].name);
+        assert_int_equal(rig->naxis, 1);
+        assert_int_equal(rig->boards.nboard, 1);
+        const struct board_config *board = &rig->boards.board[0];
+
+        assert_near(rig->supply_v, benches[i].supply_v, 0.0);
+        assert_near(board->under_voltage_v, benches[i].under_v, 0.0);
+        assert_near(board->over_voltage_v, benches[i].over_v, 1e-12);
+        assert_near(board->axis[0].current_limit_a, benches[i].current_a, 0.0);
+        assert_near(board->axis[0].torque_full_scale_nm, benches[i].torque_nm, 0.0);
+    }
+}
+
 static void walk_rigs_are_one_robot_on_several_grounds(void **state)
 {
     static const struct {
@@ -527,6 +552,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(coman_has_its_numbers, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(hyq_has_its_numbers, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(walkman_has_its_numbers, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(pendulums_have_their_supplies, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(walkman_walks_with_the_drives_that_it_squats_with,
                                         open_arena, close_arena),
         cmocka_unit_test_setup_teardown(grasp_has_its_numbers, open_arena, close_arena),

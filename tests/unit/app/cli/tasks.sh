@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # usage: tasks.sh COMAN-HIL
-# Tasks sweep, follow and pose from the command line: options, reports, what is refused.
+# Tasks sweep, excite, follow and pose from the command line: options, reports, what is refused.
 # Prints TAP.
 set -u
 program=$1
@@ -23,7 +23,7 @@ refused() {
     [ $? -eq 2 ] && grep -qF -- "$text" "$work/err"
 }
 
-echo 1..12
+echo 1..14
 
 run --task sweep --joint LElbj --report "$work/sweep" --set sweep.points=2 --set sweep.from_hz=4 \
     --set sweep.to_hz=8 --set sweep.settle_s=0 --set sweep.measure_periods=2 &&
@@ -59,6 +59,20 @@ result $? "a run that ends before its task says how far that is"
 result $? "a pose that is set is reached, and the task goes on"
 refused "pose.LElbj_rad: found \"9\", expected -" --task pose --set pose.LElbj_rad=9
 result $? "an angle beyond the joint's limits is refused"
+run --task excite --joint LElbj --set excite.amplitude_rad=0.3 --set excite.duration_s=6 \
+    --record "$work/excite" && grep -q "joint LElbj: 6.0 of 6.0 s, 8 sines" "$work/out" &&
+    python3 - "$work/excite/signals.csv" <<'END'
+import csv, sys
+rows = [{k: float(v) for k, v in r.items()} for r in csv.DictReader(open(sys.argv[1]))]
+elbow = [r["q_LElbj_rad"] for r in rows]
+middle = elbow[0]
+assert 0.1 < max(abs(q - middle) for q in elbow) < 0.31, (min(elbow), max(elbow), middle)
+assert abs(elbow[-1] - middle) < 0.02, (elbow[-1], middle)
+END
+result $? "an excitation stays within its amplitude and ends where it began"
+run --task excite --joint LElbj --set excite.amplitude_rad=3
+[ $? -eq 1 ] && grep -q "3 rad to both sides of .* is beyond its limits" "$work/out" "$work/err"
+result $? "an excitation beyond the joint's limits is not begun"
 refused "found no joint, expected one by --joint" --task sweep
 result $? "a sweep without a joint is refused"
 refused "sweep: the rig has no joint Elbow" --task sweep --joint Elbow
@@ -68,7 +82,8 @@ refused "sweep.points: found \"0\", expected a whole number, 1 to 200" \
 result $? "a setting out of its range is refused with the range"
 refused "found no trajectory, expected a file by --trajectory" --task follow
 result $? "to follow nothing is refused"
-refused "found --joint with the task hold, expected it with sweep only" --task hold --joint LElbj
+refused "found --joint with the task hold, expected it with sweep and excite only" --task hold \
+    --joint LElbj
 result $? "an option of another task is refused"
 printf 'time_s,LElbj_deg\n0,-30\n0.4,-350\n' >"$work/wave.csv"
 refused "wave.csv:3: column 2 (LElbj_deg): found" --task follow --trajectory "$work/wave.csv"

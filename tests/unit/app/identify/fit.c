@@ -16,6 +16,7 @@
 
 #include "app/identify/identify.h"
 #include "base/random.h"
+#include "tests/physics/near.h"
 #include "tests/unit/arena_fixture.h"
 
 #define RIG HIL_SOURCE_DIR "/config/rigs/xl330-pendulum.yaml"
@@ -164,6 +165,38 @@ static void wrong_benches_are_refused_with_their_place(void **unused)
     refuses(HEAD "columns: {time: t, position: q, voltage: v}\n"
                  "free: [{key: R_ohm, expected: 3}]\n",
             "bounds or a prior");
+    refuses("name: a\nsource: b\nlicense: c\nrig: r.yaml\n", "found no columns");
+}
+
+#define POINT(keys)                                                                                \
+    "name: a\nsource: b\nlicense: c\ndrive: d\npoints:\n  - {what: x, value: 1, " keys "}\n"
+
+static void wrong_points_are_refused_with_their_place(void **unused)
+{
+    (void)unused;
+    refuses(POINT("current_a: 1, load_nm: 0, find: speed_rad_s"),
+            "identify-bench.yaml:6:5: found keys that do not tell one steady state");
+    refuses(POINT("voltage_v: 1, current_a: 1, find: load_nm"), "one steady state");
+    refuses(POINT("voltage_v: 1, speed_rad_s: 0, find: voltage_v"), "one steady state");
+    refuses(POINT("voltage_v: 1, load_nm: 0, backdriven: true, find: current_a"), "\"backdriven\"");
+    refuses(POINT("voltage_v: 1, speed_rad_s: 0, find: load_nm") "rig: r.yaml\n",
+            "found points of a rig and a drive");
+}
+
+/* A servo of R = 9.2308 ohm and NKt = 2.6154 N m/A without friction of its gear, but viscous. */
+static void points_follow_from_two_of_their_quantities(void **unused)
+{
+    static struct validation validation;
+    const char *path = HIL_SOURCE_DIR "/config/validation/robotis-xh430.yaml";
+
+    (void)unused;
+    if (validation_run(path, &arena, &validation, &error)) {
+        fail_msg("%s", error.text);
+    }
+    assert_near(validation.ours[0], 11.1 / 9.2308 * 2.6154, 1e-9);
+    assert_near(validation.ours[1], 11.1 / 9.2308, 1e-9);
+    assert_near(validation.ours[2], 11.1 / (3.8197 + 0.002 * 9.2308 / 2.6154), 1e-9);
+    assert_true(validation.passed);
 }
 
 /* Writes a recording, which must be refused with that. */
@@ -231,6 +264,8 @@ int main(void)
         cmocka_unit_test(known_numbers_come_back),
         cmocka_unit_test(what_the_recording_does_not_tell_is_said),
         cmocka_unit_test(wrong_benches_are_refused_with_their_place),
+        cmocka_unit_test(wrong_points_are_refused_with_their_place),
+        cmocka_unit_test(points_follow_from_two_of_their_quantities),
         cmocka_unit_test(wrong_recordings_are_refused_with_their_line),
         cmocka_unit_test(the_measured_servo_is_within_its_limit),
     };

@@ -10,7 +10,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 . "$source/tests/service/tap.sh"
 tap_show=$work/out
-echo "1..6"
+echo "1..16"
 
 # arm FOLDER OHM: a pendulum on a drive of the catalogue with friction by load
 arm() {
@@ -59,6 +59,88 @@ result $? "a recording with fewer rows than ticks is refused"
 [ $? -eq 2 ] && grep -q 'expected one joint' "$work/out"
 result $? "a robot of many joints is refused"
 
-"$hil" validate "$source/config/validation/xl330.yaml" --report "$work/bench" >"$work/out" 2>&1 &&
-    grep -q '^passed xl330' "$work/out" && [ -s "$work/bench/index.html" ]
-result $? "the measured servo is within its limit, and a page is there"
+"$hil" validate --report "$work/bench" >"$work/out" 2>&1 &&
+    grep -q '^passed xl330' "$work/out" && [ -s "$work/bench/index.html" ] &&
+    [ "$(wc -l <"$work/out")" -ge 5 ] && [ -s "$work/bench/zeroerr-erob80-50-diagram-1.svg" ]
+result $? "the measured benches are within their limits, and a page with diagrams is there"
+
+"$hil" identify --bench robotis-xh430 --recording "$work/record/signals.csv" >"$work/out" 2>&1
+[ $? -eq 2 ] && grep -q 'found a bench of points' "$work/out"
+result $? "a bench of points is no bench of recordings"
+
+# The walk-through of docs/identify.md on a drive whose numbers are known: excite, record what
+# candump records, identify from other numbers, compare
+mkdir -p "$work/guess"
+cp -r "$source/config/robots" "$source/config/rigs" "$source/config/drives" "$work/guess/"
+sed -i 's/R_ohm: [0-9.]*/R_ohm: 3.4/; s/NK\([tw]\)\(.*\): [0-9.]*/NK\1\2: 0.4/
+    s/load_\(motor\|external\): [0-9.]*/load_\1: 0.15/; s/J_kg_m2: [0-9.]*/J_kg_m2: 0.0025/
+    s/Dm_nm_s_rad: [0-9.]*/Dm_nm_s_rad: 0.02/' "$work/guess/drives/robotis-xl330-m288.yaml"
+free=R_ohm,NKt_nm_a,J_kg_m2,load_motor,Dm_nm_s_rad
+timeout -k 5 60 "$hil" run xl330-pendulum --transport local --clock free --duration 16 \
+    --task excite --joint pivot --set excite.amplitude_v=5 --control none --record "$work/excite" \
+    >"$work/out" 2>&1 </dev/null && ! grep -qi under "$work/excite/events.log"
+result $? "a drive of 7.4 V is excited"
+
+# near FILE: the numbers of the drive that ships, within 2 %
+near() {
+    awk -v share=0.02 'FNR == NR { truth[$1] = $2; next }
+        $1 in truth && /#.*(known|rough)/ { off = $2 / truth[$1] - 1; n++
+            if (off > share || off < -share) { print $1, $2, truth[$1]; bad = 1 } }
+        END { exit bad || n < 5 }' "$source/config/drives/robotis-xl330-m288.yaml" "$1"
+}
+timeout -k 5 100 "$hil" identify "$work/guess/rigs/xl330-pendulum.yaml" --free $free \
+    --recording "$work/excite/candump.log" -o "$work/found.yaml" >"$work/out" 2>&1 &&
+    near "$work/found.yaml" >>"$work/out"
+result $? "its numbers come back within 2 % from what candump -l writes"
+
+# The same frames as candump -ta prints them, among those of another interface
+awk '{ split($3, f, "#"); data = ""; n = length(f[2]) / 2
+    for (i = 1; i <= n; i++) data = data " " substr(f[2], 2 * i - 1, 2)
+    printf " %s  %s  %s   [%d] %s\n %s  can7  100   [8]  00 00 00 00 00 00 00 00\n", \
+        $1, $2, f[1], n, data, $1 }' "$work/excite/candump.log" >"$work/printed"
+timeout -k 5 100 "$hil" identify "$work/guess/rigs/xl330-pendulum.yaml" --free $free \
+    --recording "$work/printed" -o "$work/again.yaml" >"$work/out" 2>&1 &&
+    [ "$(grep -v '#.*\(printed\|candump\)' "$work/again.yaml" | grep -c .)" -gt 5 ] &&
+    near "$work/again.yaml" >>"$work/out"
+result $? "and from what it prints"
+
+sed 's/ can0 / can7 /' "$work/excite/candump.log" >"$work/other.log"
+"$hil" identify xl330-pendulum --free R_ohm --recording "$work/other.log" >"$work/out" 2>&1
+[ $? -eq 2 ] && grep -q 'found 0 angles of joint pivot (pivot_motor_position)' "$work/out"
+result $? "a log of another interface is refused"
+
+# Other protocols: percent every millisecond and angles every four; a bridge that is told
+cp -r "$work/guess" "$work/other"
+sed -i 's/J_kg_m2: [0-9.]*/J_kg_m2: 0.003/' "$work/other/drives/robotis-xl330-m288.yaml"
+for protocol in icub cia402 foc; do
+    sed "s/personality: .*/personality: $protocol/" "$source/config/rigs/xl330-pendulum.yaml" \
+        >"$work/guess/rigs/$protocol.yaml"
+    timeout -k 5 60 "$hil" run "$work/guess/rigs/$protocol.yaml" --transport local --clock free \
+        --duration 16 --task excite --joint pivot --set excite.amplitude_v=5 --control none \
+        --record "$work/$protocol" >"$work/out" 2>&1 </dev/null
+    cp "$work/guess/rigs/$protocol.yaml" "$work/other/rigs/"
+    timeout -k 5 100 "$hil" identify "$work/other/rigs/$protocol.yaml" --free J_kg_m2 \
+        --recording "$work/$protocol/candump.log" -o "$work/$protocol.yaml" >"$work/out" 2>&1 &&
+        awk '/J_kg_m2:/ { j = $2 } END { exit !(j > 0.00245 && j < 0.00255) }' \
+            "$work/$protocol.yaml"
+    result $? "a log of $protocol is read"
+done
+
+sed -i 's/_rad: -3.2, upper_rad: 3.2/_rad: -0.2, upper_rad: 0.2/' \
+    "$work/other/robots/xl330-pendulum.yaml"
+timeout -k 5 60 "$hil" run "$work/other/rigs/xl330-pendulum.yaml" --transport local --clock free \
+    --duration 16 --task excite --joint pivot --set excite.amplitude_v=7 --control none \
+    >"$work/out" 2>&1 </dev/null
+[ $? -eq 1 ] && grep -q 'joint pivot: .* rad is at its limits, -0.2 to 0.2 rad' "$work/out"
+result $? "an excitation ends where the joint reaches a limit"
+
+cat >"$work/guess/rigs/oil.yaml" <<'END'
+name: a
+source: b
+license: c
+drive: ../drives/hyq.yaml
+points: [{what: x, voltage_v: 1, speed_rad_s: 0, find: load_nm, value: 1}]
+END
+"$hil" validate "$work/guess/rigs/oil.yaml" >"$work/out" 2>&1
+[ $? -eq 2 ] && grep -q 'oil.yaml:4:8: found a hydraulic drive' "$work/out"
+result $? "points of a hydraulic drive are refused"

@@ -194,9 +194,9 @@ static void faults_gather_until_they_are_cleared(void **state)
 
     (void)state;
     start_differently(&bench);
-    bench.sensors.supply_v = nextafter(BOARD_UNDER_VOLTAGE_V, 0.0);
+    bench.sensors.supply_v = nextafter(24.0, 0.0);
     run_targets(&bench, 3);
-    bench.sensors.supply_v = BOARD_UNDER_VOLTAGE_V; /* at the limit there is none */
+    bench.sensors.supply_v = 24.0; /* at the limit there is none */
     run_targets(&bench, 3);
     for (int axis = 0; axis < AXES; axis++) {
         assert_true(bench_event(&bench, BOARD_EVENT_FAULT, &event));

@@ -1,0 +1,302 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Turns the frames of a log into the rows of a recording. */
+#include "app/identify/log.h"
+
+#include "base/count.h"
+#include "canbus/candump.h"
+#include "rig/dbc.h"
+
+#include <string.h>
+
+/* A signal and where it is: in a message of a bus. */
+struct log_signal {
+    size_t bus;
+    const struct dbc_message *message;
+    const struct dbc_signal *signal; /* NULL = there is none */
+};
+
+/* What is read of a log. */
+struct log_source {
+    const struct rig *rig;
+    struct dbc **dbc; /* one a bus */
+    struct log_signal position, deflection, command;
+    double command_scale; /* of a command: 1, or the supply by 100 */
+    bool is_torque;
+    bool reported; /* the command is what a board tells of its bridge, as it was */
+};
+
+bool recording_is_log(const char *path)
+{
+    FILE *file = fopen(path, "re");
+    int c = file ? getc(file) : EOF;
+
+    while (c == ' ') {
+        c = getc(file);
+    }
+    if (file) {
+        fclose(file);
+    }
+    return c == '(';
+}
+
+/* Returns whether a name has a word at its end, or before the number of an axis. */
+static bool ends_in(const char *name, const char *word)
+{
+    const char *at = strstr(name, word);
+
+    return at && (at == name || at[-1] == '_') &&
+           at[strlen(word) + strspn(at + strlen(word), "_0123")] == '\0';
+}
+
+/* What a signal has to be. NULL = whatever. */
+struct log_wanted {
+    const char *name;  /* whole */
+    const char *word;  /* its end */
+    const char *joint; /* that it is about */
+    const char *unit;
+    bool commanded; /* the host says it; only without a whole name */
+};
+
+/* Returns whether a signal is wanted. */
+static bool is_log_wanted(const struct log_wanted *wanted, const struct dbc_message *message,
+                          const struct dbc_signal *signal)
+{
+    if (wanted->name) {
+        return !strcmp(signal->name, wanted->name);
+    }
+    return signal->comment && !strcmp(signal->comment, wanted->joint) &&
+           !strcmp(signal->unit, wanted->unit) && ends_in(signal->name, wanted->word) &&
+           (message->sender == 0) == wanted->commanded;
+}
+
+/* Finds the first signal of any bus that is wanted; returns whether there is one. */
+static bool find_log_signal(const struct log_source *source, const struct log_wanted *wanted,
+                            struct log_signal *found)
+{
+    for (size_t bus = 0; bus < source->rig->nbus; bus++) {
+        for (const struct dbc_message *m = source->dbc[bus]->message; m; m = m->next) {
+            for (const struct dbc_signal *s = m->signal; s; s = s->next) {
+                if (is_log_wanted(wanted, m, s)) {
+                    *found = (struct log_signal){bus, m, s};
+                    return true;
+                }
+            }
+        }
+    }
+    return false;
+}
+
+/* Finds the signal of the joint's angle, and that of its spring where the angle is the rotor's. */
+static bool find_angle(struct log_source *source, const char *joint, const char *name)
+{
+    static const char *const words[] = {"motor_position", "motor_encoder", "position",
+                                        "pos_estimate"};
+    struct log_wanted wanted = {.name = name};
+
+    if (name && find_log_signal(source, &wanted, &source->position)) {
+        return true;
+    }
+    for (size_t i = 0; i < ARRAY_COUNT(words); i++) {
+        wanted = (struct log_wanted){.word = words[i], .joint = joint, .unit = "rad"};
+        if (find_log_signal(source, &wanted, &source->position)) {
+            wanted.word = "deflection";
+            if (find_log_signal(source, &wanted, &source->deflection) &&
+                source->deflection.message != source->position.message) {
+                source->deflection.signal = NULL;
+            }
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Finds the signal of what the host commands, volts, percent of the supply, or a torque; else of
+ * what the board says of its bridge. */
+static bool find_log_command(struct log_source *source, const char *joint, const char *name,
+                             bool is_torque)
+{
+    static const struct log_wanted kinds[] = {
+        {.word = "set_point", .unit = "V", .commanded = true},
+        {.word = "target_voltage", .unit = "V", .commanded = true},
+        {.word = "SET_OPEN_LOOP_pwm", .unit = "%", .commanded = true},
+        {.word = "pwm", .unit = "%"},
+        {.word = "torque", .unit = "Nm", .commanded = true},
+    };
+    struct log_wanted wanted = {.name = name};
+
+    if (name && find_log_signal(source, &wanted, &source->command)) {
+        source->is_torque = is_torque;
+    }
+    for (size_t i = 0; i < ARRAY_COUNT(kinds) && !source->command.signal; i++) {
+        wanted = kinds[i];
+        wanted.joint = joint;
+        if (find_log_signal(source, &wanted, &source->command)) {
+            source->is_torque = !strcmp(wanted.unit, "Nm");
+            source->reported = !wanted.commanded;
+        }
+    }
+    if (source->command.signal) {
+        source->command_scale =
+            !strcmp(source->command.signal->unit, "%") ? 0.01 * source->rig->supply_v : 1.0;
+    }
+    return source->command.signal != NULL;
+}
+
+/* Makes the databases of the rig's buses, and finds the signals. */
+static enum error_code open_source(const struct rig *rig, const char *joint,
+                                   const struct bench_columns *columns, struct arena *arena,
+                                   struct log_source *source, struct error *error)
+{
+    enum error_code code = ERROR_NONE;
+
+    *source = (struct log_source){.rig = rig, .dbc = arena_alloc(arena, rig->nbus, sizeof(void *))};
+    if (!source->dbc) {
+        return error_set(error, ERROR_MEMORY, "no memory for the tables of the buses");
+    }
+    for (size_t i = 0; i < rig->nbus && !code; i++) {
+        code = rig_dbc(rig, i, arena, &source->dbc[i], error);
+    }
+    if (code) {
+        return code;
+    }
+    if (!find_angle(source, joint, columns->position)) {
+        return error_set(error, ERROR_INPUT,
+                         "found no signal with the angle of joint %s, expected its name as column "
+                         "\"position\" of a bench (coman-hil dbc has the names)",
+                         joint);
+    }
+    if (!find_log_command(source, joint, columns->voltage ? columns->voltage : columns->torque,
+                          columns->torque != NULL)) {
+        return error_set(error, ERROR_INPUT,
+                         "found no signal with a voltage or a torque for joint %s, expected its "
+                         "name as column \"voltage\" or \"torque\" of a bench",
+                         joint);
+    }
+    return ERROR_NONE;
+}
+
+/* Reads a signal from a frame of a bus; returns whether it is there. */
+static bool read_signal(const struct log_source *source, const struct log_signal *of, size_t bus,
+                        const struct bus_frame *frame, double *value)
+{
+    return of->signal && of->bus == bus && dbc_find_frame(source->dbc[bus], frame) == of->message &&
+           dbc_read_signal(of->message, of->signal, frame, value);
+}
+
+/* Returns the bus of an interface's name, nbus when it is none of the rig's. */
+static size_t find_bus(const struct rig *rig, const char *name)
+{
+    size_t bus = 0;
+
+    while (bus < rig->nbus && strcmp(rig->bus[bus].name, name) != 0 &&
+           strcmp(rig->bus[bus].interface, name) != 0) {
+        bus++;
+    }
+    return bus;
+}
+
+/* A command that holds, and its integral over time since the last row. */
+struct log_command {
+    bool given;
+    double value, sum; /* sum times ns */
+    int64_t since_ns;
+};
+
+/* Lets time pass under the command. */
+static void command_pass(struct log_command *command, int64_t now_ns)
+{
+    if (command->given && now_ns > command->since_ns) {
+        command->sum += command->value * (double)(now_ns - command->since_ns);
+    }
+    command->since_ns = now_ns;
+}
+
+/* Goes through a log and adds its rows while there is room; *count gets how many there are. */
+static enum error_code read_frames(const struct log_source *source, const char *path, size_t room,
+                                   struct recording *r, size_t *count, struct error *error)
+{
+    struct candump_reader reader;
+    struct bus_frame frame;
+    char name[16];
+    struct log_command command = {.given = false};
+    double angle, yields;
+    int64_t begin = 0, last = 0;
+    bool end = false;
+    enum error_code code = candump_open(&reader, path, error);
+
+    *count = 0;
+    if (code) {
+        return code;
+    }
+    while (!(code = candump_next(&reader, &frame, name, &end, error)) && !end) {
+        const size_t bus = find_bus(source->rig, name);
+
+        if (bus == source->rig->nbus) {
+            continue;
+        }
+        if (read_signal(source, &source->command, bus, &frame, &angle)) {
+            command_pass(&command, frame.time_ns);
+            command.value = source->command_scale * angle;
+            command.given = true;
+            if (source->reported && *count > 0 && *count <= room) {
+                r->voltage[*count - 1] = command.value;
+            }
+        }
+        if (!command.given || !read_signal(source, &source->position, bus, &frame, &angle) ||
+            (*count > 0 && frame.time_ns <= last)) {
+            continue;
+        }
+        command_pass(&command, frame.time_ns);
+        begin = *count == 0 ? frame.time_ns : begin;
+        if (*count < room) {
+            yields = 0.0;
+            read_signal(source, &source->deflection, bus, &frame, &yields);
+            r->time[*count] = 1e-9 * (double)(frame.time_ns - begin);
+            r->position[*count] = angle - yields;
+            r->voltage[*count] =
+                *count > 0 ? command.sum / (double)(frame.time_ns - last) : command.value;
+            r->enabled[*count] = true;
+        }
+        command.sum = 0.0;
+        last = frame.time_ns;
+        ++*count;
+    }
+    candump_close(&reader);
+    return code;
+}
+
+enum error_code recording_read_log(const struct rig *rig, const char *joint,
+                                   const struct bench_columns *columns, const char *path,
+                                   struct arena *arena, struct recording *r, struct error *error)
+{
+    struct log_source source;
+    size_t count = 0;
+    enum error_code code = open_source(rig, joint, columns, arena, &source, error);
+
+    *r = (struct recording){.file = arena_strdup(arena, path),
+                            .group = "",
+                            .gain = 1.0,
+                            .voltage_before = true,
+                            .is_torque = source.is_torque};
+    code = code ? code : read_frames(&source, path, 0, r, &count, error);
+    if (!code && count < 16) {
+        code = error_set(error, ERROR_INPUT,
+                         "%.200s: found %zu angles of joint %s (%s) behind a first command (%s), "
+                         "expected 16 or more frames, of an interface or a bus of the rig",
+                         path, count, joint, source.position.signal->name,
+                         source.command.signal->name);
+    }
+    if (code) {
+        return code;
+    }
+    r->time = arena_alloc(arena, count, sizeof *r->time);
+    r->position = arena_alloc(arena, count, sizeof *r->position);
+    r->voltage = arena_alloc(arena, count, sizeof *r->voltage);
+    r->goal = arena_alloc(arena, count, sizeof *r->goal);
+    r->enabled = arena_alloc(arena, count, sizeof *r->enabled);
+    if (!r->file || !r->time || !r->position || !r->voltage || !r->goal || !r->enabled) {
+        return error_set(error, ERROR_MEMORY, "%.200s: no memory left for this recording", path);
+    }
+    r->count = count;
+    return read_frames(&source, path, count, r, &count, error);
+}

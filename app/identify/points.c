@@ -1,0 +1,107 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Computes steady states from what is known of them, and draws drive/back-drive diagrams. */
+#include "app/identify/points.h"
+
+#include "base/count.h"
+#include "model/drives/steady.h"
+
+#include <math.h>
+
+/* Points of a line of a diagram, and most points of a bench in one. */
+enum { DIAGRAM_STEPS = 101, DIAGRAM_POINTS = 64 };
+
+double point_compute(const struct robot_sea *sea, const struct bench_point *point)
+{
+    const bool *known = point->is_known;
+    const int sense = point->backdriven ? -1 : 1;
+    double q[POINT_QUANTITIES];
+
+    for (int i = 0; i < POINT_QUANTITIES; i++) {
+        q[i] = point->known[i];
+    }
+
+    /* The speed, and the motor's torque */
+    if (!known[POINT_SPEED]) {
+        q[POINT_SPEED] = steady_speed(sea, q[POINT_VOLTAGE], q[POINT_LOAD]);
+    }
+    if (known[POINT_VOLTAGE]) {
+        q[POINT_CURRENT] = (q[POINT_VOLTAGE] - (double)sense * sea->Kw * q[POINT_SPEED]) / sea->R;
+    }
+    if (known[POINT_VOLTAGE] || known[POINT_CURRENT]) {
+        q[POINT_MOTOR] = sea->Kt * q[POINT_CURRENT];
+    } else if (!known[POINT_MOTOR]) {
+        q[POINT_MOTOR] = steady_motor(sea, q[POINT_LOAD], q[POINT_SPEED], sense);
+    }
+
+    /* What follows from them */
+    if (!known[POINT_LOAD]) {
+        q[POINT_LOAD] = steady_load(sea, q[POINT_MOTOR], q[POINT_SPEED], sense);
+    }
+    q[POINT_CURRENT] = q[POINT_MOTOR] / sea->Kt;
+    q[POINT_VOLTAGE] = sea->R * q[POINT_CURRENT] + (double)sense * sea->Kw * q[POINT_SPEED];
+    return q[point->find];
+}
+
+/* Copies the points of a bench that are of a diagram, of one sense. */
+static size_t take_points(const struct bench *bench, bool backdriven, double *motor, double *load)
+{
+    size_t count = 0;
+
+    for (size_t i = 0; i < bench->npoint && count < DIAGRAM_POINTS; i++) {
+        const struct bench_point *point = &bench->point[i];
+
+        if (point->is_known[POINT_MOTOR] && point->known[POINT_SPEED] == 0.0 &&
+            point->find == POINT_LOAD && point->backdriven == backdriven) {
+            motor[count] = point->known[POINT_MOTOR];
+            load[count++] = point->value;
+        }
+    }
+    return count;
+}
+
+void point_diagram(struct report *report, const char *id, const struct robot_sea *sea,
+                   const struct bench *bench)
+{
+    double motor[DIAGRAM_STEPS], turned[DIAGRAM_STEPS], back[DIAGRAM_STEPS];
+    double x[2][DIAGRAM_POINTS], y[2][DIAGRAM_POINTS];
+    const size_t count[2] = {take_points(bench, false, x[0], y[0]),
+                             take_points(bench, true, x[1], y[1])};
+
+    for (size_t i = 0; i < DIAGRAM_STEPS; i++) {
+        motor[i] = bench->diagram_nm * (double)i / (DIAGRAM_STEPS - 1);
+        turned[i] = steady_load(sea, motor[i], 0.0, 1);
+        back[i] = steady_load(sea, motor[i], 0.0, -1);
+    }
+
+    const struct svg_series series[] = {
+        {.name = "turned by the motor", .x = motor, .y = turned, .count = DIAGRAM_STEPS},
+        {.name = "turns it back", .x = motor, .y = back, .count = DIAGRAM_STEPS},
+        {.name = "no friction",
+         .x = motor,
+         .y = motor,
+         .count = DIAGRAM_STEPS,
+         .style = SVG_DASHED},
+        {.name = "turned, published",
+         .x = x[0],
+         .y = y[0],
+         .count = count[0],
+         .style = SVG_MARKERS},
+        {.name = "turns back, published",
+         .x = x[1],
+         .y = y[1],
+         .count = count[1],
+         .style = SVG_MARKERS},
+    };
+    const struct svg_plot panel = {
+        .title = "",
+        .x = {.label = "torque of the motor, N m", .fixed = true, .max = bench->diagram_nm},
+        .y = {.label = "load, N m", .fixed = true, .max = bench->diagram_nm},
+        .series = series,
+        .nseries = count[0] + count[1] > 0 ? ARRAY_COUNT(series) : 3,
+    };
+
+    report_figure(report, id,
+                  "Loads at rest: below the first line the motor turns the load, above "
+                  "the second the load turns it back, between them nothing moves",
+                  &panel, 1);
+}

@@ -1,0 +1,249 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Excite: a sum of sines moves one joint about the initial pose, for a recording that identify
+ * (docs/identify.md) fits a drive to; all other joints hold the pose. A voltage is added to what
+ * the position loop gives the motor, or the loop's reference moves. Frequencies are at equal
+ * ratios; sines of the reference have the same speed each, those of the voltage the same amplitude;
+ * phases are Schroeder's (IEEE Trans. Inf. Theory 16, 1970), which keep the peaks low. Amplitudes
+ * add up to the setting, so that no peak is beyond it; a joint at a limit ends the task.
+ */
+#include "base/portable_math.h"
+#include "tasks/task_private.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum excite_setting {
+    EXCITE_AMPLITUDE_V,
+    EXCITE_AMPLITUDE_RAD,
+    EXCITE_FROM,
+    EXCITE_TO,
+    EXCITE_SINES,
+    EXCITE_DURATION,
+    EXCITE_SETTINGS
+};
+
+enum { EXCITE_SINES_MAX = 32 };
+
+static const double EXCITE_POSE_S = 1.0;    /* duration of the way into the pose */
+static const double EXCITE_RAMP_S = 1.0;    /* of the ramp of the amplitude, up and down */
+static const double EXCITE_NYQUIST = 0.25;  /* highest frequency, of the commands' rate */
+static const double EXCITE_MOST_RAD = M_PI; /* largest amplitude */
+static const double EXCITE_MOST_S = 3600;   /* longest duration */
+
+/* A copy of the settings at the beginning, since they may change meanwhile. */
+struct excite {
+    size_t axis;
+    double *from; /* joint angles at the start */
+    struct task_setting setting[EXCITE_SETTINGS];
+    _Atomic double value[EXCITE_SETTINGS]; /* another thread writes them */
+    size_t nsine;                          /* 0 until the excitation begins */
+    double amplitude[EXCITE_SINES_MAX], w[EXCITE_SINES_MAX], phase[EXCITE_SINES_MAX];
+    double duration_s;
+    bool by_angle; /* the reference moves, and not the voltage */
+};
+
+/* ---- settings ---- */
+
+static const char *const excite_setting_name[EXCITE_SETTINGS + 1] = {
+    [EXCITE_AMPLITUDE_V] = "excite.amplitude_v",
+    [EXCITE_AMPLITUDE_RAD] = "excite.amplitude_rad",
+    [EXCITE_FROM] = "excite.from_hz",
+    [EXCITE_TO] = "excite.to_hz",
+    [EXCITE_SINES] = "excite.sines",
+    [EXCITE_DURATION] = "excite.duration_s",
+};
+
+/* Makes the settings with their ranges and defaults: amplitudes by the supply, frequencies by the
+ * commands' rate. */
+static void excite_make_settings(struct excite *excite, const struct task_config *config)
+{
+    const double period_s =
+        1e-9 * fmax((double)config->servo.command_period_ns, (double)config->host.period_ns);
+    const double most_hz = EXCITE_NYQUIST / period_s;
+    const char *const *name = excite_setting_name;
+    const struct task_setting setting[EXCITE_SETTINGS] = {
+        [EXCITE_AMPLITUDE_V] = {name[EXCITE_AMPLITUDE_V], "V", 0, config->host.supply_v, false},
+        [EXCITE_AMPLITUDE_RAD] = {name[EXCITE_AMPLITUDE_RAD], "rad", 0, EXCITE_MOST_RAD, false},
+        [EXCITE_FROM] = {name[EXCITE_FROM], "Hz", 0.01, most_hz, false},
+        [EXCITE_TO] = {name[EXCITE_TO], "Hz", 0.01, most_hz, false},
+        [EXCITE_SINES] = {name[EXCITE_SINES], "", 1, EXCITE_SINES_MAX, true},
+        [EXCITE_DURATION] = {name[EXCITE_DURATION], "s", 2 * EXCITE_RAMP_S, EXCITE_MOST_S, false},
+    };
+
+    memcpy(excite->setting, setting, sizeof setting);
+    excite->value[EXCITE_AMPLITUDE_V] = config->host.supply_v / 10;
+    excite->value[EXCITE_FROM] = 0.2;
+    excite->value[EXCITE_TO] = fmin(4, most_hz);
+    excite->value[EXCITE_SINES] = 8;
+    excite->value[EXCITE_DURATION] = 10;
+}
+
+static size_t excite_settings(const struct task *task, const struct task_setting **setting)
+{
+    const struct excite *excite = task->state;
+
+    *setting = excite->setting;
+    return EXCITE_SETTINGS;
+}
+
+static void excite_set(struct task *task, size_t index, double value)
+{
+    struct excite *excite = task->state;
+
+    excite->value[index] = value;
+}
+
+static double excite_get(const struct task *task, size_t index)
+{
+    const struct excite *excite = task->state;
+
+    return excite->value[index];
+}
+
+/* ---- the task ---- */
+
+/* Creates the task's state and finds the joint. ERROR_INPUT when it is not named or not there. */
+static enum error_code excite_create(struct task *task, struct arena *arena, struct error *error)
+{
+    struct excite *excite = arena_alloc(arena, 1, sizeof *excite);
+    double *from = arena_alloc(arena, task->config.host.naxis, sizeof *from);
+
+    if (!excite || !from) {
+        return error_set(error, ERROR_MEMORY, "no memory for the excitation");
+    }
+    if (!task->config.input.joint) {
+        return error_set(error, ERROR_INPUT, "excite: found no joint, expected one by --joint");
+    }
+    excite->from = from;
+    task->state = excite;
+    excite_make_settings(excite, &task->config);
+    return task_find_axis(task, task->config.input.joint, &excite->axis, error);
+}
+
+static void excite_start(struct task *task)
+{
+    struct excite *excite = task->state;
+
+    for (size_t i = 0; i < task->config.host.naxis; i++) {
+        excite->from[i] = servo_wanted(task->servo, i);
+    }
+    excite->nsine = 0;
+}
+
+/* Makes the sines. Returns false with a message when they are none, or would leave the joint's
+ * limits. */
+static bool excite_begin(struct task *task)
+{
+    struct excite *excite = task->state;
+    const double radians = excite->value[EXCITE_AMPLITUDE_RAD];
+    const double amplitude = radians > 0 ? radians : excite->value[EXCITE_AMPLITUDE_V];
+    const double from = excite->value[EXCITE_FROM], ratio = excite->value[EXCITE_TO] / from;
+    double sum = 0;
+
+    if (!(amplitude > 0)) {
+        snprintf(task->message, sizeof task->message, "joint %s: the amplitude is 0",
+                 task->config.input.joint);
+        return false;
+    }
+    if (radians > 0 && !task_can_swing(task, excite->axis, radians)) {
+        return false;
+    }
+    excite->by_angle = radians > 0;
+    excite->duration_s = excite->value[EXCITE_DURATION];
+    excite->nsine = (size_t)excite->value[EXCITE_SINES];
+    for (size_t k = 0; k < excite->nsine; k++) {
+        const double last = (double)excite->nsine - 1;
+        const double hz = last > 0 ? from * portable_pow(ratio, (double)k / last) : from;
+
+        excite->w[k] = 2 * M_PI * hz;
+        excite->phase[k] = M_PI * (double)(k * k) / (double)excite->nsine;
+        excite->amplitude[k] = excite->by_angle ? 1 / hz : 1;
+        sum += excite->amplitude[k];
+    }
+    for (size_t k = 0; k < excite->nsine; k++) {
+        excite->amplitude[k] *= amplitude / sum;
+    }
+    return true;
+}
+
+/* Sets the joint's reference or voltage, t_s after the begin of the excitation. */
+static void excite_move(struct task *task, double t_s)
+{
+    const struct excite *excite = task->state;
+    const double part = fmin(fmin(t_s, excite->duration_s - t_s) / EXCITE_RAMP_S, 1);
+    double angle = 0, rate = 0, sine, cosine, share, growth = 0;
+
+    for (size_t k = 0; k < excite->nsine; k++) {
+        portable_sincos(excite->w[k] * t_s + excite->phase[k], &sine, &cosine);
+        angle += excite->amplitude[k] * sine;
+        rate += excite->amplitude[k] * excite->w[k] * cosine;
+    }
+
+    /* The amplitude's ramp, without a corner at its ends */
+    share = part > 0 ? part * part * (3 - 2 * part) : 0;
+    if (part > 0 && part < 1) {
+        growth = 6 * part * (1 - part) / EXCITE_RAMP_S * (2 * t_s < excite->duration_s ? 1 : -1);
+    }
+    if (excite->by_angle) {
+        servo_set(task->servo, excite->axis, task->config.initial_rad[excite->axis] + share * angle,
+                  share * rate + growth * angle);
+    } else {
+        servo_excite(task->servo, excite->axis, share * angle);
+    }
+}
+
+/* Checks whether the joint is within its limits, and where only angles move that all motors
+ * follow; false with a message. */
+static bool excite_is_safe(struct task *task)
+{
+    const struct excite *excite = task->state;
+    const struct host_axis *axis = &task->config.host.axis[excite->axis];
+    const double angle = host_joint(task->host, excite->axis)->joint_rad;
+    double worst = 0;
+
+    if (!(angle > axis->lower_rad && angle < axis->upper_rad)) {
+        snprintf(task->message, sizeof task->message,
+                 "joint %s: %.3g rad is at its limits, %.3g to %.3g rad; less amplitude is needed",
+                 axis->joint, angle, axis->lower_rad, axis->upper_rad);
+        return false;
+    }
+    return (excite->nsine > 0 && !excite->by_angle) || task_motors_follow(task, &worst);
+}
+
+/* Runs one period: the pose, then the excitation. */
+static enum task_status excite_step(struct task *task, double t_s)
+{
+    struct excite *excite = task->state;
+
+    if (!excite_is_safe(task)) {
+        return TASK_FAILED;
+    }
+    if (t_s < EXCITE_POSE_S) {
+        task_hold_pose(task, excite->from, EXCITE_POSE_S, t_s);
+        return TASK_RUNNING;
+    }
+    if (excite->nsine == 0 && !excite_begin(task)) {
+        return TASK_FAILED;
+    }
+    excite_move(task, t_s - EXCITE_POSE_S);
+    if (t_s >= EXCITE_POSE_S + excite->duration_s || task->tells) {
+        snprintf(task->message, sizeof task->message, "joint %s: %.1f of %.1f s, %zu sines",
+                 task->config.input.joint, fmin(t_s - EXCITE_POSE_S, excite->duration_s),
+                 excite->duration_s, excite->nsine);
+    }
+    return t_s < EXCITE_POSE_S + excite->duration_s ? TASK_RUNNING : TASK_DONE;
+}
+
+const struct task_ops task_excite = {
+    .name = "excite",
+    .summary = "a sum of sines on one joint: a recording to identify its drive from",
+    .create = excite_create,
+    .start = excite_start,
+    .step = excite_step,
+    .settings = excite_settings,
+    .setting_name = excite_setting_name,
+    .set = excite_set,
+    .get = excite_get,
+};
