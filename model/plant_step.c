@@ -327,9 +327,16 @@ const char *plant_failure(const struct plant *plant)
     return plant->failure;
 }
 
+const double *plant_values(const struct plant *plant, size_t *count)
+{
+    *count = plant->at.count;
+    return plant->state;
+}
+
 double *plant_state(struct plant *plant, size_t *count)
 {
     *count = plant->at.count;
+    plant->handed_out = true;
     return plant->state;
 }
 
