@@ -58,6 +58,11 @@ static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j)
     double q = plant_sensors(watch->plant)->motor[j].q;
     double depth = fmax(q - joint->upper, joint->lower - q);
 
+    /* Well within its limits, and it was before */
+    if (depth <= -WATCH_BACK && !seen->past && !seen->told) {
+        return;
+    }
+
     /* Past the limit, and back within it for long enough */
     if (!seen->past && depth > WATCH_PAST) {
         seen->past = true;
