@@ -12,19 +12,19 @@
 
 bool control_quantize(double value, int32_t *count)
 {
+    const double shifted = value + 0.5;
+
+    /* Values within the range, which has no NaN; floor() by hand: a call of the library costs more
+     * than all the rest */
+    if (shifted > (double)INT32_MIN && shifted < (double)INT32_MAX) {
+        *count = (int32_t)shifted;
+        *count -= *count > shifted;
+        return true;
+    }
     if (!isfinite(value)) {
         return false;
     }
-    value += 0.5;
-    if (value <= (double)INT32_MIN) {
-        *count = INT32_MIN;
-    } else if (value >= (double)INT32_MAX) {
-        *count = INT32_MAX;
-    } else {
-        /* floor() by hand: a call of the library costs more than all the rest */
-        *count = (int32_t)value;
-        *count -= *count > value;
-    }
+    *count = shifted < 0.0 ? INT32_MIN : INT32_MAX;
     return true;
 }
 

@@ -146,12 +146,18 @@ static void field_sum_normals(const struct field_builder *b, double (*sum)[9])
     }
 }
 
-/* Eigenvalues and eigenvectors (columns of v) of a symmetric matrix by Jacobi's rotations. */
+/* Eigenvalues and eigenvectors (columns of v) of a symmetric matrix by Jacobi's rotations, until
+ * they do not change any more. */
 static void matrix_find_eigen(double a[3][3], double v[3][3])
 {
+    bool changes = true;
+
     memset(v, 0, 9 * sizeof **v);
     v[0][0] = v[1][1] = v[2][2] = 1;
-    for (int sweep = 0; sweep < 30; sweep++) {
+    for (int sweep = 0; sweep < 30 && changes; sweep++) {
+        double before[3] = {a[0][0], a[1][1], a[2][2]}, axes[3][3];
+
+        memcpy(axes, v, sizeof axes);
         for (int p = 0; p < 2; p++) {
             for (int q = p + 1; q < 3; q++) {
                 double theta = 0.5 * portable_atan2(2 * a[p][q], a[q][q] - a[p][p]);
@@ -175,6 +181,8 @@ static void matrix_find_eigen(double a[3][3], double v[3][3])
                 }
             }
         }
+        changes = before[0] != a[0][0] || before[1] != a[1][1] || before[2] != a[2][2] ||
+                  memcmp(axes, v, sizeof axes) != 0;
     }
 }
 
@@ -222,23 +230,30 @@ static void field_find_least(const struct field_builder *b)
 static bool surface_find_near(const struct solid *s, const double p[3], double limit2,
                               double near[3])
 {
-    const struct tree_node *stack[TREE_DEPTH_MAX];
+    struct {
+        const struct tree_node *node;
+        double distance2;
+    } stack[TREE_DEPTH_MAX];
     int top = 0, leaves = 0;
     bool found = false;
 
-    stack[top++] = s->faces.node;
+    stack[top].node = s->faces.node;
+    stack[top++].distance2 = box_distance2(&s->faces.node->box, p);
     while (top > 0 && leaves < BALL_LEAVES) {
-        const struct tree_node *node = stack[--top];
+        const struct tree_node *node = stack[--top].node;
 
-        if (box_distance2(&node->box, p) >= limit2) {
+        if (stack[top].distance2 >= limit2) {
             continue;
         }
         if (node->count == 0) {
-            const struct tree_node *left = node + 1, *right = left + left->size;
-            bool first = box_distance2(&left->box, p) <= box_distance2(&right->box, p);
+            const struct tree_node *left = node + 1, *child[2] = {left, left + left->size};
+            double d[2] = {box_distance2(&child[0]->box, p), box_distance2(&child[1]->box, p)};
+            int far = d[0] <= d[1];
 
-            stack[top++] = first ? right : left;
-            stack[top++] = first ? left : right;
+            for (int i = 0; i < 2; ++i, far = !far) {
+                stack[top].node = child[far];
+                stack[top++].distance2 = d[far];
+            }
             continue;
         }
         leaves++;

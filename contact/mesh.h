@@ -22,6 +22,7 @@
 #include "base/arena.h"
 #include "base/error.h"
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #define MESH_MAX_FILE_BYTES ((size_t)256 << 20)
@@ -36,6 +37,7 @@ struct mesh {
     size_t nvertex, nface;
     const double (*vertex)[3]; /* m */
     const int (*face)[3];
+    bool sound; /* known to be so, as mesh_check finds it; false: it may be */
 };
 
 /* What can be wrong with a surface, in the order in which mesh_check looks for it. */

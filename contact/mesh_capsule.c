@@ -18,17 +18,22 @@ static void capsule_place_vertices(double radius, double length, double (*vertex
 {
     /* As wide as it has to be for the polygon to have the area of the circle */
     const double wide = radius * sqrt(2 * PI / (SIDES * portable_sin(2 * PI / SIDES)));
+    double around[SIDES][2];
 
+    for (int i = 0; i < SIDES; i++) {
+        around[i][0] = portable_cos(2 * PI * i / SIDES);
+        around[i][1] = portable_sin(2 * PI * i / SIDES);
+    }
     for (int ring = 0; ring < 2 * RINGS; ring++) {
         int from_equator = ring < RINGS ? ring - (RINGS - 1) : ring - RINGS;
-        double angle = from_equator * PI / 2 / RINGS;
+        double angle = from_equator * PI / 2 / RINGS, out = wide * portable_cos(angle);
         double z = wide * portable_sin(angle) + (ring < RINGS ? -length / 2 : length / 2);
 
         for (int i = 0; i < SIDES; i++) {
             double *v = vertex[ring * SIDES + i];
 
-            v[0] = wide * portable_cos(angle) * portable_cos(2 * PI * i / SIDES);
-            v[1] = wide * portable_cos(angle) * portable_sin(2 * PI * i / SIDES);
+            v[0] = out * around[i][0];
+            v[1] = out * around[i][1];
             v[2] = z;
         }
     }
@@ -95,7 +100,8 @@ enum error_code mesh_capsule(double radius, double length, struct arena *arena,
                              .nvertex = VERTICES,
                              .nface = capsule_connect(face),
                              .vertex = (const double(*)[3])vertex,
-                             .face = (const int(*)[3])face};
+                             .face = (const int(*)[3])face,
+                             .sound = true};
     *mesh = capsule;
     return ERROR_NONE;
 }

@@ -4,7 +4,7 @@
  * two of them. Edges and faces are sorted, not hashed: the order of what is found does not depend
  * on chance, and no input makes it slow.
  */
-#include "contact/mesh.h"
+#include "contact/mesh_edges.h"
 #include "base/vec3.h"
 
 #include <math.h>
@@ -16,13 +16,6 @@
 /* Twice the area over the square of the longest edge, below which a face counts as degenerate. */
 #define DEGENERATE_RATIO 1e-10
 
-/* The half-edge from corner `number % 3` of face `number / 3` to the next corner. */
-struct half_edge {
-    int low, high; /* its vertices, sorted */
-    size_t number;
-    bool forward; /* runs from low to high */
-};
-
 /* The three vertices of a face, sorted. */
 struct face_key {
     int vertex[3];
@@ -32,9 +25,9 @@ struct face_key {
 struct mesh_checker {
     const struct mesh *mesh;
     struct mesh_finding *finding;
-    struct half_edge *half_edge; /* 3 * nface */
+    struct half_edge *half_edge; /* 3 * nface, sorted */
     struct face_key *face_key;   /* nface */
-    size_t *twin;                /* 3 * nface: the number of the half-edge across the edge */
+    int *twin;                   /* 3 * nface: the number of the half-edge across the edge */
     unsigned char *seen;         /* 3 * nface */
     unsigned char *used;         /* nvertex */
 };
@@ -139,10 +132,12 @@ static int compare_face_keys(const void *a, const void *b)
     return (x->face > y->face) - (x->face < y->face);
 }
 
-static bool mesh_faces_are_distinct(struct mesh_checker *c)
+/* Reports faces of the same three vertices. */
+static void mesh_find_duplicates(struct mesh_checker *c)
 {
     size_t n = c->mesh->nface;
 
+    *c->finding = (struct mesh_finding){.fault = MESH_SOUND};
     for (size_t f = 0; f < n; f++) {
         const int *v = c->mesh->face[f];
         int low = v[0] < v[1] ? v[0] : v[1], high = v[0] < v[1] ? v[1] : v[0];
@@ -158,36 +153,13 @@ static bool mesh_faces_are_distinct(struct mesh_checker *c)
             mesh_report_fault(c, MESH_DUPLICATE_FACE, 3 * key->face, 3 * last->face);
         }
     }
-    return c->finding->fault == MESH_SOUND;
 }
 
-static int compare_half_edges(const void *a, const void *b)
-{
-    const struct half_edge *x = a, *y = b;
-
-    if (x->low != y->low) {
-        return x->low < y->low ? -1 : 1;
-    }
-    if (x->high != y->high) {
-        return x->high < y->high ? -1 : 1;
-    }
-    return (x->number > y->number) - (x->number < y->number);
-}
-
-/* Pairs the half-edges of each edge. */
-static bool mesh_edges_join_two_faces(struct mesh_checker *c)
+/* Pairs the half-edges of each edge, reports those of edges that do not join two faces. */
+static void mesh_pair_half_edges(struct mesh_checker *c)
 {
     size_t n = 3 * c->mesh->nface;
-    struct half_edge *all = c->half_edge;
-
-    /* Sorted by their vertices, the half-edges of one edge are neighbors */
-    for (size_t h = 0; h < n; h++) {
-        const int *v = c->mesh->face[h / 3];
-        int from = v[h % 3], to = v[(h + 1) % 3];
-
-        all[h] = (struct half_edge){from < to ? from : to, from < to ? to : from, h, from < to};
-    }
-    qsort(all, n, sizeof *all, compare_half_edges);
+    const struct half_edge *all = c->half_edge;
 
     /* Each edge has two, in opposite directions */
     for (size_t i = 0, end; i < n; i = end) {
@@ -197,17 +169,48 @@ static bool mesh_edges_join_two_faces(struct mesh_checker *c)
             ++end;
         }
         if (end - i == 1) {
-            mesh_report_fault(c, MESH_OPEN_EDGE, e->number, e->number);
+            mesh_report_fault(c, MESH_OPEN_EDGE, (size_t)e->number, (size_t)e->number);
         } else if (end - i > 2) {
-            mesh_report_fault(c, MESH_NON_MANIFOLD_EDGE, e[2].number, e->number);
+            mesh_report_fault(c, MESH_NON_MANIFOLD_EDGE, (size_t)e[2].number, (size_t)e->number);
         } else if (e[0].forward == e[1].forward) {
-            mesh_report_fault(c, MESH_FLIPPED_FACE, e[1].number, e[0].number);
+            mesh_report_fault(c, MESH_FLIPPED_FACE, (size_t)e[1].number, (size_t)e[0].number);
         } else {
             c->twin[e[0].number] = e[1].number;
             c->twin[e[1].number] = e[0].number;
         }
     }
-    return c->finding->fault == MESH_SOUND;
+}
+
+/* Whether some two faces, back to back, have each other across all three edges. */
+static bool mesh_has_pillow(const struct mesh_checker *c)
+{
+    for (size_t h = 0; h < 3 * c->mesh->nface; h += 3) {
+        int across = c->twin[h] / 3;
+
+        if (c->twin[h + 1] / 3 == across && c->twin[h + 2] / 3 == across) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Faces of the same vertices share their edges: those of a surface whose edges join two faces each
+ * are pillows. So faces are compared only where an edge or a pillow shows that it is worth it;
+ * they are reported before edges are. */
+static bool mesh_edges_join_two_faces(struct mesh_checker *c)
+{
+    struct mesh_finding of_edges;
+
+    mesh_pair_half_edges(c);
+    if (c->finding->fault == MESH_SOUND && !mesh_has_pillow(c)) {
+        return true;
+    }
+    of_edges = *c->finding;
+    mesh_find_duplicates(c);
+    if (c->finding->fault == MESH_SOUND) {
+        *c->finding = of_edges;
+    }
+    return false;
 }
 
 /* Walks the fan of faces around each vertex; a second fan at the same vertex is a pinch. */
@@ -231,7 +234,7 @@ static bool mesh_vertices_have_one_fan(struct mesh_checker *c)
             size_t previous = h - h % 3 + (h % 3 + 2) % 3;
 
             c->seen[h] = 1;
-            h = c->twin[previous];
+            h = (size_t)c->twin[previous];
         }
     }
     for (size_t v = 0; v < c->mesh->nvertex; v++) {
@@ -269,8 +272,9 @@ enum error_code mesh_check(const struct mesh *mesh, struct mesh_finding *finding
     }
 
     /* Each step needs what the one before it has found sound */
-    if (mesh_faces_are_distinct(&c) && mesh_edges_join_two_faces(&c) &&
-        mesh_vertices_have_one_fan(&c) && !(mesh_volume(mesh) > 0)) {
+    code = mesh_sort_half_edges(mesh, c.half_edge, error);
+    if (!code && mesh_edges_join_two_faces(&c) && mesh_vertices_have_one_fan(&c) &&
+        !(mesh_volume(mesh) > 0)) {
         finding->fault = MESH_INWARD;
     }
 

@@ -131,7 +131,8 @@ static enum error_code obj_keep_mesh(struct obj_reader *r, struct arena *arena,
                        .nvertex = r->nvertex,
                        .nface = r->nface,
                        .vertex = (const double(*)[3])vertex,
-                       .face = (const int(*)[3])face};
+                       .face = (const int(*)[3])face,
+                       .sound = true};
     *mesh = m;
     return ERROR_NONE;
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Making a mesh ready for contact: faces and their neighbors, planes, trees. */
 #include "base/portable_math.h"
+#include "contact/mesh_edges.h"
 #include "contact/solid_private.h"
 
 #include "base/count.h"
@@ -11,12 +12,6 @@
 #include <string.h>
 
 #define CONVEX_FACETS 256 /* solids with more are not tried for convexity */
-
-/* A face's edge by its vertices, to be paired with that of the face across it. */
-struct face_edge {
-    int low, high; /* vertices, sorted */
-    int half;      /* edge half % 3 of face half / 3 */
-};
 
 void *solid_alloc(struct solid_builder *b, size_t count, size_t size)
 {
@@ -68,21 +63,12 @@ static enum error_code solid_make_faces(struct solid_builder *b, struct solid *s
     return ERROR_NONE;
 }
 
-static int compare_face_edges(const void *a, const void *b)
-{
-    const struct face_edge *x = a, *y = b;
-
-    if (x->low != y->low) {
-        return x->low < y->low ? -1 : 1;
-    }
-    return (x->high > y->high) - (x->high < y->high);
-}
-
 static enum error_code solid_make_neighbors(struct solid_builder *b, struct solid *s)
 {
     const struct mesh *m = b->mesh;
     size_t n = 3 * m->nface;
-    struct face_edge *edge = malloc(n * sizeof *edge);
+    struct half_edge *edge = malloc(n * sizeof *edge);
+    enum error_code code;
 
     b->neighbor = solid_alloc(b, m->nface, sizeof *b->neighbor);
     if (!b->neighbor || !edge) {
@@ -91,22 +77,17 @@ static enum error_code solid_make_neighbors(struct solid_builder *b, struct soli
                          m->name);
     }
 
-    /* A sound mesh has each edge twice, and sorted by vertices both are side by side */
-    for (size_t half = 0; half < n; half++) {
-        int from = m->face[half / 3][half % 3], to = m->face[half / 3][(half + 1) % 3];
-
-        edge[half] = (struct face_edge){from < to ? from : to, from < to ? to : from, (int)half};
-    }
-    qsort(edge, n, sizeof *edge, compare_face_edges);
-    for (size_t i = 0; i + 1 < n; i += 2) {
-        int x = edge[i].half, y = edge[i + 1].half;
+    /* A sound mesh has each edge twice, side by side */
+    code = mesh_sort_half_edges(m, edge, b->error);
+    for (size_t i = 0; !code && i + 1 < n; i += 2) {
+        int x = edge[i].number, y = edge[i + 1].number;
 
         b->neighbor[x / 3][x % 3] = y / 3;
         b->neighbor[y / 3][y % 3] = x / 3;
     }
     free(edge);
     s->neighbor = (const int(*)[3])b->neighbor;
-    return ERROR_NONE;
+    return code;
 }
 
 /* ---- planes of a convex solid ---- */
@@ -258,7 +239,7 @@ enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct 
             goto done;
         }
     }
-    solid_find_surroundings(&b, solid);
+    code = solid_find_surroundings(&b, solid);
 
 done:
     free(b.group);

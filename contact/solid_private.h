@@ -54,6 +54,6 @@ enum error_code solid_make_outlines(struct solid_builder *b, struct solid *s);
 
 /* Finds what surrounds the facets (bend and clearance of struct facet), when all else of the solid
  * is made. */
-void solid_find_surroundings(const struct solid_builder *b, const struct solid *s);
+enum error_code solid_find_surroundings(const struct solid_builder *b, const struct solid *s);
 
 #endif

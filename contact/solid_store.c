@@ -15,7 +15,8 @@ struct stored_solid {
 };
 
 static struct {
-    bool open;
+    int users; /* open while there are any */
+    bool open; /* has memory */
     struct arena arena;
     struct stored_solid *first;
     size_t made;
@@ -23,8 +24,12 @@ static struct {
 
 enum error_code solid_store_open(struct error *error)
 {
-    enum error_code code = arena_init(&solid_store.arena, STORE_MEMORY, error);
+    enum error_code code;
 
+    if (solid_store.users++ > 0) {
+        return ERROR_NONE;
+    }
+    code = arena_init(&solid_store.arena, STORE_MEMORY, error);
     solid_store.open = !code;
     solid_store.first = NULL;
     solid_store.made = 0;
@@ -33,6 +38,9 @@ enum error_code solid_store_open(struct error *error)
 
 void solid_store_close(void)
 {
+    if (solid_store.users == 0 || --solid_store.users > 0) {
+        return;
+    }
     arena_fini(&solid_store.arena);
     solid_store.open = false;
     solid_store.first = NULL;

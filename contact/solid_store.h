@@ -13,11 +13,12 @@
 
 #include "contact/field.h"
 
-/* Opens it, empty. ERROR_SYSTEM when no memory can be reserved. To be closed once. */
+/* Opens it, empty, or counts one more user of an open one. ERROR_SYSTEM when no memory can be
+ * reserved. To be closed once, also after an error. */
 enum error_code solid_store_open(struct error *error);
 
-/* Gives its memory back; no engine that was made meanwhile may be used any more. Allowed on a
- * closed one. */
+/* Gives its memory back when the last user closes it; no engine that was made meanwhile may be used
+ * any more. Allowed on a closed one. */
 void solid_store_close(void);
 
 /* How many solids and fields were made since it was opened. */

@@ -5,9 +5,11 @@
 #include "base/vec3.h"
 
 #include <math.h>
+#include <stdlib.h>
 
 struct tree_builder {
     const struct box *box;
+    double (*middle)[3]; /* of each item's box, twice as far out */
     struct tree_node *node;
     int *item;
     int nnode, leaf;
@@ -17,8 +19,7 @@ struct tree_builder {
  * that the order is total. */
 static bool tree_item_before(const struct tree_builder *b, int axis, int x, int y)
 {
-    double mx = b->box[x].low[axis] + b->box[x].high[axis];
-    double my = b->box[y].low[axis] + b->box[y].high[axis];
+    double mx = b->middle[x][axis], my = b->middle[y][axis];
 
     return mx != my ? mx < my : x < y;
 }
@@ -61,64 +62,69 @@ static void tree_put_median(struct tree_builder *b, int axis, int first, int las
     }
 }
 
-/* Makes the node over count items from first on, and all below it. */
-static void tree_split(struct tree_builder *b, int first, int count)
+/* The axis on which the middles of some items lie farthest apart. */
+static int tree_find_axis(const struct tree_builder *b, const int *item, int count)
 {
-    struct tree_node *node = &b->node[b->nnode++];
-    struct box middles = {.low = {0}};
+    struct box middles = box_of_point(b->middle[item[0]]);
     int axis = 0;
 
-    /* The box of all items, and that of their middles (twice as far out) */
-    node->box = b->box[b->item[first]];
-    for (int i = 0; i < count; i++) {
-        const struct box *box = &b->box[b->item[first + i]];
-        double middle[3];
-
-        box_add_box(&node->box, box);
-        for (int k = 0; k < 3; k++) {
-            middle[k] = box->low[k] + box->high[k];
-        }
-        if (i == 0) {
-            middles = box_of_point(middle);
-        }
-        box_add(&middles, middle);
+    for (int i = 1; i < count; i++) {
+        box_add(&middles, b->middle[item[i]]);
     }
-
-    /* Few items are a leaf */
-    node->first = first;
-    if (count <= b->leaf) {
-        node->count = count;
-        node->size = 1;
-        return;
-    }
-
-    /* More are split at the median along the axis on which their middles lie farthest apart */
     for (int k = 1; k < 3; k++) {
         if (middles.high[k] - middles.low[k] > middles.high[axis] - middles.low[axis]) {
             axis = k;
         }
     }
-    tree_put_median(b, axis, first, first + count - 1);
+    return axis;
+}
+
+/* Makes the node over count items from first on, and all below it. */
+static void tree_split(struct tree_builder *b, int first, int count)
+{
+    struct tree_node *node = &b->node[b->nnode++];
+
+    /* Few items are a leaf */
+    node->first = first;
+    if (count <= b->leaf) {
+        node->box = b->box[b->item[first]];
+        for (int i = 1; i < count; i++) {
+            box_add_box(&node->box, &b->box[b->item[first + i]]);
+        }
+        node->count = count;
+        node->size = 1;
+        return;
+    }
+
+    /* More are split at the median; the box is about those of both halves */
+    tree_put_median(b, tree_find_axis(b, b->item + first, count), first, first + count - 1);
     node->count = 0;
     tree_split(b, first, count / 2);
     tree_split(b, first + count / 2, count - count / 2);
     node->size = (int)(b->node + b->nnode - node);
+    node->box = node[1].box;
+    box_add_box(&node->box, &node[1 + node[1].size].box);
 }
 
 enum error_code tree_build(const struct box *boxes, size_t n, int leaf, struct arena *arena,
                            struct tree *tree, struct error *error)
 {
-    struct tree_builder b = {.box = boxes, .leaf = leaf};
+    struct tree_builder b = {.box = boxes, .leaf = leaf, .middle = malloc(n * sizeof *b.middle)};
 
     b.node = arena_alloc(arena, 2 * n, sizeof *b.node);
     b.item = arena_alloc(arena, n, sizeof *b.item);
-    if (!b.node || !b.item) {
+    if (!b.middle || !b.node || !b.item) {
+        free(b.middle);
         return error_set(error, ERROR_MEMORY, "contact: no memory for a tree over %zu items", n);
     }
     for (size_t i = 0; i < n; i++) {
         b.item[i] = (int)i;
+        for (int k = 0; k < 3; k++) {
+            b.middle[i][k] = boxes[i].low[k] + boxes[i].high[k];
+        }
     }
     tree_split(&b, 0, (int)n);
+    free(b.middle);
     *tree = (struct tree){.node = b.node, .item = b.item, .nnode = (size_t)b.nnode};
     return ERROR_NONE;
 }

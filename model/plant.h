@@ -159,9 +159,13 @@ const char *plant_failure(const struct plant *plant);
  * engine is. */
 enum error_code plant_sample(struct plant *plant);
 
-/* Return the flat state (read and, for tests, written) and its length; wrenches on contact
- * bodies at the last sample (ncontact entries, world frame, about the body's origin). */
+/* Return the flat state and its length: to be read; to be written too, at any time from then on,
+ * for which each step looks through all of it. RT-safe. */
+const double *plant_values(const struct plant *plant, size_t *count);
 double *plant_state(struct plant *plant, size_t *count);
+
+/* Returns the wrenches on contact bodies at the last sample (ncontact entries, world frame, about
+ * the body's origin). RT-safe. */
 const struct contact_wrench *plant_contact_wrenches(const struct plant *plant);
 
 /* Copies the patches of the last sample, until the plant steps or is asked for its energies:

@@ -75,9 +75,11 @@ static bool bristles_are_relaxed(const double y[CONTACT_BRISTLE])
     return most < BRISTLE_LEAST;
 }
 
-void plant_list_bristles(struct plant *plant)
+/* Bristles of pairs that do not touch. */
+static const double none[BRISTLES_AT_ONCE];
+
+void plant_find_bristles(struct plant *plant)
 {
-    static const double none[BRISTLES_AT_ONCE];
     const double *y = plant->state + plant->at.bristle;
     size_t end;
 
@@ -92,6 +94,31 @@ void plant_list_bristles(struct plant *plant)
                 plant->live[plant->nlive++] = (int)(i / CONTACT_BRISTLE);
             }
         }
+    }
+}
+
+void plant_list_bristles(struct plant *plant)
+{
+    const double *y = plant->state + plant->at.bristle;
+    const size_t listed = plant->nlive;
+
+    if (plant->handed_out) {
+        plant_find_bristles(plant);
+        return;
+    }
+    plant->nlive = 0;
+    for (size_t i = 0; i < listed; i++) {
+        const int pair = plant->live[i];
+        size_t at = plant->nlive;
+
+        if (memcmp(y + CONTACT_BRISTLE * (size_t)pair, none, CONTACT_BRISTLE * sizeof *y) == 0) {
+            continue;
+        }
+        for (; at > 0 && plant->live[at - 1] > pair; at--) {
+            plant->live[at] = plant->live[at - 1];
+        }
+        plant->live[at] = pair;
+        plant->nlive++;
     }
 }
 

@@ -79,7 +79,8 @@ struct plant {
     struct plant_free_inverse *free_inverse;
 
     double *state;
-    int *live; /* nlive pairs: all whose bristles are not 0, and those that touched last */
+    bool handed_out; /* somebody else may write it */
+    int *live;       /* nlive pairs: all whose bristles are not 0, and those that touched last */
     size_t nlive;
     int64_t time_ns;
     struct plant_command command;
@@ -280,8 +281,12 @@ void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *
 enum error_code plant_contact_evaluate(struct plant *plant, const double *v, const double *bristle,
                                        double ahead_s);
 
-/* Lists the live pairs of the state anew, as somebody may have written it. RT-safe. */
+/* Lists the pairs whose bristles are not 0, in ascending order. They are among those that were
+ * listed last, unless the state was handed out: then all bristles are looked through. RT-safe. */
 void plant_list_bristles(struct plant *plant);
+
+/* The same by looking through all bristles, after they were set as a whole. RT-safe. */
+void plant_find_bristles(struct plant *plant);
 
 /* Copies the state to last_good: of the bristles those of the live pairs, as all others are 0.
  * RT-safe. */

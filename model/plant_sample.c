@@ -155,7 +155,8 @@ static void sample_motors(struct plant *plant)
 static bool state_is_stepped(const struct plant *plant)
 {
     return plant->stepped &&
-           memcmp(plant->state, plant->last_good, plant->at.count * sizeof *plant->state) == 0;
+           (!plant->handed_out ||
+            memcmp(plant->state, plant->last_good, plant->at.count * sizeof *plant->state) == 0);
 }
 
 /* Computes vdot, ext and contact_wrench: those of the last implicit step, or by the laws. */

@@ -136,10 +136,10 @@ static bool state_is_finite(const struct plant *plant)
     const double *y = plant->state + plant->at.bristle;
     double sum = 0.0;
 
+    /* 0 times what is not finite is no number, nor is any sum with it */
+#pragma GCC unroll 8
     for (size_t i = 0; i < plant->at.bristle; i++) {
-        if (!isfinite(plant->state[i])) {
-            return false;
-        }
+        sum += 0.0 * plant->state[i];
     }
     for (size_t i = 0; i < plant->nlive; i++) {
         for (int k = 0; k < CONTACT_BRISTLE; k++) {
@@ -327,9 +327,16 @@ const char *plant_failure(const struct plant *plant)
     return plant->failure;
 }
 
+const double *plant_values(const struct plant *plant, size_t *count)
+{
+    *count = plant->at.count;
+    return plant->state;
+}
+
 double *plant_state(struct plant *plant, size_t *count)
 {
     *count = plant->at.count;
+    plant->handed_out = true;
     return plant->state;
 }
 

@@ -534,7 +534,7 @@ enum error_code plant_settle(struct plant *plant, struct arena *arena, struct se
         return error_set(error, ERROR_INPUT, "nothing comes to rest without gravity");
     }
     settle_choose_axes(robot->gravity, &s);
-    plant_list_bristles(plant);
+    plant_find_bristles(plant);
     memcpy(start, plant->state, plant->at.count * sizeof *start);
 
     /* Unclamped meanwhile: a clamped robot does not feel what is to carry it */
@@ -542,8 +542,12 @@ enum error_code plant_settle(struct plant *plant, struct arena *arena, struct se
     list_resting_bodies(&s);
     code = find_rest(&s, start, settled, error);
     plant->clamped = clamped;
+    plant->stepped = false;
     if (code != ERROR_NONE) {
         memcpy(plant->state, start, plant->at.count * sizeof *start);
+    }
+    plant_find_bristles(plant);
+    if (code != ERROR_NONE) {
         return code;
     }
 

@@ -7,17 +7,17 @@ const struct phase_budget phase_budgets[PHASE_COUNT] = {
                     "(free); before that, faults that are due begin and end and requests of "
                     "another thread are carried out; an inline task takes its step",
                     0, 0.0, 0.0},
-    [PHASE_RECEIVE] = {"takes all frames from all buses and hands each to its board", 9000, 2.2,
+    [PHASE_RECEIVE] = {"takes all frames from all buses and hands each to its board", 8800, 2.2,
                        10.1},
     [PHASE_BOARDS] = {"state machines, time-outs and control loops of the boards: the voltage of "
                       "each motor",
-                      10500, 1.7, 4.9},
-    [PHASE_PLANT] = {"moves the robot on by a tick: actuators, dynamics, contact", 160000, 19.0,
+                      8400, 1.7, 4.9},
+    [PHASE_PLANT] = {"moves the robot on by a tick: actuators, dynamics, contact", 118000, 19.0,
                      42.0},
-    [PHASE_SENSORS] = {"samples, delays, quantizes and disturbs what the boards measure", 26000,
+    [PHASE_SENSORS] = {"samples, delays, quantizes and disturbs what the boards measure", 23800,
                        2.7, 5.6},
-    [PHASE_TRANSMIT] = {"wires in virtual time move on; boards send what is due", 60000, 13.8,
+    [PHASE_TRANSMIT] = {"wires in virtual time move on; boards send what is due", 45000, 13.8,
                         34.8},
-    [PHASE_PUBLISH] = {"hands state and counters to other threads, a row to the recorder", 5000,
+    [PHASE_PUBLISH] = {"hands state and counters to other threads, a row to the recorder", 3000,
                        0.8, 3.0},
 };

@@ -28,6 +28,7 @@ void snapshot_write(struct snapshot *snapshot, const void *value)
 
     /* Odd while the words are written, even when they are whole */
     atomic_store_explicit(&snapshot->sequence, sequence + 1, memory_order_relaxed);
+#pragma GCC unroll 8
     for (size_t i = 0; i < words; i++) {
         uint64_t word;
 

@@ -33,7 +33,7 @@ static void status_fill_plant(struct simulator *simulator)
     size_t count;
 
     if (rig->robot->floating) {
-        memcpy(simulator->status.base, plant_state(simulator->plant, &count),
+        memcpy(simulator->status.base, plant_values(simulator->plant, &count),
                sizeof simulator->status.base);
     }
     for (size_t j = 0; j < rig->robot->njoint; j++) {

@@ -58,6 +58,11 @@ static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j)
     double q = plant_sensors(watch->plant)->motor[j].q;
     double depth = fmax(q - joint->upper, joint->lower - q);
 
+    /* Well within its limits, and it was before */
+    if (depth <= -WATCH_BACK && !seen->past && !seen->told) {
+        return;
+    }
+
     /* Past the limit, and back within it for long enough */
     if (!seen->past && depth > WATCH_PAST) {
         seen->past = true;
@@ -222,7 +227,7 @@ static void watch_fall(struct watch *watch, int64_t now_ns)
     bool standing = now_ns - watch->released_ns < WATCH_STANDS_NS;
     struct watch_event event = {.time_ns = now_ns};
     size_t count;
-    const double *base = plant_state(watch->plant, &count);
+    const double *base = plant_values(watch->plant, &count);
     double tilt = base_tilt(watch, base + BASE_Q_QUATERNION);
     double height = base_height(watch, base + BASE_Q_POSITION);
     bool down;
@@ -265,7 +270,7 @@ void watch_step(struct watch *watch, int64_t now_ns)
         }
     }
     if (watch->falls && plant_is_clamped(watch->plant)) {
-        remember_standing(watch, plant_state(watch->plant, &count), now_ns);
+        remember_standing(watch, plant_values(watch->plant, &count), now_ns);
     } else if (watch->falls) {
         watch_fall(watch, now_ns);
     }
@@ -317,7 +322,7 @@ enum error_code watch_create(const struct rig *rig, struct plant *plant, struct 
         watch->up[i] = -robot->gravity[i] / gravity;
     }
     if (watch->falls) {
-        remember_standing(watch, plant_state(plant, &count), plant_time_ns(plant));
+        remember_standing(watch, plant_values(plant, &count), plant_time_ns(plant));
     }
     *out = watch;
     return ERROR_NONE;

@@ -6,6 +6,7 @@
 #include "base/journal.h"
 #include "base/options.h"
 #include "base/config.h"
+#include "contact/solid_store.h"
 
 #include <signal.h>
 #include <stdatomic.h>
@@ -22,8 +23,12 @@ int rig_command(const char *name, const char *path, void *options,
     if (arena_init(&arena, RIG_COMMAND_ARENA, &error)) {
         return command_fail(name, &error);
     }
-    status = rig_load(path, &arena, &rig, &error) ? command_fail(name, &error)
-                                                  : body(options, rig, &arena);
+
+    /* The rig's check and the simulator share the solids of its meshes */
+    status = solid_store_open(&error) || rig_load(path, &arena, &rig, &error)
+                 ? command_fail(name, &error)
+                 : body(options, rig, &arena);
+    solid_store_close();
     arena_fini(&arena);
     return status;
 }

@@ -116,8 +116,7 @@ static enum error_code include_replace(struct includer *in, const struct xml_fil
     code = code ? code : include_expand(in, &other, beside, other.root, depth + 1);
     code = code ? code : xml_insert_file(file, node, &other, r->error);
     xml_file_close(&other);
-    xmlUnlinkNode(node);
-    xmlFreeNode(node);
+    xml_remove(node);
     return code;
 }
 

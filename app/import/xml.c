@@ -5,6 +5,7 @@
 #include "app/import/model.h"
 #include "base/text.h"
 
+#include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <libxml/parser.h>
@@ -19,6 +20,61 @@
 /* Characters of one number, at most; characters of a value shown in a message. */
 enum { NUMBER_MAX = 64, SHOWN_MAX = 48 };
 
+/* ---- libxml2 ---- */
+
+/* What is used of it. It is loaded by the first that reads XML: it comes with 40 MB of other
+ * libraries, which a program that runs a rig would relocate and map at each start. */
+#define XML_FUNCTIONS(DO)                                                                          \
+    DO(xmlAddPrevSibling)                                                                          \
+    DO(xmlCtxtReadMemory)                                                                          \
+    DO(xmlDocCopyNode)                                                                             \
+    DO(xmlDocGetRootElement)                                                                       \
+    DO(xmlFreeDoc)                                                                                 \
+    DO(xmlFreeNode)                                                                                \
+    DO(xmlFreeParserCtxt)                                                                          \
+    DO(xmlGetLineNo)                                                                               \
+    DO(xmlHasProp)                                                                                 \
+    DO(xmlInitParser)                                                                              \
+    DO(xmlNewParserCtxt)                                                                           \
+    DO(xmlSetGenericErrorFunc)                                                                     \
+    DO(xmlStopParser)                                                                              \
+    DO(xmlUnlinkNode)
+
+#define XML_MEMBER(name) __typeof__(name) *name;
+#define XML_FIND(name)                                                                             \
+    *(void **)&library.name = dlsym(handle, #name);                                                \
+    whole = whole && library.name;
+
+static struct {
+    XML_FUNCTIONS(XML_MEMBER)
+} library;
+
+/* Loads libxml2, once. It stays loaded. */
+static enum error_code xml_load_library(struct error *error)
+{
+    void *handle;
+    bool whole = true;
+
+    if (library.xmlInitParser) {
+        return ERROR_NONE;
+    }
+    handle = dlopen(XML_LIBRARY, RTLD_NOW | RTLD_LOCAL);
+    if (!handle) {
+        return error_set(error, ERROR_UNSUPPORTED, "XML: %.300s", dlerror());
+    }
+    XML_FUNCTIONS(XML_FIND)
+    if (!whole) {
+        memset(&library, 0, sizeof library);
+        dlclose(handle);
+        return error_set(error, ERROR_UNSUPPORTED, "XML: found another %s, expected libxml2",
+                         XML_LIBRARY);
+    }
+    library.xmlInitParser();
+    return ERROR_NONE;
+}
+
+/* ---- documents ---- */
+
 /* Stops the parser where a document type begins, before any of it is read: it could define entities
  * that grow without bounds or name other files. */
 static void xml_refuse_doctype(void *context, const xmlChar *name, const xmlChar *external,
@@ -30,7 +86,7 @@ static void xml_refuse_doctype(void *context, const xmlChar *name, const xmlChar
     (void)external;
     (void)system;
     *(bool *)parser->_private = true;
-    xmlStopParser(parser);
+    library.xmlStopParser(parser);
 }
 
 /* Drops libxml2's messages, which would go to stderr. */
@@ -139,22 +195,22 @@ enum error_code xml_text_open(struct xml_file *file, const char *name, const cha
                          size, XML_FILE_MAX);
     }
     code = xml_check_bounds(name, text, size, error);
+    code = code ? code : xml_load_library(error);
     if (code) {
         return code;
     }
 
     /* Parse with everything off that reaches beyond the text; a document type stops the parser */
-    xmlInitParser();
-    xmlSetGenericErrorFunc(NULL, xml_ignore_message);
-    parser = xmlNewParserCtxt();
+    library.xmlSetGenericErrorFunc(NULL, xml_ignore_message);
+    parser = library.xmlNewParserCtxt();
     if (!parser) {
         return error_set(error, ERROR_MEMORY, "%.200s: no memory to read it", name);
     }
     parser->_private = &doctype;
     parser->sax->internalSubset = xml_refuse_doctype;
-    file->document =
-        xmlCtxtReadMemory(parser, text, (int)size, NULL, xml_find_encoding(text, size), options);
-    file->root = file->document ? xmlDocGetRootElement(file->document) : NULL;
+    file->document = library.xmlCtxtReadMemory(parser, text, (int)size, NULL,
+                                               xml_find_encoding(text, size), options);
+    file->root = file->document ? library.xmlDocGetRootElement(file->document) : NULL;
     if (doctype) {
         code = import_error(error, name, parser->input ? parser->input->line : 1,
                             "found a document type (DOCTYPE), expected none: it can define "
@@ -162,7 +218,7 @@ enum error_code xml_text_open(struct xml_file *file, const char *name, const cha
     } else if (!file->root) {
         code = xml_report(name, parser, error);
     }
-    xmlFreeParserCtxt(parser);
+    library.xmlFreeParserCtxt(parser);
     if (code) {
         xml_file_close(file);
     }
@@ -231,7 +287,9 @@ enum error_code xml_file_open(struct xml_file *file, const char *path, struct ar
 
 void xml_file_close(struct xml_file *file)
 {
-    xmlFreeDoc(file->document);
+    if (file->document) {
+        library.xmlFreeDoc(file->document);
+    }
     file->document = NULL;
     file->root = NULL;
 }
@@ -240,7 +298,7 @@ void xml_file_close(struct xml_file *file)
 
 int xml_line(const xmlNode *node)
 {
-    return (int)xmlGetLineNo(node);
+    return (int)library.xmlGetLineNo(node);
 }
 
 const char *xml_name(const struct xml_file *file, const xmlNode *node)
@@ -264,15 +322,21 @@ enum error_code xml_insert_file(const struct xml_file *file, xmlNode *before,
                                 const struct xml_file *other, struct error *error)
 {
     for (xmlNode *node = xml_child(other->root, NULL); node; node = xml_next(node, NULL)) {
-        xmlNode *copy = xmlDocCopyNode(node, file->document, 1);
+        xmlNode *copy = library.xmlDocCopyNode(node, file->document, 1);
 
-        if (!copy || !xmlAddPrevSibling(before, copy)) {
-            xmlFreeNode(copy);
+        if (!copy || !library.xmlAddPrevSibling(before, copy)) {
+            library.xmlFreeNode(copy);
             return error_set(error, ERROR_MEMORY, "%.200s: no memory to read it", other->name);
         }
         xml_mark_copy(other, node, copy);
     }
     return ERROR_NONE;
+}
+
+void xml_remove(xmlNode *node)
+{
+    library.xmlUnlinkNode(node);
+    library.xmlFreeNode(node);
 }
 
 bool xml_is(const xmlNode *node, const char *name)
@@ -338,7 +402,7 @@ static const char *xml_text_of(const xmlNode *first)
 
 const char *xml_attribute(const xmlNode *node, const char *name)
 {
-    const xmlAttr *attribute = xmlHasProp(node, (const xmlChar *)name);
+    const xmlAttr *attribute = library.xmlHasProp(node, (const xmlChar *)name);
 
     return attribute ? xml_text_of(attribute->children) : NULL;
 }

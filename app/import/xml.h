@@ -49,6 +49,9 @@ const char *xml_name(const struct xml_file *file, const xmlNode *node);
 enum error_code xml_insert_file(const struct xml_file *file, xmlNode *before,
                                 const struct xml_file *other, struct error *error);
 
+/* Removes a node, with all that is in it, from its document. */
+void xml_remove(xmlNode *node);
+
 /* Checks whether a node is an element of that name without a foreign prefix. */
 bool xml_is(const xmlNode *node, const char *name);
 

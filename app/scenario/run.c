@@ -5,6 +5,7 @@
 #include "app/scenario/program.h"
 #include "base/count.h"
 #include "base/json_text.h"
+#include "contact/solid_store.h"
 #include "sim/summary.h"
 
 #include <limits.h>
@@ -475,12 +476,15 @@ void scenario_run(struct scenario *scenario, const struct scenario_options *opti
     }
     run->clock.label_ns[SCENARIO_LABEL_START] = 0;
 
-    /* All memory is in an arena of the run's own */
-    code = arena_init(&arena, MEMORY, &error);
+    /* All memory is in an arena of the run's own, but for the solids: its rig and its simulator
+     * share them, and the cases of a sweep those that were made before */
+    code = solid_store_open(&error);
+    code = code ? code : arena_init(&arena, MEMORY, &error);
     if (!code) {
         code = scenario_run_in_arena(run, options, &arena, outcome, &error);
         arena_fini(&arena);
     }
+    solid_store_close();
     if (code) {
         outcome->ran = false;
         snprintf(outcome->text, sizeof outcome->text, "%.250s", error.text);

@@ -118,7 +118,7 @@ static double signal_read_host(const struct scenario_view *view, size_t a, size_
 static double signal_read_base(const struct scenario_view *view, size_t a, size_t word)
 {
     size_t count;
-    const double *state = plant_state(simulator_plant(view->simulator), &count);
+    const double *state = plant_values(simulator_plant(view->simulator), &count);
     double up;
 
     (void)a;

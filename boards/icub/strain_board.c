@@ -27,7 +27,10 @@ enum saturation { SATURATED_NOT, SATURATED_LOW, SATURATED_HIGH };
 struct strain_board {
     struct icub_board icub;
     int32_t adc[BOARD_CHANNELS]; /* counts from zero */
-    int32_t held[BOARD_CHANNELS];
+    /* Calibrated values of the last tick without a saturated channel; while they are due to be
+     * computed, by good_due, its readings are in good. */
+    int32_t held[BOARD_CHANNELS], good[BOARD_CHANNELS];
+    bool good_due;
     uint8_t saturated[BOARD_CHANNELS]; /* enum saturation */
     uint8_t mode;                      /* enum icub_strain_transmit; others are silent */
     int64_t period_ns, next_ns;
@@ -74,6 +77,7 @@ static void strain_board_power_up(struct board *board)
     }
     memset(strain->current_tare, 0, sizeof strain->current_tare);
     memset(strain->held, 0, sizeof strain->held);
+    strain->good_due = false;
     strain->mode = board->config.transmit_at_start ? ICUB_STRAIN_CALIBRATED : ICUB_STRAIN_SILENT;
     strain->period_ns = board->config.period_ns > 0 ? board->config.period_ns : MS;
     strain->next_ns = board->boards->now_ns + strain->period_ns;
@@ -81,20 +85,24 @@ static void strain_board_power_up(struct board *board)
 
 /* ---- values ---- */
 
+/* Adds the calibration tares to readings of all channels, counts. */
+static void strain_board_add_calibration_tares(const struct strain_board *strain,
+                                               const int32_t adc[BOARD_CHANNELS],
+                                               int32_t counts[BOARD_CHANNELS])
+{
+    for (int i = 0; i < BOARD_CHANNELS; i++) {
+        counts[i] =
+            (int32_t)control_clamp(adc[i] + strain->calibration_tare[i], INT16_MIN, INT16_MAX);
+    }
+}
+
 /* Returns a channel with its calibration tare, counts. */
 static int32_t strain_board_uncalibrated(const struct strain_board *strain, int channel)
 {
-    return (int32_t)control_clamp(strain->adc[channel] + strain->calibration_tare[channel],
-                                  INT16_MIN, INT16_MAX);
-}
+    int32_t counts[BOARD_CHANNELS];
 
-/* Reads all channels with their calibration tares. */
-static void strain_board_read_uncalibrated(const struct strain_board *strain,
-                                           int32_t counts[BOARD_CHANNELS])
-{
-    for (int i = 0; i < BOARD_CHANNELS; i++) {
-        counts[i] = strain_board_uncalibrated(strain, i);
-    }
+    strain_board_add_calibration_tares(strain, strain->adc, counts);
+    return counts[channel];
 }
 
 /* Returns a row of the calibration matrix times the counts. */
@@ -114,7 +122,7 @@ static int32_t strain_board_calibrate(const struct strain_board *strain, int cha
 {
     int32_t counts[BOARD_CHANNELS];
 
-    strain_board_read_uncalibrated(strain, counts);
+    strain_board_add_calibration_tares(strain, strain->adc, counts);
     return strain_board_apply_matrix(strain, counts, channel);
 }
 
@@ -159,15 +167,26 @@ static bool strain_board_is_saturated(const struct strain_board *strain)
     return false;
 }
 
-/* Updates the calibrated values unless a channel is saturated. */
-static void strain_board_hold_good_values(struct strain_board *strain)
+/* Keeps the readings of a tick unless a channel is saturated. */
+static void strain_board_hold_good_readings(struct strain_board *strain)
+{
+    if (!strain_board_is_saturated(strain)) {
+        memcpy(strain->good, strain->adc, sizeof strain->good);
+        strain->good_due = true;
+    }
+}
+
+/* Calibrates the readings that were kept. Frames are sent once in several ticks, so this is done
+ * for them, and before a command may change the calibration. */
+static void strain_board_calibrate_held(struct strain_board *strain)
 {
     int32_t counts[BOARD_CHANNELS];
 
-    if (strain_board_is_saturated(strain)) {
+    if (!strain->good_due) {
         return;
     }
-    strain_board_read_uncalibrated(strain, counts);
+    strain->good_due = false;
+    strain_board_add_calibration_tares(strain, strain->good, counts);
     for (int i = 0; i < BOARD_CHANNELS; i++) {
         strain->held[i] =
             strain_board_add_tare(strain, strain_board_apply_matrix(strain, counts, i), i);
@@ -404,6 +423,7 @@ static bool strain_board_command(struct icub_board *icub, const struct bus_frame
     unsigned code = frame->data[0];
 
     (void)answer;
+    strain_board_calibrate_held(strain_board_of(board));
     switch (code) {
     case ICUB_STRAIN_SET_CALIBRATION_TARE:
     case ICUB_STRAIN_SET_CURRENT_TARE:
@@ -479,11 +499,12 @@ static void strain_board_transmit(struct board *board, struct ms_span span, stru
     int32_t counts[BOARD_CHANNELS];
 
     (void)span;
-    strain_board_hold_good_values(strain);
+    strain_board_hold_good_readings(strain);
     if (!strain_board_is_due(board) || (strain->mode != ICUB_STRAIN_CALIBRATED && !raw && !both)) {
         return;
     }
-    strain_board_read_uncalibrated(strain, counts);
+    strain_board_calibrate_held(strain);
+    strain_board_add_calibration_tares(strain, strain->adc, counts);
     strain_board_send_frame(board, sink, ICUB_FORCE, raw ? counts : strain->held, 0);
     strain_board_send_frame(board, sink, ICUB_TORQUE, raw ? counts : strain->held, HALF);
     if (both) {

@@ -3,7 +3,7 @@
 find_library(MUJOCO_LIBRARY mujoco)
 find_path(MUJOCO_INCLUDE mujoco/mujoco.h)
 if(MUJOCO_LIBRARY AND MUJOCO_INCLUDE)
-    hil_test(import_mujoco SOURCES physics/import_mujoco.c LIBS import ${MUJOCO_LIBRARY}
-             LABELS physics)
+    hil_test(import_mujoco SOURCES physics/import_mujoco.c LIBS import PkgConfig::LIBXML2
+             ${MUJOCO_LIBRARY} LABELS physics)
     target_include_directories(test_import_mujoco SYSTEM PRIVATE ${MUJOCO_INCLUDE})
 endif()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 foreach(name broad_phase friction_slope native_anchor solid solid_store tangent tree mesh
-             mesh_capsule mesh_obj mesh_memory)
+             mesh_capsule mesh_edges mesh_obj mesh_memory)
     hil_test(contact_${name} SOURCES unit/contact/${name}.c LIBS contact LABELS unit)
 endforeach()
 hil_test(contact_config SOURCES unit/contact/contact_config.c LIBS contact LABELS unit)

@@ -93,10 +93,86 @@ static void wrong_configurations_are_refused_with_the_reason(void **state)
 #undef REFUSED
 }
 
+/* A motion turned about an axis that is none of the frame's, then each row times a factor. */
+static struct body_motion turned_motion(const double factor[3])
+{
+    static const double axis[3] = {2.0 / 7, 3.0 / 7, 6.0 / 7};
+    const double c = cos(0.7), s = sin(0.7);
+    struct body_motion motion = {.p = {1, 2, 3}, .w = {-1, 0, 1}, .v = {0.1, 0.2, 0.3}};
+
+    for (int r = 0; r < 3; r++) {
+        for (int k = 0; k < 3; k++) {
+            const double cross = k == r             ? 0
+                                 : k == (r + 1) % 3 ? -axis[(r + 2) % 3]
+                                                    : axis[(r + 1) % 3];
+
+            motion.R[3 * r + k] =
+                factor[r] * ((k == r) * c + s * cross + (1 - c) * axis[r] * axis[k]);
+        }
+    }
+    return motion;
+}
+
+static bool is_taken(const struct body_motion *motion)
+{
+    char failure[200] = "";
+    bool taken = contact_check_motions(motion, 1, failure, sizeof failure) == ERROR_NONE;
+
+    assert_int_equal(taken, !strstr(failure, "body 0: expected a rotation"));
+    return taken;
+}
+
+static void motions_are_rotations_of_finite_numbers(void **state)
+{
+    static const struct {
+        double factor[3];
+        bool taken;
+    } row[] = {
+        {{1, 1, 1}, true},           {{1.004, 1.004, 1.004}, true},
+        {{0.996, 1.004, 1}, true},   {{-1, 1, 1}, false},
+        {{-1, -1, -1}, false},       {{0, 0, 0}, false},
+        {{1.02, 1.02, 1.02}, false}, {{0.98, 0.98, 0.98}, false},
+        {{1.02, 0.98, 1}, false},    {{1.015, 1.015, 0.97}, false},
+        {{2, 0.5, 1}, false},
+    };
+    static const double bad[] = {NAN, INFINITY, -1.1e9};
+    const struct body_motion good = turned_motion(row[0].factor);
+
+    (void)state;
+    for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+        const struct body_motion motion = turned_motion(row[i].factor);
+
+        if (is_taken(&motion) != row[i].taken) {
+            fail_msg("row %zu", i);
+        }
+    }
+
+    /* Sheared: the first row leans to the second */
+    for (int i = 0; i < 2; i++) {
+        struct body_motion motion = good;
+
+        for (int k = 0; k < 3; k++) {
+            motion.R[k] += (i == 0 ? 0.005 : 0.03) * good.R[3 + k];
+        }
+        assert_int_equal(is_taken(&motion), i == 0);
+    }
+
+    /* Every number has to be one, and within its range */
+    for (size_t i = 0; i < sizeof good / sizeof(double); i++) {
+        for (int k = 0; k < 3; k++) {
+            struct body_motion motion = good;
+
+            ((double *)&motion)[i] = bad[k];
+            assert_false(is_taken(&motion));
+        }
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(wrong_configurations_are_refused_with_the_reason),
+        cmocka_unit_test(motions_are_rotations_of_finite_numbers),
     };
 
     return cmocka_run_group_tests_name("contact_config", tests, fixture_set_up, fixture_tear_down);

@@ -117,6 +117,28 @@ static void find_wrench(struct contact_wrench wrench[2])
     world->ops->destroy(world);
 }
 
+static void last_user_closes_it(void **state)
+{
+    const struct mesh *mesh = make_box(0.1);
+    const struct solid *solid;
+
+    (void)state;
+    assert_int_equal(solid_store_open(NULL), ERROR_NONE);
+    solid = find(mesh);
+    assert_int_equal(solid_store_open(NULL), ERROR_NONE);
+    assert_ptr_equal(find(mesh), solid);
+    solid_store_close();
+    assert_ptr_equal(find(mesh), solid);
+    solid_store_close();
+    assert_ptr_equal(find(mesh)->vertex, mesh->vertex);
+
+    /* Allowed on a closed one, and counts for nothing */
+    solid_store_close();
+    assert_int_equal(solid_store_open(NULL), ERROR_NONE);
+    assert_int_equal(solid_store_made(), 0);
+    solid_store_close();
+}
+
 static void engine_gives_the_same_bits_with_the_store(void **state)
 {
     struct contact_wrench without[2], with[2], again[2];
@@ -142,6 +164,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(solid_outlives_the_mesh_it_was_made_of, open_arena,
                                         close_arena),
         cmocka_unit_test_setup_teardown(closed_store_shares_nothing, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(last_user_closes_it, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(engine_gives_the_same_bits_with_the_store, open_arena,
                                         close_arena),
     };

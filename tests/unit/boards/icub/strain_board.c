@@ -169,11 +169,12 @@ static void saturated_frames_are_longer_and_hold_the_last_good_values(void **sta
     bench_expect(&bench, 0, 0x3da, "00 C0 00 80 00 80 11");
     bench_expect(&bench, 0, 0x3db, "00 80 00 A0 00 80 81");
     bench_expect(&bench, 0, 0x3d8, "00 A0 00 00 00 80 11"); /* uncalibrated ones are the present */
+    bench_send(&bench, 0, 0x20d, "15 02 00 10 00"); /* a current tare: not of what is held */
     bench_tick(&bench);
     bench_expect(&bench, 0, 0x3da, "00 C0 00 80 00 80 11");
     bench.ft = (struct ft_sense){{375.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
     bench_tick(&bench);
-    bench_expect(&bench, 0, 0x3da, "00 A0 00 80 00 80");
+    bench_expect(&bench, 0, 0x3da, "00 B0 00 80 00 80");
     bench_expect(&bench, 0, 0x3db, "00 80 00 80 00 80");
     bench_stop(&bench);
 }
