@@ -282,7 +282,7 @@ static void a_block_at_rest_on_a_slope_has_no_motion_that_grows(void **state)
 /* A cube of mu 1.1 at rest for a minute on slopes to 40 degrees, layers that damp little. */
 static void a_block_rests_on_a_slope_for_a_minute(void **state)
 {
-    static const int degrees[] = {10, 20, 25, 30, 35, 40};
+    static const int degrees[] = {30, 40};
     double furthest = 0;
 
     (void)state;
