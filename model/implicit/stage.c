@@ -177,8 +177,8 @@ static void raise_jump_at_joints(struct plant *plant)
     for (size_t j = 0; j < robot->njoint && !plant->clamped; j++) {
         const double lever = robot->joint[j].type == JOINT_REVOLUTE ? STRIKE_LEVER : 1.0;
 
-        im->jump = fmax(im->jump,
-                        lever * im->stage_h * fabs(im->a[first + j] - im->a_point[first + j]));
+        im->jump =
+            fmax(im->jump, lever * im->stage_h * fabs(im->a[first + j] - im->a_point[first + j]));
     }
 }
 
