@@ -266,7 +266,7 @@ static void tangent_add_one_way(const struct resistance *by, const double d[3],
     tangent_add_along(1, &damping, d, tangent->D);
 }
 
-/* Friction of bristles that each spring holds by itself. direction: of springs that push one way. */
+/* Friction of bristles that each spring holds by itself. direction: of those that push one way. */
 static void tangent_add_bristles(const struct resistance *by, bool one_way,
                                  const double direction[3], struct contact_tangent *tangent)
 {
