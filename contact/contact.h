@@ -221,7 +221,8 @@ enum contact_axis {
  * scales friction with the normal force is left out. Bristles count in D, as the time ahead that
  * they were bent for makes them follow V; they themselves change by bristle_per_m_s times what the
  * velocity at bristle_arm has across the normal, and the twist by bristle_per_rad_s times what the
- * angular velocity has along bristle_axis. */
+ * angular velocity has along bristle_axis. Their own wrench and part of D are given too: what
+ * friction takes from a motion bounds what they may store by it. */
 struct contact_tangent {
     int pair;
     int body_a, body_b; /* indices into the motions, -1 = the fixed world */
@@ -232,7 +233,8 @@ struct contact_tangent {
     double bristle_per_m_s, bristle_per_rad_s; /* with the time ahead */
     double bristle_arm[3];                     /* from center to where the bristles stand */
     double bristle_axis[3];                    /* that the twist turns about, along normal */
-    double bristle_most; /* J^0.5: what is bent further than that would yield */
+    double friction[CONTACT_AXES];             /* of bristles: on b at center; N, N m */
+    double friction_D[CONTACT_TANGENT_SIZE];   /* their part of D */
 };
 
 /* Parts of a pair's bristles: the shear y_s in the world frame, J^0.5, of b's motion against a, the

@@ -399,12 +399,25 @@ static void patch_add_springs(const struct native_engine *e, size_t patch, const
     }
 }
 
-/* Sets how a patch's bristles follow the motion. us: coefficient of static friction; center: the
- * tangent's, in the first surface's frame. */
-static void tangent_set_bristles(const struct native_grip *grip, double us, const double center[3],
+/* Sets how a patch's bristles follow the motion and what they do to it, and adds their damping.
+ * center: the tangent's, in the first surface's frame. */
+static void tangent_set_bristles(const struct native_grip *grip, const double center[3],
                                  const double turn[9], double sign, struct contact_tangent *tangent)
 {
-    double gain = grip->root * grip->bend_s, arm[3];
+    double gain = grip->root * grip->bend_s, arm[3], about[3];
+
+    for (int i = 0; i < CONTACT_TANGENT_SIZE; i++) {
+        tangent->D[i] += tangent->friction_D[i];
+    }
+    vec3_cross(center, grip->force, arm);
+    vec3_sub(grip->moment, arm, about);
+    mat3_apply(turn, grip->force, tangent->friction + CONTACT_MOVE_X);
+    mat3_apply(turn, about, tangent->friction + CONTACT_TURN_X);
+    for (int k = 0; k < CONTACT_AXES; k++) {
+        tangent->friction[k] *= sign;
+    }
+
+    /* Where they stand */
 
     vec3_sub(grip->center, center, arm);
     mat3_apply(turn, arm, tangent->bristle_arm);
@@ -414,7 +427,6 @@ static void tangent_set_bristles(const struct native_grip *grip, double us, cons
         tangent->normal[k] *= sign;
         tangent->bristle_axis[k] *= sign;
     }
-    tangent->bristle_most = us * grip->reach;
     tangent->bristle_per_m_s = gain;
     tangent->bristle_per_rad_s = grip->inverse_radius > 0 ? gain / grip->inverse_radius : 0;
 }
@@ -450,7 +462,7 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
         }
         memcpy(tangent[i].center, e->patch[i].center, sizeof tangent[i].center);
         if (grip) {
-            tangent_set_bristles(grip, pair->law.us, center, a->R, pair->sign, &tangent[i]);
+            tangent_set_bristles(grip, center, a->R, pair->sign, &tangent[i]);
         }
     }
     return e->npatch;

@@ -366,8 +366,8 @@ void native_bristle_resist(const struct native_grip *grip, const double center[3
                 each * (to[i] * to[j] + radius * radius / 2 * ((i == j) - normal[i] * normal[j]));
         }
     }
-    tangent_add_across(&friction, tangent->D);
-    tangent_add_along(-1, &friction, normal, tangent->D);
+    tangent_add_across(&friction, tangent->friction_D);
+    tangent_add_along(-1, &friction, normal, tangent->friction_D);
 }
 
 void native_bristle_press(const struct native_grip *grip, const double center[3],
@@ -540,12 +540,17 @@ void native_bristle_hold(struct native_engine *e, size_t index,
     struct native_grip *grip = &e->grip[e->npatch];
     double y[BRISTLE_BENT], start[BRISTLE_BENT], rate[CONTACT_BRISTLE], h, along, yield;
     double kept[CONTACT_BRISTLE], anew[CONTACT_BRISTLE];
+    double force[3], moment[3]; /* without friction */
     struct native_anchor touch;
     struct slide slide;
 
-    /* Springs that all pull bear nothing */
+    /* Springs that all pull bear nothing, and what was bent relaxes */
     if (!(sum->normal > 0)) {
+        double square = bristle_square(given);
+
         *grip = (struct native_grip){.root = 0};
+        sum->potential += square / 2;
+        sum->power += square / YIELD_S;
         return;
     }
 
@@ -554,10 +559,14 @@ void native_bristle_hold(struct native_engine *e, size_t index,
     slide_find(&springs, grip, &slide);
     bristle_enter(e, pair, given, start);
     memcpy(y, start, sizeof y);
+    memcpy(force, sum->force, sizeof force);
+    memcpy(moment, sum->moment, sizeof moment);
     shear_align(grip->normal, y);
     h = bristles ? bristles->ahead_s : 0;
     yield = h > 0 ? hold_ahead(&springs, &slide, h, y, grip, sum, rate)
                   : hold_now(&springs, &slide, y, grip, sum, rate);
+    vec3_sub(sum->force, force, grip->force);
+    vec3_sub(sum->moment, moment, grip->moment);
 
     /* The state turns into the plane too: until the end of the time ahead, or in a while */
     along = vec3_dot(start, start);

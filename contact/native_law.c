@@ -90,7 +90,7 @@ struct resistance {
     size_t n;
     _Alignas(64) double arm[3][RESISTANCE_MAX]; /* from the tangent's center */
     _Alignas(64) double stiffness[RESISTANCE_MAX];
-    _Alignas(64) double damping[RESISTANCE_MAX];  /* along the normal, less friction */
+    _Alignas(64) double damping[RESISTANCE_MAX];  /* along the normal, less regularized friction */
     _Alignas(64) double friction[RESISTANCE_MAX]; /* in all directions */
     /* The normal, and its moment: of springs that have normals of their own */
     _Alignas(64) double along[CONTACT_AXES][RESISTANCE_MAX];
@@ -168,7 +168,8 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
 
         lanes_store(lanes_load(b->rate + from) * pushes, out->stiffness + i);
         lanes_store(friction, out->friction + i);
-        lanes_store(lanes_pick(lanes_less(zero, pushes), law->dissipation * force, zero) - friction,
+        lanes_store(lanes_pick(lanes_less(zero, pushes), law->dissipation * force, zero) -
+                        (sum->grip ? zero : friction),
                     out->damping + i);
 
         /* Where it acts, in the world's directions about the tangent's center */
@@ -227,6 +228,22 @@ LANES_INLINE void tangent_add_row(const struct resistance *by, const int row,
     }
 }
 
+/* Takes off along each spring's normal what friction adds in all directions. */
+static void tangent_take_along(const struct resistance *by, double D[CONTACT_TANGENT_SIZE])
+{
+    for (int row = 0; row < CONTACT_AXES; row++) {
+        for (int column = row; column < CONTACT_AXES; column++) {
+            lanes sum = {0};
+
+            for (size_t i = 0; i < by->n; i += LANES) {
+                sum += lanes_load(by->friction + i) * lanes_load(by->along[row] + i) *
+                       lanes_load(by->along[column] + i);
+            }
+            D[CONTACT_TANGENT_AT(row, column)] -= lanes_sum(sum);
+        }
+    }
+}
+
 /* ---- springs by their moments ---- */
 
 static void find_moments(const struct resistance *by, const double *weight, struct moments *m)
@@ -249,12 +266,27 @@ static void tangent_add_one_way(const struct resistance *by, const double d[3],
     tangent_add_along(1, &damping, d, tangent->D);
 }
 
+/* Friction of bristles that each spring holds by itself. direction: of those that push one way. */
+static void tangent_add_bristles(const struct resistance *by, bool one_way,
+                                 const double direction[3], struct contact_tangent *tangent)
+{
+    struct moments friction;
+
+    find_moments(by, by->friction, &friction);
+    tangent_add_across(&friction, tangent->friction_D);
+    if (one_way) {
+        tangent_add_along(-1, &friction, direction, tangent->friction_D);
+    } else {
+        tangent_take_along(by, tangent->friction_D);
+    }
+}
+
 static void law_add_tangents(const struct native_batch *b, const struct native_law *law,
                              const struct native_relative *relative, const struct native_sum *sum)
 {
     struct resistance by;
     struct moments friction;
-    double direction[3];
+    double direction[3] = {0, 0, 0};
 
     for (size_t start = b->start; start < b->n; start += RESISTANCE_MAX) {
         law_find_resistance(b, start, law, relative, sum, &by);
@@ -272,8 +304,12 @@ static void law_add_tangents(const struct native_batch *b, const struct native_l
             tangent_add_row(&by, CONTACT_TURN_Y, sum->tangent);
             tangent_add_row(&by, CONTACT_TURN_Z, sum->tangent);
         }
-        find_moments(&by, by.friction, &friction);
-        tangent_add_across(&friction, sum->tangent->D);
+        if (!sum->grip) {
+            find_moments(&by, by.friction, &friction);
+            tangent_add_across(&friction, sum->tangent->D);
+        } else if (sum->grip->whole < 1) {
+            tangent_add_bristles(&by, sum->one_way, direction, sum->tangent);
+        }
     }
 }
 

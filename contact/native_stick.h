@@ -40,6 +40,7 @@ struct native_grip {
     double bend_s;   /* the bristles do: for tangents */
     double whole; /* share of the force that the patch bears as a whole, by its springs' area; the
                       * rest is what each spring bears by its pressure */
+    double force[3], moment[3]; /* of friction, on the first body about the frame's origin */
     /* Found with the force: power of friction (W); sums over the springs of min(alpha |g|, l)|g|,
      * of l |g|, and of alpha |g|^2 where alpha |g| < l, when whole < 1 */
     double power, held, most, open;

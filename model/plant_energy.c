@@ -50,7 +50,29 @@ static double stored_mechanical(struct plant *plant)
     return energy;
 }
 
-/* Computes the energy that the contact engine reports as stored in its layers, J. */
+/* Returns the energy in the bristles of pairs that touch no longer, J: they relax in a while, and
+ * push again where the surfaces meet before that. */
+static double stored_apart(const struct plant *plant, size_t npatch)
+{
+    const double *y = plant->state + plant->at.bristle;
+    double square = 0.0;
+
+    for (size_t i = 0; i < plant->nlive; i++) {
+        const double *own = y + CONTACT_BRISTLE * (size_t)plant->live[i];
+        size_t p = 0;
+
+        while (p < npatch && plant->patch[p].pair != plant->live[i]) {
+            p++;
+        }
+        for (int k = 0; k < BRISTLE_BENT && p == npatch; k++) {
+            square += own[k] * own[k];
+        }
+    }
+    return square / 2.0;
+}
+
+/* Computes the energy that contact has stored, in layers as the engine reports it and in bristles,
+ * J. */
 static enum error_code stored_contact(struct plant *plant, double *energy)
 {
     struct contact_world *contact = plant->config.contact;
@@ -76,6 +98,7 @@ static enum error_code stored_contact(struct plant *plant, double *energy)
     for (size_t p = 0; p < count; p++) {
         *energy += plant->patch[p].potential_j;
     }
+    *energy += stored_apart(plant, count);
     return ERROR_NONE;
 }
 

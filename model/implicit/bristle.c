@@ -3,7 +3,10 @@
  * The bristles of sticking friction in a stage of the implicit integrator. Contact was evaluated
  * with them as the velocities at the point would bend them from the base to the stage; what the
  * velocities at the stage differ by, the tangents take into account in the wrenches, and here in
- * their slope.
+ * their slope. They never store more than friction has taken from the motion, with the wrenches
+ * and velocities of the stage, which move the bodies: a stage's slope leads further than it was
+ * found for, where bristles that yield, turn with their patch or are thrown off by an impact would
+ * else gain energy from nothing.
  */
 #include "model/implicit/private.h"
 
@@ -20,6 +23,68 @@ static double bent_square(const double y[BRISTLE_BENT])
     return square;
 }
 
+/* Adds the velocity at the pair's center of the body on one side, b counting positive. */
+static void add_velocity(const struct plant *plant, const struct active_pair *pair, int side,
+                         struct spatial *velocity)
+{
+    const struct body_motion *motion = implicit_motion(plant, pair->body[side]);
+    const double sign = side == PAIR_B ? 1.0 : -1.0;
+    double arm[3], turn[3];
+
+    implicit_arm(plant, pair->body[side], pair->center, arm);
+    vec3_cross(motion->w, arm, turn);
+    for (int i = 0; i < 3; i++) {
+        velocity->a[i] += sign * motion->w[i];
+        velocity->l[i] += sign * (motion->v[i] + turn[i]);
+    }
+}
+
+/* The power that a pair's friction takes from the motion at the stage, W. */
+static double friction_power(const struct plant *plant, const struct contact_tangent *tangent,
+                             const struct active_pair *pair)
+{
+    const double h = plant->implicit->stage_h;
+    const double *force = tangent->friction + CONTACT_MOVE_X;
+    const double *moment = tangent->friction + CONTACT_TURN_X;
+    struct spatial beyond = pair->beyond, velocity = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}}, decrease;
+    struct spatial_inertia D;
+
+    /* The velocity at the point, and what the stage's is beyond it */
+    for (int side = PAIR_A; side <= PAIR_B; side++) {
+        if (pair->body[side] >= 0) {
+            add_velocity(plant, pair, side, &velocity);
+        }
+    }
+    for (int i = 0; i < 3; i++) {
+        beyond.a[i] *= h;
+        beyond.l[i] *= h;
+        velocity.a[i] += beyond.a[i];
+        velocity.l[i] += beyond.l[i];
+    }
+
+    /* The wrench on b at the point falls by D times that */
+    spatial_inertia_unpack(tangent->friction_D, &D);
+    spatial_inertia_apply(&D, &beyond, &decrease);
+    return vec3_dot(decrease.l, velocity.l) + vec3_dot(decrease.a, velocity.a) -
+           vec3_dot(force, velocity.l) - vec3_dot(moment, velocity.a);
+}
+
+/* Bends a pair's bristles, h seconds on, by what the stage's velocities are beyond the point's. */
+static void bend_beyond(const struct contact_tangent *tangent, const struct spatial *beyond,
+                        double h, double y[BRISTLE_BENT])
+{
+    double velocity[3], along;
+
+    vec3_cross(beyond->a, tangent->bristle_arm, velocity);
+    vec3_add_scaled(velocity, 1, beyond->l, velocity);
+    along = vec3_dot(tangent->normal, velocity);
+    for (int k = 0; k < 3; k++) {
+        y[BRISTLE_SHEAR + k] +=
+            h * tangent->bristle_per_m_s * (velocity[k] - along * tangent->normal[k]);
+    }
+    y[BRISTLE_TWIST] += h * tangent->bristle_per_rad_s * vec3_dot(tangent->bristle_axis, beyond->a);
+}
+
 void implicit_advance_bristles(struct plant *plant, double h)
 {
     const struct implicit *im = plant->implicit;
@@ -28,35 +93,24 @@ void implicit_advance_bristles(struct plant *plant, double h)
     if (plant->nbristle == 0 || !plant->bristles_follow) {
         return;
     }
+    for (size_t t = 0; t < im->nactive; t++) {
+        im->active[t].bent = bent_square(y + CONTACT_BRISTLE * (size_t)im->tangent[t].pair);
+    }
     for (size_t i = 0; i < plant->nlive; i++) {
         const size_t from = CONTACT_BRISTLE * (size_t)plant->live[i];
 
         add_scaled(h, plant->bristle_rate + from, y + from, CONTACT_BRISTLE);
     }
     for (size_t t = 0; t < im->nactive; t++) {
-        const struct contact_tangent *tangent = &im->tangent[t];
-        const struct spatial *beyond = &im->active[t].beyond;
-        double *own = y + CONTACT_BRISTLE * (size_t)tangent->pair;
-        const double before = bent_square(own);
-        double velocity[3], along, after, most;
+        const struct active_pair *pair = &im->active[t];
+        double *own = y + CONTACT_BRISTLE * (size_t)pair->index;
+        double after, most;
 
-        /* Where they stand */
-        vec3_cross(beyond->a, tangent->bristle_arm, velocity);
-        vec3_add_scaled(velocity, 1, beyond->l, velocity);
-        along = vec3_dot(tangent->normal, velocity);
-        for (int k = 0; k < 3; k++) {
-            own[BRISTLE_SHEAR + k] +=
-                h * tangent->bristle_per_m_s * (velocity[k] - along * tangent->normal[k]);
-        }
-        own[BRISTLE_TWIST] +=
-            h * tangent->bristle_per_rad_s * vec3_dot(tangent->bristle_axis, beyond->a);
-
-        /* What the stage's velocities bend beyond the limit yields: at an impact, which they do not
-         * foresee, bristles would store more than friction takes */
+        bend_beyond(&im->tangent[t], &pair->beyond, h, own);
         after = bent_square(own);
-        most = fmax(before, tangent->bristle_most * tangent->bristle_most);
+        most = pair->bent + 2.0 * h * friction_power(plant, &im->tangent[t], pair);
         for (int k = 0; k < BRISTLE_BENT && after > most; k++) {
-            own[k] *= sqrt(most / after);
+            own[k] *= sqrt(fmax(0.0, most) / after);
         }
     }
 }

@@ -34,6 +34,7 @@ struct active_pair {
     struct spatial point;     /* relative acceleration that leads to where it is linearized */
     struct spatial beyond;    /* relative acceleration of the stage beyond that */
     struct spatial decrease;  /* of the wrench on b from there to the stage: A times beyond */
+    double bent;              /* twice the energy of its bristles where they are advanced from, J */
 };
 
 /* Parts of a free body's accelerations, in its frame. */

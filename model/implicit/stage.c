@@ -9,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Lever of joints that strike their stops, m: turns their jumps into those of a body. */
+/* Lever of joints that are thrown, m: turns their jumps into those of a body. */
 #define STRIKE_LEVER 0.1
 
 /* ---- rates ---- */
@@ -166,20 +166,19 @@ static void find_slope(struct plant *plant)
     }
 }
 
-/* Raises jump for joints that strike their stops, as a body at a lever's end would. */
-static void raise_jump_at_stops(struct plant *plant)
+/* Raises jump for joints that are thrown, as a body at a lever's end would: where one strikes its
+ * stop, and where the spring of its drive does. */
+static void raise_jump_at_joints(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
     const struct robot *robot = plant->config.robot;
     const size_t first = robot->nv - robot->njoint;
 
-    for (size_t j = 0; j < robot->njoint && !im->stops_rest && !plant->clamped; j++) {
+    for (size_t j = 0; j < robot->njoint && !plant->clamped; j++) {
         const double lever = robot->joint[j].type == JOINT_REVOLUTE ? STRIKE_LEVER : 1.0;
 
-        if (im->stop[j].side != 0) {
-            im->jump = fmax(im->jump,
-                            lever * im->stage_h * fabs(im->a[first + j] - im->a_point[first + j]));
-        }
+        im->jump =
+            fmax(im->jump, lever * im->stage_h * fabs(im->a[first + j] - im->a_point[first + j]));
     }
 }
 
@@ -206,7 +205,7 @@ enum error_code implicit_solve_stage(struct plant *plant)
         implicit_solve(plant); /* ends: each joint's stop changes twice at most */
     }
     implicit_end_contact(plant);
-    raise_jump_at_stops(plant);
+    raise_jump_at_joints(plant);
     find_slope(plant);
     for (size_t i = 0; i < im->na; i++) {
         im->u[i] = im->u_base[i] + im->stage_h * im->slope[i];

@@ -417,7 +417,8 @@ static void bristles_ahead_are_those_that_the_rates_lead_to(void **state)
         double rate[CONTACT_BRISTLE], soon[CONTACT_BRISTLE], change;
         struct contact_wrench wrench[BODIES], faster[BODIES];
         struct body_motion motion[BODIES];
-        struct contact_tangent tangent;
+        struct contact_tangent tangent, then;
+        const int yy = CONTACT_TANGENT_AT(CONTACT_MOVE_Y, CONTACT_MOVE_Y);
         struct contact_world *world;
         struct scene scene;
 
@@ -439,8 +440,11 @@ static void bristles_ahead_are_those_that_the_rates_lead_to(void **state)
         motion[0].v[1] += 1e-7;
         evaluate(world, motion, y, 1e-3, rate, faster);
         change = (wrench[0].force[1] - faster[0].force[1]) / 1e-7;
-        assert_near(change, tangent.D[CONTACT_TANGENT_AT(CONTACT_MOVE_Y, CONTACT_MOVE_Y)],
-                    1e-4 * change);
+        assert_near(change, tangent.D[yy], 1e-4 * change);
+        assert_near(tangent.friction_D[yy], tangent.D[yy], 1e-12 * change);
+        assert_int_equal(world->ops->tangents(world, &then, 1), 1);
+        assert_near(fabs(then.friction[CONTACT_MOVE_Y] - tangent.friction[CONTACT_MOVE_Y]) / 1e-7,
+                    change, 1e-4 * change);
         assert_near((rate[1] - soon[1]) * 1e-3 / 1e-7, tangent.bristle_per_m_s,
                     1e-4 * tangent.bristle_per_m_s);
     }
