@@ -166,8 +166,8 @@ static void find_slope(struct plant *plant)
     }
 }
 
-/* Raises jump for joints that are thrown, as a body at a lever's end would: where one strikes its
- * stop, and where the spring of its drive does. */
+/* Raises jump for joints whose rates turn out other than at the point, as a body at a lever's end
+ * would: they strike stops, or are thrown by what lies beyond a linear stage. */
 static void raise_jump_at_joints(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
