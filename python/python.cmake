@@ -10,8 +10,11 @@ set(HIL_PYTHON_DIR "" CACHE STRING
 install(CODE "set(HIL_PYTHON_DIR \"${HIL_PYTHON_DIR}\")" COMPONENT python)
 install(CODE [[
     if(NOT HIL_PYTHON_DIR AND CMAKE_INSTALL_PREFIX STREQUAL "/usr/local")
-        execute_process(COMMAND /usr/bin/python3 -c
-            "import site\nfor path in site.getsitepackages():\n  if path.startswith('/usr/local/'): print(path[11:]); break"
+        execute_process(COMMAND /usr/bin/python3 -c "import site
+for path in site.getsitepackages():
+    if path.startswith('/usr/local/'):
+        print(path.removeprefix('/usr/local/'))
+        break"
             OUTPUT_VARIABLE HIL_PYTHON_DIR OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
     endif()
     if(NOT HIL_PYTHON_DIR)
