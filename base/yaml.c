@@ -44,9 +44,14 @@ static void yaml_join_words(const char *const *words, size_t count, char *out, s
     size_t used = 0;
 
     out[0] = '\0';
-    for (size_t i = 0; i < count && used < size; i++) {
+    for (size_t i = 0; i < count; i++) {
         const char *separator = i == 0 ? "" : i + 1 == count ? " or " : ", ";
 
+        /* A list that is too long ends behind a word */
+        if (used + strlen(separator) + strlen(words[i]) + sizeof ", ..." > size) {
+            snprintf(out + used, size - used, ", ...");
+            return;
+        }
         used += (size_t)snprintf(out + used, size - used, "%s%s", separator, words[i]);
     }
 }

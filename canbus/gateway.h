@@ -51,9 +51,9 @@ enum { GATEWAY_PORT = 29536 }; /* socketcand's */
 
 /* How STEP and DONE are recognized (canbus/lockstep.h). */
 struct gateway_lockstep {
-    bool on;
-    size_t bus; /* that carries STEP; its DONE is sent last */
-    uint32_t step_id, done_id;
+    bool on;                   /* off: a STEP is sent on, and answered with an error */
+    size_t bus;                /* that carries STEP; its DONE is sent last */
+    uint32_t step_id, done_id; /* done_id 0 = there is no STEP */
 };
 
 struct gateway_bus {

@@ -5,6 +5,7 @@
 #include "canbus/lockstep.h"
 
 #include <poll.h>
+#include <stdio.h>
 #include <string.h>
 
 enum {
@@ -21,14 +22,29 @@ enum {
 
 /* ---- frames ---- */
 
-/* Checks whether a frame is the STEP of lockstep. */
+/* Checks whether a frame has the bus, identifier and length of a STEP; one of another length is
+ * refused by the simulator without a DONE. */
+static bool gateway_looks_like_step(const struct gateway_lockstep *lockstep, size_t bus,
+                                    const struct bus_frame *frame)
+{
+    return bus == lockstep->bus && frame->len == LOCKSTEP_LENGTH &&
+           frame->id == lockstep->step_id && !(frame->flags & (FRAME_EXTENDED | FRAME_REMOTE));
+}
+
 bool gateway_is_step(const struct gateway *gateway, size_t bus, const struct bus_frame *frame)
 {
     const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
 
-    /* A STEP of another length is refused by the simulator without a DONE */
-    return lockstep->on && bus == lockstep->bus && frame->len == LOCKSTEP_LENGTH &&
-           frame->id == lockstep->step_id && !(frame->flags & (FRAME_EXTENDED | FRAME_REMOTE));
+    return lockstep->on && gateway_looks_like_step(lockstep, bus, frame);
+}
+
+/* Checks whether a frame would be the STEP if the run had the lockstep clock. */
+static bool gateway_is_vain_step(const struct gateway *gateway, size_t bus,
+                                 const struct bus_frame *frame)
+{
+    const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
+
+    return !lockstep->on && lockstep->done_id && gateway_looks_like_step(lockstep, bus, frame);
 }
 
 bool gateway_is_done(const struct gateway *gateway, const struct bus_frame *frame)
@@ -92,6 +108,16 @@ static void gateway_reject_command(struct gateway *gateway, struct gateway_clien
     }
 }
 
+/* Rejects a command that names a bus which the run does not have. */
+static void gateway_reject_bus(struct gateway *gateway, struct gateway_client *client,
+                               const char *name)
+{
+    char text[SOCKETCAND_BUS_MAX + 32];
+
+    snprintf(text, sizeof text, "< error no such bus: %s >", name);
+    gateway_reject_command(gateway, client, text);
+}
+
 /* Opens the bus that a client names, or every bus; a client opens once. */
 static void gateway_open_bus(struct gateway *gateway, struct gateway_client *client,
                              const char *name)
@@ -101,7 +127,7 @@ static void gateway_open_bus(struct gateway *gateway, struct gateway_client *cli
     if (client->mode != CLIENT_NO_BUS) {
         gateway_reject_command(gateway, client, "< error a bus is open already >");
     } else if (strcmp(name, GATEWAY_ALL) != 0 && !gateway_find_bus(gateway, name, &bus)) {
-        gateway_reject_command(gateway, client, "< error no such bus >");
+        gateway_reject_bus(gateway, client, name);
     } else {
         client->bus = bus;
         client->mode = CLIENT_BCM;
@@ -123,13 +149,19 @@ static void gateway_take_frame(struct gateway *gateway, struct gateway_client *c
         return;
     }
     if (bus == GATEWAY_EVERY_BUS && !gateway_find_bus(gateway, request->bus, &bus)) {
-        gateway_reject_command(gateway, client, "< error no such bus >");
+        gateway_reject_bus(gateway, client, request->bus);
         return;
     }
     if (gateway_is_step(gateway, bus, &request->frame)) {
         client->step = request->frame;
         client->step_waits = true;
         return;
+    }
+    /* The frame goes out as any other, but whoever waits for DONE is told that none will come */
+    if (gateway_is_vain_step(gateway, bus, &request->frame)) {
+        gateway_answer_client(
+            gateway, client,
+            "< error STEP without effect: the clock of this run is not lockstep >");
     }
     gateway_send_frame(gateway, client, bus, &request->frame);
 }

@@ -865,8 +865,12 @@ static enum hil_client_code stream_take(struct hil_client *client)
         *end = '\0';
         at = end + 1;
         if (!strncmp(begin, "< error ", 8)) {
-            return client_fail(client, HIL_CLIENT_CONNECTION, "the gateway says: %.200s",
-                               begin + 8);
+            const bool is_bus = !strncmp(begin + 8, "no such bus", 11);
+
+            end[-1] = (char)(end[-1] == ' ' ? '\0' : end[-1]);
+            return client_fail(client, HIL_CLIENT_CONNECTION, "the gateway says: %.160s%s%s",
+                               begin + 8, is_bus ? "; the tables are of rig " : "",
+                               is_bus ? core->rig : "");
         }
         core->heard += !strcmp(begin, "< hi ") || !strcmp(begin, "< ok ");
         stream_take_frame(client, begin + 1);
@@ -1023,9 +1027,15 @@ static enum hil_client_code client_wait(struct hil_client *client)
 
 /* ---- connections ---- */
 
+/* Where a gateway is, and the clock of its run, "" = unknown. */
+struct place {
+    char host[64], clock[16];
+    uint16_t port;
+};
+
 /* Waits for the file of --ready, and reads where the gateway is. */
 static enum hil_client_code client_read_ready(struct hil_client *client, const char *path,
-                                              char host[static 64], uint16_t *port)
+                                              struct place *place)
 {
     const struct timespec pause = {.tv_nsec = 2000000};
     char line[512];
@@ -1039,14 +1049,15 @@ static enum hil_client_code client_read_ready(struct hil_client *client, const c
         nanosleep(&pause, NULL);
     }
     while (fgets(line, sizeof line, file)) {
-        if (sscanf(line, "gateway_host='%63[^']", host) != 1) {
-            sscanf(line, "gateway_port='%5" SCNu16, port);
+        if (sscanf(line, "gateway_host='%63[^']", place->host) != 1 &&
+            sscanf(line, "clock='%15[^']", place->clock) != 1) {
+            sscanf(line, "gateway_port='%5" SCNu16, &place->port);
         }
     }
     fclose(file);
-    return *port ? HIL_CLIENT_OK
-                 : client_fail(client, HIL_CLIENT_CONNECTION,
-                               "%.200s names no gateway: run with --gateway 0", path);
+    return place->port ? HIL_CLIENT_OK
+                       : client_fail(client, HIL_CLIENT_CONNECTION,
+                                     "%.200s names no gateway: run with --gateway 0", path);
 }
 
 /* Connects to the gateway. */
@@ -1087,11 +1098,11 @@ static enum hil_client_code stream_connect(struct hil_client *client, const char
 }
 
 /* Joins all buses of the gateway; each command waits for its answer. */
-static enum hil_client_code stream_open(struct hil_client *client, const char *host, uint16_t port)
+static enum hil_client_code stream_open(struct hil_client *client)
 {
     static const char *const commands[] = {"", "< open all >", "< rawmode >"};
     struct hil_client_core *core = client->core;
-    enum hil_client_code code = stream_connect(client, host, port);
+    enum hil_client_code code = HIL_CLIENT_OK;
 
     for (unsigned i = 0; i < 3 && !code; i++) {
         core->nout = (size_t)sprintf(core->out, "%s", commands[i]);
@@ -1126,22 +1137,55 @@ static enum hil_client_code interface_open(struct hil_client *client, struct bus
     return HIL_CLIENT_OK;
 }
 
-/* Connects to the gateway if there is a port, else opens the interfaces of SocketCAN. */
+/* Connects to the gateway that the file of --ready names. A file whose gateway nobody serves is of
+ * a run that was killed: that of the next run is waited for. */
+static enum hil_client_code client_connect_ready(struct hil_client *client, const char *path)
+{
+    const struct timespec pause = {.tv_nsec = 2000000};
+    struct hil_client_core *core = client->core;
+    struct place place;
+    enum hil_client_code code;
+
+    for (;;) {
+        place = (struct place){.host = "127.0.0.1"};
+        code = client_read_ready(client, path, &place);
+        code = code ? code : stream_connect(client, place.host, place.port);
+        if (code != HIL_CLIENT_CONNECTION || core->gateway < 0) {
+            break;
+        }
+        close(core->gateway);
+        core->gateway = -1;
+        if (client_now_ns() / 1000000 > core->deadline_ms) {
+            return client_fail(client, code,
+                               "%.60s:%u: nobody serves the gateway that %.150s names", place.host,
+                               place.port, path);
+        }
+        nanosleep(&pause, NULL);
+    }
+    code = code ? code : stream_open(client);
+    if (!code && place.clock[0] && core->lockstep != !strcmp(place.clock, "lockstep")) {
+        code =
+            client_fail(client, HIL_CLIENT_INPUT,
+                        "%.200s: the clock of the run is %s, the client's options.lockstep is %s",
+                        path, place.clock, core->lockstep ? "true" : "false");
+    }
+    return code;
+}
+
+/* Connects to the gateway if there is one, else opens the interfaces of SocketCAN. */
 static enum hil_client_code client_connect(struct hil_client *client,
                                            const struct hil_client_options *options)
 {
-    char host[64] = "127.0.0.1";
-    uint16_t port = options->port;
+    const char *host = options->host ? options->host : "127.0.0.1";
     enum hil_client_code code = HIL_CLIENT_OK;
 
     client_limit_time(client->core, client->core->timeout_ms);
     if (options->ready) {
-        code = client_read_ready(client, options->ready, host, &port);
-    } else if (options->host) {
-        snprintf(host, sizeof host, "%s", options->host);
+        return client_connect_ready(client, options->ready);
     }
-    if (code || port) {
-        return code ? code : stream_open(client, host, port);
+    if (options->port) {
+        code = stream_connect(client, host, options->port);
+        return code ? code : stream_open(client);
     }
     for (size_t i = 0; i < client->core->nbus && !code; i++) {
         code = interface_open(client, &client->core->bus[i], options->interfaces);
@@ -1516,7 +1560,9 @@ static enum hil_client_code client_step_once(struct hil_client *client, int tick
         code = client_wait(client);
     }
     if (code == HIL_CLIENT_TIMEOUT) {
-        return client_fail(client, code, "tick %" PRId64 ": no answer to STEP within %d ms",
+        return client_fail(client, code,
+                           "tick %" PRId64 ": no answer to STEP within %d ms: is the run's clock "
+                           "lockstep, and are the tables of its rig?",
                            client->tick, core->timeout_ms);
     }
     if (!code && core->stopping && core->told != core->expected) {

@@ -61,7 +61,7 @@ extern "C" {
 
 enum hil_client_code {
     HIL_CLIENT_OK,
-    HIL_CLIENT_INPUT,      /* a name that is not there, a number out of its range */
+    HIL_CLIENT_INPUT,      /* a name that is not there, a number out of its range, another clock */
     HIL_CLIENT_TABLES,     /* a DBC file that is missing or wrong: FILE:LINE */
     HIL_CLIENT_SYSTEM,     /* a call of the system failed; no memory */
     HIL_CLIENT_CONNECTION, /* the gateway is not there, refuses, or has closed */
@@ -92,9 +92,9 @@ struct hil_client_foc_motor {
 struct hil_client_options {
     const char *tables; /* folder of the DBC files; they must be there */
     const char *rig;    /* whose files; needed when the folder has those of several rigs */
-    const char *ready;  /* is waited for until the time-out; NULL = host and port */
-    const char *host;   /* IPv4 or IPv6 address, no name; NULL = 127.0.0.1 */
-    uint16_t port;      /* 0 = SocketCAN */
+    const char *ready; /* it and its gateway are waited for until the time-out; NULL = host, port */
+    const char *host;  /* IPv4 or IPv6 address, no name; NULL = 127.0.0.1 */
+    uint16_t port;     /* 0 = SocketCAN */
     const char *const *interfaces; /* "BUS=INTERFACE", ..., NULL; others are as the rig says */
     bool lockstep;                 /* the client drives the time by hil_client_step */
     int timeout_ms;                /* of wall time, for each answer; 0 = 10,000 */

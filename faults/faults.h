@@ -105,6 +105,7 @@ struct fault {
     double value[FAULT_PARAMETERS]; /* in the order of the table, defaults filled in; SI units */
     int64_t id;                     /* FAULT_BUS: of the frames meant; -1 = all */
     int64_t from_ns, to_ns;         /* [from, to); INT64_MAX = open; manual: both INT64_MAX */
+    bool timed;                     /* the line says when */
     bool active;                    /* written by faults_step and faults_set only */
 };
 

@@ -311,6 +311,7 @@ static enum error_code fault_read_window(struct fault_reader *r, const char *wor
     char from[WORD_SIZE];
     double begin = 0.0, end = 0.0;
 
+    fault->timed = true;
     if (!strcmp(word, "manual")) {
         fault->from_ns = fault->to_ns = INT64_MAX;
         return ERROR_NONE;

@@ -2,9 +2,26 @@
 # The Python package: its modules, and a Debian package of its own, python3-coman-hil. Included by
 # the file of the whole, whose variables of CPack it adds to.
 include(GNUInstallDirs)
-set(HIL_PYTHON_DIR lib/python3/dist-packages CACHE STRING
-    "where Python looks for modules, below the prefix")
-install(DIRECTORY python/coman_hil DESTINATION ${HIL_PYTHON_DIR} COMPONENT python
+set(HIL_PYTHON_DIR "" CACHE STRING
+    "where Python looks for modules, below the prefix; empty = as Debian's python3 does there")
+
+# Below /usr/local Debian's python3 looks in a folder of its version alone; the prefix is known
+# when it is installed
+install(CODE "set(HIL_PYTHON_DIR \"${HIL_PYTHON_DIR}\")" COMPONENT python)
+install(CODE [[
+    if(NOT HIL_PYTHON_DIR AND CMAKE_INSTALL_PREFIX STREQUAL "/usr/local")
+        execute_process(COMMAND /usr/bin/python3 -c "import site
+for path in site.getsitepackages():
+    if path.startswith('/usr/local/'):
+        print(path.removeprefix('/usr/local/'))
+        break"
+            OUTPUT_VARIABLE HIL_PYTHON_DIR OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
+    endif()
+    if(NOT HIL_PYTHON_DIR)
+        set(HIL_PYTHON_DIR lib/python3/dist-packages)
+    endif()
+]] COMPONENT python)
+install(DIRECTORY python/coman_hil DESTINATION "\${HIL_PYTHON_DIR}" COMPONENT python
         FILES_MATCHING PATTERN "*.py" PATTERN __pycache__ EXCLUDE)
 
 # A Debian package a component: what has no other belongs to the program

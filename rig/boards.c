@@ -365,7 +365,7 @@ static enum error_code board_check_described(struct rig_builder *b, const struct
     }
     if (raw->naxis > protocol->axes) {
         return yaml_error(b->error, &raw->axis_mark,
-                          "found %zu axes, expected 1 to %u with protocol %s", raw->naxis,
+                          "found %zu axes, expected at most %u with protocol %s", raw->naxis,
                           protocol->axes, protocol->name);
     }
     for (size_t i = 0; i < protocol->nframe; i++) {

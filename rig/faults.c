@@ -156,16 +156,15 @@ enum error_code rig_list_faults(const struct rig *rig, fault_list_put put, void 
 }
 
 enum error_code rig_check_fault(const struct rig *rig, const struct yaml_name *line,
-                                struct error *error)
+                                struct fault *fault, struct error *error)
 {
     struct rig_fault_names open;
-    struct fault unused;
     enum error_code code = rig_open_fault_names(rig, &open, error);
 
     if (code) {
         return code;
     }
-    code = rig_parse_fault(rig, line->name, &open.names, &unused, error);
+    code = rig_parse_fault(rig, line->name, &open.names, fault, error);
     if (code) {
         error_prefix(error, "%.200s:%d:%d", line->mark.file, line->mark.line, line->mark.column);
     }

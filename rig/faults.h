@@ -17,8 +17,8 @@ enum error_code rig_list_faults(const struct rig *rig, fault_list_put put, void 
                                 struct error *error);
 
 /* Checks one line of a file other than the rig's, as a scenario; every bus may be a wire here.
- * Errors begin with file:line:column. Not RT-safe. */
+ * fault: what it says. Errors begin with file:line:column. Not RT-safe. */
 enum error_code rig_check_fault(const struct rig *rig, const struct yaml_name *line,
-                                struct error *error);
+                                struct fault *fault, struct error *error);
 
 #endif

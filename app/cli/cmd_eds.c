@@ -91,7 +91,9 @@ static enum error_code eds_export(const struct eds_options *o, const struct rig 
                                   struct arena *arena, struct error *error)
 {
     if (!o->node) {
-        return eds_export_all(rig, o->output ? o->output : ".", arena, error);
+        enum error_code code = o->output ? folder_make_all(o->output, error) : ERROR_NONE;
+
+        return code ? code : eds_export_all(rig, o->output ? o->output : ".", arena, error);
     }
     for (size_t i = 0; i < rig->boards.nboard; i++) {
         const struct board_config *board = &rig->boards.board[i];
@@ -117,7 +119,7 @@ int cmd_eds(int argc, char **argv)
     static const struct option_spec options[] = {
         {"--output", OPTION_STRING, "PATH",
          "with a NODE the file to write, standard output by default; else the folder to write "
-         "into, which must exist, the current one by default",
+         "into, which is made, the current one by default",
          .value = &o.output, .letter = "-o"},
     };
     static const struct operand_spec operands[] = {

@@ -69,6 +69,7 @@ static void import_print_result(const struct import_result *result)
     printf("\n");
 
     import_print_notes(notes, IMPORT_MISSING);
+    import_print_notes(notes, IMPORT_DOUBTED);
     import_print_notes(notes, IMPORT_CHANGED);
     printf("next      coman-hil run %s --task hold\n", result->rig);
     printf("faster    coman-hil generate --module %s\n", result->rig);

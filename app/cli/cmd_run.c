@@ -249,6 +249,7 @@ static enum error_code write_ready(const struct run_options *options, const char
 {
     const struct gateway *gateway = simulator_gateway(simulator);
     const struct ready ready = {
+        .clock = word_of(loop_clock_words, (int)simulator_configuration(simulator)->clock),
         .control = control ? control_path(control) : NULL,
         .gateway_host = !gateway || !gateway_port(gateway) ? NULL
                         : host[0]                          ? host

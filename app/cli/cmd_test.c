@@ -342,9 +342,9 @@ static int run_plan(struct test_runs *plan, const struct test_options *options)
     }
 
     /* Print the sum of all, and write the file */
-    printf("%zu cases in %zu runs: %zu passed, %zu failed, %zu did not run; %.1f s\n", plan->ncase,
-           plan->njob, plan->passed, plan->failed, plan->broken,
-           (double)(clock_now(time) - begin) * 1e-9);
+    printf("%zu case%s in %zu run%s: %zu passed, %zu failed, %zu did not run; %.1f s\n",
+           plan->ncase, plan->ncase == 1 ? "" : "s", plan->njob, plan->njob == 1 ? "" : "s",
+           plan->passed, plan->failed, plan->broken, (double)(clock_now(time) - begin) * 1e-9);
     if (options->junit &&
         scenario_junit_write(options->junit, plan->result, plan->nresult, &error)) {
         return command_fail("test", &error);

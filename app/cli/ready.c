@@ -61,6 +61,7 @@ enum error_code ready_write(const char *path, const struct ready *ready, struct 
     }
     snprintf(number, sizeof number, "%ld", (long)getpid());
     put_entry("pid", number, file.out);
+    put_entry("clock", ready->clock, file.out);
     put_entry("control", ready->control, file.out);
     if (ready->gateway_host) {
         snprintf(number, sizeof number, "%u", ready->gateway_port);

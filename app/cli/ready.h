@@ -2,7 +2,7 @@
 /*
  * The file of --ready appears, complete, when others can talk to a run or a page, and says where. A
  * line is NAME='VALUE', as a shell's "." reads it; entries that the run does not have are left out:
- * pid, control (path of the control socket), gateway_host, gateway_port, page, page_view
+ * pid, clock, control (path of the control socket), gateway_host, gateway_port, page, page_view
  * (addresses, to control and to look only). Only its owner may read it. Not RT-safe.
  */
 #ifndef APP_CLI_READY_H
@@ -14,7 +14,8 @@
 
 /* Where a run can be reached. */
 struct ready {
-    const char *control;      /* "" or NULL here and below = none */
+    const char *clock; /* as --clock names it; "" or NULL here and below = none */
+    const char *control;
     const char *gateway_host; /* NULL = no gateway */
     uint16_t gateway_port;
     const char *page, *page_view;

@@ -79,6 +79,9 @@ static enum error_code replay_page_load_rig(const struct replay_page_options *op
     const char *name, *file, *scenario;
     enum error_code code;
 
+    if (access(options->directory, F_OK)) {
+        return error_set_file(error, errno, options->directory, "cannot be read");
+    }
     /* A summary that is missing leaves the names NULL */
     snprintf(path, sizeof path, "%s/" RECORDER_SUMMARY, options->directory);
     summary = json_load_file(path, JSON_REJECT_DUPLICATES, NULL);

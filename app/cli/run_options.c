@@ -177,9 +177,15 @@ enum error_code run_options_parse_address(const char *option, const char *text, 
     }
     if (!text_to_int(colon ? colon + 1 : text, 0, UINT16_MAX, &number) ||
         length > RUN_HOST_SIZE - 4 || (colon && length == 0)) {
-        return error_set(error, ERROR_INPUT,
-                         "%s: found \"%.100s\", expected PORT or HOST:PORT, as in %s", option, text,
-                         example);
+        return error_set(
+            error, ERROR_INPUT,
+            "%s: found \"%.100s\", expected PORT or HOST:PORT, as in %s, PORT from 0 to "
+            "65535",
+            option, text, example);
+    }
+    /* The one name that needs no look-up */
+    if (!strcmp(host, "localhost")) {
+        snprintf(host, RUN_HOST_SIZE, "127.0.0.1");
     }
     *given = colon ? host : NULL;
     *port = (uint16_t)number;
@@ -296,7 +302,16 @@ enum error_code run_options_check_trust(const struct run_options *given, const s
 {
     const struct rig_record *record = &rig->record;
     const struct rig_page *page = &rig->page;
+    char host[RUN_HOST_SIZE];
+    const char *address;
+    uint16_t port;
     bool here = true;
+
+    /* A wrong address of the command line ends the run before it starts */
+    if (given->http && run_options_http(given, rig) &&
+        run_options_parse_address("--http", given->http, "8080", host, &address, &port, error)) {
+        return ERROR_INPUT;
+    }
 
     /* A rig from elsewhere records below the working directory only, and serves its page here
      * only */

@@ -7,6 +7,7 @@
 #include "app/identify/fit.h"
 
 #include "base/count.h"
+#include "base/text.h"
 #include "base/word.h"
 
 #include <cminpack.h>
@@ -411,6 +412,23 @@ static void prepare_free(const struct fit_problem *problem, const struct bench_f
     free->upper = given->has_upper ? given->upper : free->upper;
 }
 
+/* Sets the error for a key that names no number, with the nearest one that does. */
+static enum error_code fit_refuse_key(const char *key, struct error *error)
+{
+    const char *known[64], *near;
+    size_t count = 0;
+
+    for (; count < parameter_count() && count < ARRAY_COUNT(known); count++) {
+        known[count] = parameter_key((int)count);
+    }
+    near = text_nearest(key, known, count);
+    return near ? error_set(error, ERROR_INPUT, "found \"%.63s\", expected \"%s\"", key, near)
+                : error_set(error, ERROR_INPUT,
+                            "found \"%.63s\", expected a number that can be identified: a key of a "
+                            "drive's file, offset_rad, delay_s, arm_kg",
+                            key);
+}
+
 enum error_code fit_prepare(const struct bench *bench, const char *const *key, size_t nkey,
                             struct fit_problem *problem, struct error *error)
 {
@@ -420,11 +438,13 @@ enum error_code fit_prepare(const struct bench *bench, const char *const *key, s
         struct fit_free *free;
 
         one.parameter = parameter_find(one.key);
-        if (one.parameter == IDENTIFY_NONE || problem->nfree == IDENTIFY_FREE_MAX) {
+        if (one.parameter == IDENTIFY_NONE) {
+            return fit_refuse_key(one.key, error);
+        }
+        if (problem->nfree == IDENTIFY_FREE_MAX) {
             return error_set(error, ERROR_INPUT,
-                             "found \"%.63s\", expected no more than %d numbers that can be "
-                             "identified: keys of a drive's file, offset_rad, delay_s, arm_kg",
-                             one.key, IDENTIFY_FREE_MAX);
+                             "found \"%.63s\" behind %d numbers, expected no more", one.key,
+                             IDENTIFY_FREE_MAX);
         }
         for (size_t k = 0; k < bench->nfree; k++) {
             if (bench->free[k].parameter == one.parameter) {

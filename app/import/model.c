@@ -6,6 +6,7 @@
 #include "base/text.h"
 #include "base/vec3.h"
 
+#include <limits.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -59,6 +60,14 @@ void import_note_add(struct import_notes *notes, enum import_fate fate, const ch
         return;
     }
     notes->note[notes->count++] = note;
+}
+
+const char *import_reason(const char *file, int line, const char *text)
+{
+    char place[PATH_MAX + 16];
+    const int length = snprintf(place, sizeof place, "%s:%d: ", file, line);
+
+    return length > 0 && !strncmp(text, place, (size_t)length) ? text + length : text;
 }
 
 enum error_code import_error(struct error *error, const char *file, int line, const char *format,

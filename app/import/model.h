@@ -124,6 +124,7 @@ enum import_fate {
     IMPORT_ASSUMED, /* chosen by a rule, as the file does not say it */
     IMPORT_MISSING, /* a mesh that is not there or cannot be read */
     IMPORT_SHAPED,  /* a collision shape replaced by a capsule */
+    IMPORT_DOUBTED, /* taken as the file says, which is hardly meant */
     IMPORT_FATES,
 };
 
@@ -161,6 +162,9 @@ struct import_model {
 /* Adds a note; file and the text's arguments need not outlive the call. */
 void import_note_add(struct import_notes *notes, enum import_fate fate, const char *file, int line,
                      const char *format, ...) __attribute__((format(printf, 5, 6)));
+
+/* Returns the text of an error for a note of that place: without "file:line: " at its beginning. */
+const char *import_reason(const char *file, int line, const char *text);
 
 /* Reports an error "file:line: ..."; returns ERROR_INPUT. */
 enum error_code import_error(struct error *error, const char *file, int line, const char *format,

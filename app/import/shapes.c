@@ -12,6 +12,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
+enum { SIZE_DOUBT = 20 }; /* a longer shape, in distances of joints, is hardly meant */
+
 /* What fitting the shapes needs; written counts OBJ files in folder. */
 struct shape_builder {
     struct import_robot *from;
@@ -157,7 +159,7 @@ static bool shape_fit_mesh(const struct shape_builder *b, const struct import_ge
         import_read_mesh(file, shape->scale, &scratch, &mesh, &why)) {
         import_note_add(b->notes, IMPORT_MISSING, shape->file, shape->line,
                         "collision mesh of link \"%.63s\": %.300s", model->link[shape->link].name,
-                        why.text);
+                        import_reason(shape->file, shape->line, why.text));
         arena_fini(&scratch);
         return false;
     }
@@ -236,6 +238,36 @@ static bool shape_fit(const struct shape_builder *b, const struct import_geometr
     }
 }
 
+/* Returns the largest distance between a joint and the link before it, m. */
+static double shape_find_reach(const struct import_model *model)
+{
+    double reach = 0.0;
+
+    for (size_t i = 0; i < model->njoint; i++) {
+        const double *xyz = model->joint[i].place.xyz;
+
+        reach = fmax(reach, hypot(hypot(xyz[0], xyz[1]), xyz[2]));
+    }
+    return reach;
+}
+
+/* Notes a capsule that is far larger than the robot, as from a mesh in mm without a scale. */
+static void shape_doubt_size(const struct shape_builder *b, const struct import_geometry *shape,
+                             const struct robot_capsule *capsule)
+{
+    const double reach = shape_find_reach(b->from->model);
+    const double length = capsule->length + 2.0 * capsule->radius;
+
+    if (reach > 0.0 && length > SIZE_DOUBT * reach) {
+        import_note_add(
+            b->notes, IMPORT_DOUBTED, shape->file, shape->line,
+            "collision shape of link \"%.63s\" is %.3g m long, the largest distance of "
+            "two joints is %.3g m%s",
+            b->from->model->link[shape->link].name, length, reach,
+            shape->shape == IMPORT_MESH ? ": a mesh in mm needs scale=\"0.001 0.001 0.001\"" : "");
+    }
+}
+
 /* Adds the capsule of one shape to the robot. */
 static enum error_code shape_add(const struct shape_builder *b, const struct import_geometry *shape,
                                  int number)
@@ -248,6 +280,7 @@ static enum error_code shape_add(const struct shape_builder *b, const struct imp
     if (code || !shape_fit(b, shape, &capsule)) {
         return code;
     }
+    shape_doubt_size(b, shape, &capsule);
 
     /* Compose places: the link's in the body, the shape's in the link, the capsule's in the
      * shape */

@@ -139,7 +139,8 @@ static enum error_code visual_add_missing(struct visual_builder *b,
     char text[360];
 
     import_note_add(b->notes, IMPORT_MISSING, shape->file, shape->line,
-                    "visual mesh of link \"%.63s\": %.300s", model->link[shape->link].name, why);
+                    "visual mesh of link \"%.63s\": %.300s", model->link[shape->link].name,
+                    import_reason(shape->file, shape->line, why));
     if (!code && visual) {
         snprintf(text, sizeof text, "%.350s", why);
         visual->missing = arena_strdup(b->arena, text);

@@ -402,6 +402,7 @@ const char *import_fate_word(enum import_fate fate)
     static const char *const word[] = {
         [IMPORT_DROPPED] = "dropped", [IMPORT_MERGED] = "merged", [IMPORT_CHANGED] = "changed",
         [IMPORT_ASSUMED] = "assumed", [IMPORT_SHAPED] = "shaped", [IMPORT_MISSING] = "missing",
+        [IMPORT_DOUBTED] = "doubted",
     };
 
     return word[fate];
@@ -420,8 +421,9 @@ size_t import_count_notes(const struct import_notes *notes, enum import_fate fat
 enum error_code import_write_report(const struct import_notes *notes, const char *source,
                                     const char *path, struct error *error)
 {
-    static const enum import_fate order[] = {IMPORT_MISSING, IMPORT_CHANGED, IMPORT_ASSUMED,
-                                             IMPORT_DROPPED, IMPORT_SHAPED,  IMPORT_MERGED};
+    static const enum import_fate order[] = {IMPORT_MISSING, IMPORT_DOUBTED, IMPORT_CHANGED,
+                                             IMPORT_ASSUMED, IMPORT_DROPPED, IMPORT_SHAPED,
+                                             IMPORT_MERGED};
     struct whole_file file;
     enum error_code code = whole_file_open(&file, path, error);
 

@@ -104,29 +104,47 @@ static enum error_code bind_stimulus(struct scenario_stimulus *stimulus, const s
     }
 }
 
+/* Checks the fault line of a stimulus, which gives the fault its name and its time. */
+static enum error_code bind_stimulus_fault(const struct scenario_stimulus *stimulus,
+                                           const struct rig *rig, struct error *error)
+{
+    const struct yaml_name line = {stimulus->mark, stimulus->fault};
+    struct fault fault;
+    enum error_code code = rig_check_fault(rig, &line, &fault, error);
+
+    if (!code && (fault.timed || fault.name[0])) {
+        code = yaml_error(error, &stimulus->mark,
+                          "found fault \"%.140s\" with a %s, expected one without: %s",
+                          stimulus->fault, fault.timed ? "time" : "name",
+                          fault.timed ? "it is active from at_s of the stimulus on, for for_s"
+                                      : "it is switched by the stimulus");
+    }
+    return code;
+}
+
 /* Checks the fault lines of the scenario itself, of its stimuli and of its mutations. */
 static enum error_code bind_faults(const struct scenario *scenario, const struct rig *rig,
                                    struct error *error)
 {
     enum error_code code = ERROR_NONE;
+    struct fault fault;
 
     for (size_t i = 0; !code && i < scenario->nfault; i++) {
-        code = rig_check_fault(rig, &scenario->fault[i], error);
+        code = rig_check_fault(rig, &scenario->fault[i], &fault, error);
     }
     for (size_t i = 0; !code && i < scenario->nstimulus; i++) {
         const struct scenario_stimulus *stimulus = &scenario->stimulus[i];
 
         if (stimulus->action == SCENARIO_FAULT) {
-            code =
-                rig_check_fault(rig, &(struct yaml_name){stimulus->mark, stimulus->fault}, error);
+            code = bind_stimulus_fault(stimulus, rig, error);
         }
     }
     for (size_t i = 0; !code && i < scenario->nmutation; i++) {
         const struct scenario_mutation *mutation = &scenario->mutation[i];
 
         if (mutation->fault_given) {
-            code =
-                rig_check_fault(rig, &(struct yaml_name){mutation->mark, mutation->fault}, error);
+            code = rig_check_fault(rig, &(struct yaml_name){mutation->mark, mutation->fault},
+                                   &fault, error);
         }
     }
     return code;

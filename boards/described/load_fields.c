@@ -135,6 +135,45 @@ static enum error_code described_mean_field(struct described_loader *l, bool fro
     return described_measure_field(l, raw, layout, made);
 }
 
+/* Returns whether a DBC file can hold a text in quotes. */
+static bool described_can_be_quoted(const char *text)
+{
+    for (; *text; text++) {
+        if (*text < ' ' || *text > '~' || *text == '"' || *text == '\\') {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* Names the values of a field that carries a state or a law, as the protocol does; a value that two
+ * share has the name of the first. */
+static enum error_code described_name_states(struct described_loader *l,
+                                             enum described_meaning meaning, bool from_host,
+                                             struct field *layout)
+{
+    const struct described_state *state =
+        meaning == DESCRIBED_STATE ? l->made->state : l->made->law;
+    const size_t nstate = meaning == DESCRIBED_STATE ? l->made->nstate : l->made->nlaw;
+    struct field_value *values = arena_alloc(l->arena, nstate + 1, sizeof *values);
+    size_t count = 0;
+
+    if (!values) {
+        return described_no_memory(l);
+    }
+    for (size_t i = 0; i < nstate; i++) {
+        const int64_t value = state[i].value;
+
+        if (described_find_state(state, nstate, value, from_host) == (int)i &&
+            value >= field_lowest(layout) && value <= field_highest(layout) &&
+            described_can_be_quoted(state[i].name)) {
+            values[count++] = (struct field_value){value, state[i].name};
+        }
+    }
+    layout->values = count ? values : NULL;
+    return ERROR_NONE;
+}
+
 /* Names the values of a field: the listed ones, or the constant one. */
 static enum error_code described_name_values(struct described_loader *l,
                                              const struct raw_described_field *raw,
@@ -280,6 +319,10 @@ static enum error_code described_add_field(struct described_loader *l,
     code = described_check_word(l, &raw->mark, raw->name);
     code = code ? code : described_mean_field(l, frame->from == 1, raw, &layout, &made);
     code = code ? code : described_name_values(l, raw, &layout);
+    if (!code && !layout.values &&
+        (made.meaning == DESCRIBED_STATE || made.meaning == DESCRIBED_LAW)) {
+        code = described_name_states(l, made.meaning, frame->from == 1, &layout);
+    }
     layout.scale = made.scale;
     layout.offset = made.offset;
     if (*described_unit(made.meaning)) {

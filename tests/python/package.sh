@@ -20,7 +20,7 @@ if ! /usr/bin/python3 -c 'import can, canmatrix' 2>/dev/null; then
     echo "1..0 # SKIP python-can or canmatrix is not installed (python3-can, python3-canmatrix)"
     exit 0
 fi
-echo 1..5
+echo 1..6
 "$cpack" --config "$HIL_BINARY_DIR/CPackConfig.cmake" -G DEB -B "$work" >"$work/out" 2>&1
 deb=$(echo "$work"/python3-coman-hil_*_all.deb)
 [ -s "$deb" ]
@@ -67,4 +67,12 @@ EOF
     PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=$work/root/usr/lib/python3/dist-packages \
     timeout -k 5 60 /usr/bin/python3 elbow.py "$work/root") >"$work/out" 2>&1 </dev/null
 result $? "what is installed starts the installed program, by the name of an installed rig"
+
+# The prefix of whoever installs from the source
+DESTDIR=$work/local "${cpack%cpack}cmake" --install "$HIL_BINARY_DIR" --prefix /usr/local \
+    --component python >"$work/out" 2>&1
+folder=$(cd "$work/local" && find usr/local -name coman_hil)
+/usr/bin/python3 -c 'import site, sys; sys.exit(sys.argv[1] not in site.getsitepackages())' \
+    "/${folder%/coman_hil}" >>"$work/out" 2>&1
+result $? "below /usr/local it is where python3 looks"
 exit $failed

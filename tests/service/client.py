@@ -167,7 +167,7 @@ def test_refusals(program):
         shutil.copy(simulator.ready, ready)
         simulator.end()
         text = refused(program, simulator.tables, ready)
-        result("Connection refused" in text, "so is a run that is over", text)
+        result("nobody serves the gateway" in text, "so is a run that is over", text)
     with Simulator("coman-compact", "--duration", "0.5") as simulator:
         simulator.wait()
         text = refused(program, simulator.tables, simulator.ready)

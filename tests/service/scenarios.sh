@@ -44,7 +44,7 @@ names()
 print(*sorted(c.get("name") for c in tree.parse(sys.argv[1]).iter("testcase")), sep="\n")' "$1"
 }
 
-echo 1..9
+echo 1..10
 
 name="there are at least twenty scenarios"
 if [ "$(find "$scenarios" -name '*.yaml' | wc -l)" -ge 20 ]
@@ -161,6 +161,24 @@ sed 's/LElbj.voltage/LElbj.voltag/' "$work/config/scenarios/wrong.yaml" \
 if run 2 "$work/config/scenarios/named.yaml" &&
     grep -q 'named.yaml:12:5: found signal "LElbj.voltag".*expected "voltage"' "$work/err"
 then ok "$name"; else not_ok "$name"; fi
+
+name="a fault of a stimulus has neither a time nor a name of its own"
+for fault in 'motor LElbj jam 2..3' 'motor LElbj jam 0..' 'knee: motor LElbj jam'; do
+    cat >"$work/config/scenarios/timed.yaml" <<END
+name: timed
+description: A fault that has its time twice.
+rig: ../rigs/coman.yaml
+duration_s: 1.0
+stimuli:
+  - {at_s: 0.2, fault: "$fault"}
+expectations:
+  - {name: it is there, signal: time_s, between: [0, 2]}
+END
+    run 2 "$work/config/scenarios/timed.yaml" &&
+        grep -q "timed.yaml:6:5: found fault \"$fault\" with a .*, expected one without" \
+            "$work/err" || break
+done
+if [ $? -eq 0 ]; then ok "$name"; else not_ok "$name"; fi
 
 # who only looks changes nothing
 cat >"$work/config/scenarios/looks.yaml" <<'END'

@@ -68,6 +68,10 @@ rig named 'page: {listen: "127.0.0.1:0"}'
 rig wrong 'page: {listen: "127.0.0.1:http"}'
 starts 0 closed.yaml && starts 0 named.yaml && starts 2 wrong.yaml &&
     said 'wrong.yaml:3:16: listen: found "127.0.0.1:http", expected PORT or HOST:PORT'
+tests_address=$?
+starts 0 closed.yaml --http localhost:0 && starts 2 closed.yaml --http 80000 &&
+    said 'found "80000", expected PORT or HOST:PORT, as in 8080, PORT from 0 to 65535' &&
+    [ $tests_address -eq 0 ]
 result $? "a page for this machine needs no trust, and an address that is none is told of its place"
 
 # A program in PREFIX/bin has its rigs in PREFIX/share/coman-hil, as the service has them in /etc

@@ -256,7 +256,7 @@ static void wrong_commands_are_answered_and_too_many_end_it(void **state)
     say(client, "< send 1 0 >");
     hears(client, "< error no bus is open >");
     say(client, "< open nothing >");
-    hears(client, "< error no such bus >");
+    hears(client, "< error no such bus: nothing >");
     say(client, "< open torso >");
     hears(client, "< ok >");
     say(client, "< open torso >");
@@ -442,7 +442,7 @@ static void one_connection_has_every_bus(void **state)
     say(all, "< send 1 0 >");
     hears(all, "< error the last word must be the bus >");
     say(all, "< send 1 0 arm >");
-    hears(all, "< error no such bus >");
+    hears(all, "< error no such bus: arm >");
     say(leg, "< send 1 0 left_leg >");
     hears(leg, "< error wrong arguments >");
     say(leg, "< send 1 1 1 2 >");
@@ -493,6 +493,23 @@ static void a_frame_that_the_bus_does_not_take_is_told_and_no_junk(void **state)
     assert_int_equal(counters.to_bus, QUEUE);
     assert_int_equal(counters.not_taken, TOO_MANY);
     assert_int_equal(counters.cut_junk, 0);
+    close(client);
+}
+
+static void a_step_is_passed_on_and_refused_without_the_lockstep_clock(void **state)
+{
+    struct fixture *f = *state;
+    const struct gateway_bus bus = {.name = "torso", .port = &f->hand[0].port};
+    const struct gateway_config config = {
+        .nbus = 1, .bus = &bus, .lockstep = {.step_id = 0x6f0, .done_id = 0x6ff}};
+    int client;
+
+    gateway_stop(f->gateway);
+    assert_int_equal(gateway_start(&config, &f->arena, &f->gateway, NULL), ERROR_NONE);
+    client = join_raw(f, "torso");
+    say(client, "< send 6F0 5 0 0 0 0 2 >< send 6F0 6 0 0 0 0 2 0 >");
+    hears(client, "< error STEP without effect: the clock of this run is not lockstep >");
+    wait_for_frames(&f->hand[0], 2);
     close(client);
 }
 
@@ -554,6 +571,7 @@ int main(void)
         GATEWAY_TEST(one_connection_has_every_bus),
         GATEWAY_TEST(a_port_may_be_looked_at_by_time),
         GATEWAY_TEST(a_frame_that_the_bus_does_not_take_is_told_and_no_junk),
+        GATEWAY_TEST(a_step_is_passed_on_and_refused_without_the_lockstep_clock),
         GATEWAY_TEST(hostile_bytes_do_no_harm),
         GATEWAY_TEST(refuses_hosts_and_ports_that_cannot_be_had),
     };

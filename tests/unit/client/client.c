@@ -347,10 +347,13 @@ static void silence_refusals_and_noise_are_errors(void **state)
     } rows[] = {
         {{"< frame 111 0.1 0000000000000000 arm >", NULL, "open"},
          HIL_CLIENT_TIMEOUT,
-         "tick 0: no answer to STEP within 2000 ms"},
-        {{"< error no such\nbus >", NULL, "open"},
+         "tick 0: no answer to STEP within 2000 ms: is the run's clock lockstep"},
+        {{"< error the bus\nrefuses it >", NULL, "open"},
          HIL_CLIENT_CONNECTION,
-         "the gateway says: no such?bus "},
+         "the gateway says: the bus?refuses it"},
+        {{"< error no such bus: arm >", NULL, "open"},
+         HIL_CLIENT_CONNECTION,
+         "the gateway says: no such bus: arm; the tables are of rig r"},
         {{"<< frame >< >< frame 6FF 0.1 01 arm >< frame 6FF x 0100000000000000000000 none >"
           "< frame 6FF -1.0 010000000000 arm >",
           NULL, "open"},
@@ -472,6 +475,52 @@ static void wrong_tables_are_named_with_file_and_line(void **state)
     assert_non_null(strstr(client.message, "rigs r and other"));
 }
 
+static void write_ready(const char *path, const char *clock, unsigned port)
+{
+    char text[128];
+    FILE *file;
+
+    snprintf(text, sizeof text, "%s.new", path);
+    file = fopen(text, "w");
+    assert_non_null(file);
+    fprintf(file, "clock='%s'\ngateway_host='127.0.0.1'\ngateway_port='%u'\n", clock, port);
+    fclose(file);
+    assert_int_equal(rename(text, path), 0);
+}
+
+/* Replaces the file of a run that was killed, a while after the client has found it. */
+static void *start_late(void *path)
+{
+    usleep(30000);
+    write_ready(path, "real", listen_at_any_port());
+    return serve(NULL);
+}
+
+static void the_file_of_a_killed_run_is_passed_over_and_another_clock_refused(void **state)
+{
+    static const char *const answers[] = {NULL, "open"};
+    char ready[128];
+    struct hil_client_options options = {.tables = folder, .ready = ready, .timeout_ms = LONG_MS};
+    struct hil_client client;
+
+    (void)state;
+    snprintf(ready, sizeof ready, "%s/ready", folder);
+    for (int i = 0; i < 2; i++) {
+        options.lockstep = i == 1;
+        gateway.answer = answers;
+        gateway.heard[0] = '\0';
+        write_ready(ready, "lockstep", 1);
+        assert_int_equal(pthread_create(&gateway.thread, NULL, start_late, ready), 0);
+        if (i == 0) {
+            assert_int_equal(hil_client_open(&client, &options), HIL_CLIENT_OK);
+        } else {
+            assert_int_equal(hil_client_open(&client, &options), HIL_CLIENT_INPUT);
+            assert_non_null(strstr(client.message, "the clock of the run is real"));
+        }
+        close_client(&client);
+    }
+}
+
 static void a_gateway_that_is_not_there_is_waited_for_no_longer_than_asked(void **state)
 {
     char ready[128];
@@ -488,6 +537,9 @@ static void a_gateway_that_is_not_there_is_waited_for_no_longer_than_asked(void 
     fclose(file);
     assert_int_equal(hil_client_open(&client, &options), HIL_CLIENT_CONNECTION);
     assert_non_null(strstr(client.message, "names no gateway"));
+    write_ready(ready, "real", 1); /* of a run that was killed */
+    assert_int_equal(hil_client_open(&client, &options), HIL_CLIENT_CONNECTION);
+    assert_non_null(strstr(client.message, "127.0.0.1:1: nobody serves the gateway"));
 
     /* Nobody accepts: the connection is made, and says nothing */
     options.ready = NULL;
@@ -509,6 +561,7 @@ int main(void)
         TEST(without_lockstep_it_writes_and_receives),
         TEST(messages_by_name_are_encoded_as_the_tables_say),
         TEST(wrong_tables_are_named_with_file_and_line),
+        TEST(the_file_of_a_killed_run_is_passed_over_and_another_clock_refused),
         TEST(a_gateway_that_is_not_there_is_waited_for_no_longer_than_asked),
     };
 

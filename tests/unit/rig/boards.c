@@ -442,7 +442,7 @@ static void a_described_bus_has_its_protocol(void **state)
             "29:38: found address 5, expected 1 to 4 with protocol own");
     refused("  - {name: left, interface: can0, personality: described, protocol: own.yaml,\n"
             "     boards: [{kind: motor, address: 1, axes: [hip, knee]}]}\n",
-            "29:47: found 2 axes, expected 1 to 1 with protocol own");
+            "29:47: found 2 axes, expected at most 1 with protocol own");
     refused("  - {name: left, interface: can0, personality: described, protocol: own.yaml,\n"
             "     boards: [{kind: inertial, address: 1}]}\n",
             "29:15: found a board of a kind that sends no frame in protocol own, expected another "

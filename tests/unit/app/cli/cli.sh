@@ -58,7 +58,11 @@ conclude what_is_written_goes_to_output_or_o
 
 run 0 dbc "$source/config/rigs/coman.yaml" -o "$work/new/deep"
 [ -e "$work/new/deep/coman-torso.dbc" ] || problem="$problem; no file in a folder of its own"
-conclude dbc_makes_its_folder
+run 0 eds "$source/config/rigs/coman-cia402.yaml" -o "$work/new/deeper"
+[ -e "$work/new/deeper/coman-cia402-torso_0x01.eds" ] || problem="$problem; no EDS in its folder"
+run 2 replay "$work/none" --http 0
+says err 'none: cannot be read: No such'
+conclude dbc_and_eds_make_their_folder_and_replay_misses_its_own
 
 # In each of these: the names of commands that take a rig by its name
 for name in $("$program" --completion=bash | awk '/^    [a-z]+\)$/ {sub(/\)/, ""); name = $1}

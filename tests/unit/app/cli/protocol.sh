@@ -26,7 +26,7 @@ has_all_of() {
 }
 
 pages=$(cd "$source/docs/protocol" && echo *.md)
-echo 1..$(($(echo "$pages" | wc -w) + 11))
+echo 1..$(($(echo "$pages" | wc -w) + 12))
 for page in $pages; do
     personality=${page%.md}
     "$program" protocol $personality >"$work/$personality.md" 2>"$work/out" &&
@@ -36,6 +36,11 @@ done
 
 # from another description of the protocol: the header that people read
 has() { grep -qF -- "$2" "$work/$1.md" || echo "no \"$2\"" >>"$work/out"; }
+"$program" protocol "$source/tests/service/checked.yaml" >"$work/checked.md" 2>"$work/out"
+has checked '- byte 2 `state`: u8; 0 = idle, 1 = run'
+has checked '- bits 12-15 `state`: u4; 0 = idle, 1 = run'
+[ ! -s "$work/out" ]
+result $? "fields that carry a state have the names of the states of the file"
 : >"$work/out"
 has icub 'Host to board, id 0x000 + a, byte 0 = 0x09, 2 bytes.'
 has icub 'Answer: id 0x000 + 0x10 a, byte 0 = 0x07, 3 bytes.'

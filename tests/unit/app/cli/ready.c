@@ -53,7 +53,8 @@ static void assert_shell_reads(const char *name, const char *expected)
 static void a_shell_reads_what_was_written(void **state)
 {
     static const char strange[] = "/tmp/it's $HOME `id` \"a\\b\"\n;#&/control";
-    const struct ready ready = {.control = strange,
+    const struct ready ready = {.clock = "lockstep",
+                                .control = strange,
                                 .gateway_host = "::1",
                                 .gateway_port = 65535,
                                 .page = "http://127.0.0.1:1/#token=5&x=1",
@@ -68,6 +69,7 @@ static void a_shell_reads_what_was_written(void **state)
     assert_int_equal(info.st_mode & 07777, 0600);
     snprintf(pid, sizeof pid, "%ld", (long)getpid());
     assert_shell_reads("pid", pid);
+    assert_shell_reads("clock", "lockstep");
     assert_shell_reads("control", strange);
     assert_shell_reads("gateway_host", "::1");
     assert_shell_reads("gateway_port", "65535");
@@ -82,6 +84,7 @@ static void what_a_run_has_not_has_no_line(void **state)
     (void)state;
     assert_int_equal(ready_write(path, &(struct ready){.page_view = "a"}, &error), ERROR_NONE);
     assert_shell_reads("page_view", "a");
+    assert_shell_reads("clock", "none");
     assert_shell_reads("control", "none");
     assert_shell_reads("gateway_host", "none");
     assert_shell_reads("gateway_port", "none");

@@ -120,7 +120,7 @@ static void known_numbers_come_back(void **unused)
 /* A number that the recording does not depend on is said not to be told. */
 static void what_the_recording_does_not_tell_is_said(void **unused)
 {
-    static const char *const free[] = {"R_ohm", "L_h"};
+    static const char *const free[] = {"R_ohm", "L_h"}, *const swapped[] = {"R_omh"};
     struct fit_problem problem = {.rig = bench.rig,
                                   .trial = &bench.trial,
                                   .law = &bench.bench.law,
@@ -130,6 +130,8 @@ static void what_the_recording_does_not_tell_is_said(void **unused)
     static struct fit_result result;
 
     (void)unused;
+    assert_int_equal(fit_prepare(&bench.bench, swapped, 1, &problem, &error), ERROR_INPUT);
+    assert_string_equal(error.text, "found \"R_omh\", expected \"R_ohm\"");
     assert_int_equal(fit_prepare(&bench.bench, free, 2, &problem, &error), ERROR_NONE);
     assert_int_equal(fit_solve(&problem, &result, &error), ERROR_NONE);
     assert_int_not_equal(result.verdict[1], FIT_KNOWN);

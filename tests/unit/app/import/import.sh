@@ -41,7 +41,7 @@ inertia='<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
     echo '</robot>'
 } >"$folder/arm.urdf"
 
-echo 1..27
+echo 1..28
 for personality in icub foc compact compact-fd; do
     out=$folder/$personality
     "$program" import "$folder/arm.urdf" -o "$out" --personality $personality >"$folder/log" 2>&1 &&
@@ -191,6 +191,15 @@ result $? a_mesh_outside_the_folder_is_refused_and_leaves_nothing
 "$program" import "$folder/urdf/arm.urdf" -o "$folder/trusted" --trust >"$folder/log" 2>&1 &&
     grep -q '6 meshes' "$folder/log"
 result $? a_mesh_outside_the_folder_is_read_with_trust
+
+sed 's/^v \([01]\) \([01]\) \([01]\)/v \100 \200 \300/' "$folder/meshes/m.obj" \
+    >"$folder/meshes/mm.obj"
+sed 's|meshes/m.obj|meshes/mm.obj|' "$folder/urdf/arm.urdf" >"$folder/urdf/mm.urdf"
+"$program" import "$folder/urdf/mm.urdf" -o "$folder/mm" --trust >"$folder/log" 2>&1 &&
+    [ "$(grep -c 'm long, the largest distance .* is 0.2 m: a mesh in mm needs scale' \
+        "$folder/log")" -eq 6 ] && grep -q '^doubted: 6$' "$folder/mm/arm-import.txt" &&
+    grep -q '^doubted: 0$' "$folder/trusted/arm-import.txt"
+result $? a_mesh_in_millimeters_is_doubted
 
 # A hundred joints, more than a simulator carried once
 {

@@ -106,6 +106,13 @@ static const struct {
     {FRAME "  - name: A\n    from: host\n    id: 1\n    fields:\n"
            "      - {name: x, bits: 8, target: state, values: {a: 1, b: 1}}\n",
      "toy.yaml:10:58: found 1 for \"b\", which \"a\" has"},
+    /* a list that is too long ends behind a word */
+    {FRAME "  - name: A\n    from: board\n    id: 1\n    fields:\n"
+           "      - {name: x, bits: 8, source: torq}\n",
+     "toy.yaml:10:36: found \"torq\", expected address, axis, state, law, telemetry_period, "
+     "parameter_value, velocity_limit, current_limit, position_gain, velocity_gain, "
+     "integral_gain, result, motor_position, link_position, deflection, motor_velocity, current, "
+     "torque, drive_torque, current_target, ... (did you mean \"torque\"?)"},
     /* 29 bits, CAN FD, counters and checksums */
     {FRAME "  - {name: A, from: host, id: 0x800}\n",
      "toy.yaml:6:31: found ids up to 0x800, expected them within 0x7ff"},
