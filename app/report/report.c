@@ -390,22 +390,25 @@ static void put_page(const struct report *report, FILE *out)
     markup_put(out, report->title);
     fprintf(out, "</title>\n<style>\n%s</style>\n</head>\n<body>\n<h1>", style);
     markup_put(out, report->title);
-    fputs("</h1>\n<nav>\n<ul>\n<li><a href=\"#short\">In short</a></li>\n", out);
+    fprintf(out, "</h1>\n<nav>\n<ul>\n%s",
+            report->nfinding ? "<li><a href=\"#short\">In short</a></li>\n" : "");
     for (size_t i = 0; i < report->nsection; i++) {
         fprintf(out, "<li><a href=\"#%s\">", report->section[i].id);
         markup_put(out, report->section[i].title);
         fputs("</a></li>\n", out);
     }
     fputs("</ul>\n</nav>\n", out);
-    put_summary(report, out);
+    if (report->nfinding) {
+        put_summary(report, out);
+    }
     fwrite(report->text.text, 1, report->text.size, out);
     fprintf(out, "%s</body>\n</html>\n", report->nsection ? "</section>\n" : "");
 }
 
-/* Writes all findings into compared.csv. */
+/* Writes all findings into compared.csv, if there are any. */
 static void write_findings(struct report *report)
 {
-    FILE *out = open_file(report, "compared.csv");
+    FILE *out = report->nfinding ? open_file(report, "compared.csv") : NULL;
 
     if (!out) {
         return;

@@ -74,8 +74,8 @@ void report_compared(struct report *report);
 void report_figure(struct report *report, const char *id, const char *caption,
                    const struct svg_plot *panel, size_t npanel);
 
-/* Writes index.html and compared.csv and frees what the report holds; returns the first error of
- * all. */
+/* Writes index.html, and compared.csv if there are findings, and frees what the report holds;
+ * returns the first error of all. */
 enum error_code report_close(struct report *report, struct error *error);
 
 /* Frees what the report holds, and writes nothing. */
