@@ -15,7 +15,7 @@
 #define CONTACT_BROAD_PHASE_H
 
 #include "contact/contact.h"
-#include "contact/native_variant.h"
+#include "contact/variant.h"
 
 #include <stdint.h>
 

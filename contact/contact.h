@@ -111,7 +111,7 @@
 #include "base/arena.h"
 #include "base/error.h"
 #include "base/motion.h"
-#include "contact/mesh.h"
+#include "contact/mesh/mesh.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -335,8 +335,8 @@ bool contact_simbody_find(char *path, size_t size);
  * - Mesh on half-space: along the plane's normal. A facet that stands upright or is turned away
  *   adds nothing (Simbody lets both push).
  * - Mesh on mesh, CONTACT_PRESSURE_FIELD: inside one of the two, the carrier, every point has a
- *   depth x under its surface (contact/field.h), and k x is a pressure (after Elandt, Drumwright,
- *   Sherman, Ruina 2019). The elastic potential U is k times the integral of x over the volume V
+ *   depth x under its surface (contact/mesh/field.h), and k x is a pressure (after Elandt,
+ *   Drumwright, Sherman, Ruina 2019). The elastic potential U is k times the integral of x over the volume V
  *   that both have in common. As x is 0 on the carrier's part of V's surface, U changes with the
  *   pose of the other one, the visitor, by what its surface sweeps:
  *
@@ -368,7 +368,7 @@ bool contact_simbody_find(char *path, size_t size);
  *   each edge of the overlap, at three in all on facets that are small against the smaller mesh
  *   (four points of a sphere's patch). In a pressure field at three in each triangle, no wider than
  *   0.6 of the smaller mesh's radius, that a facet in a cell of the field is cut into; in a shell's
- *   (contact/field.h) at three in each part no wider than that.
+ *   (contact/mesh/field.h) at three in each part no wider than that.
  * Pairs whose bounding balls are apart cost a few instructions, several pairs at a time.
  * Nothing is kept from one evaluation for the next (bristles are the caller's), so the same motion
  * always gives the same bits on the same machine. The kernels are compiled for several instruction

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Friction of contact.h's law, without contact/native_friction.h's lanes: what the tangents of both
+ * Friction of contact.h's law, without contact/native/friction.h's lanes: what the tangents of both
  * engines bound it by. Pure functions; RT-safe.
  */
 #ifndef CONTACT_FRICTION_SLOPE_H

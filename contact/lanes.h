@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * SIMD: four numbers at a time, for the native engine's kernels. They are vectors of the compiler's
- * and four whatever the instruction set that the file is compiled for (contact/native_variant.h):
+ * and four whatever the instruction set that the file is compiled for (contact/variant.h):
  * how many there are decides the order of sums, and that must be one on all machines. Eight would
  * fill a register of AVX-512; with AVX2 GCC takes them apart by way of memory, at twice the time.
  * All is RT-safe.

@@ -10,7 +10,7 @@
 #include "base/hash.h"
 #include "base/text.h"
 #include "boards/protocols.h"
-#include "contact/mesh.h"
+#include "contact/mesh/mesh.h"
 #include "rig/builder_private.h"
 #include "base/config.h"
 

@@ -269,7 +269,7 @@ struct raw_hold {
     double duration_s, tolerance_rad;
 };
 
-/* Numbers of a walk, which go directly into the task's configuration (rig/schema_walk.c). */
+/* Numbers of a walk, which go directly into the task's configuration (rig/schema_task_walk.c). */
 struct raw_walk {
     struct yaml_mark mark;
     struct walk_config config;

@@ -17,7 +17,7 @@
  * that is not deeper than that.
  */
 #include "base/count.h"
-#include "contact/mesh.h"
+#include "contact/mesh/mesh.h"
 #include "tools/mesh_write.h"
 
 #include <math.h>

@@ -7,7 +7,7 @@
 #define TOOLS_MESH_WRITE_H
 
 #include "base/error.h"
-#include "contact/mesh.h"
+#include "contact/mesh/mesh.h"
 
 #include <math.h>
 #include <stdio.h>

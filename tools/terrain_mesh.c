@@ -29,7 +29,7 @@
 #include "base/count.h"
 #include "base/options.h"
 #include "base/random.h"
-#include "contact/mesh.h"
+#include "contact/mesh/mesh.h"
 #include "tools/mesh_write.h"
 
 #include <math.h>

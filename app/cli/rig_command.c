@@ -6,7 +6,7 @@
 #include "base/journal.h"
 #include "base/options.h"
 #include "base/config.h"
-#include "contact/solid_store.h"
+#include "contact/mesh/solid_store.h"
 
 #include <signal.h>
 #include <stdatomic.h>

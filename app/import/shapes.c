@@ -3,7 +3,7 @@
 #include "app/import/shapes.h"
 
 #include "base/vec3.h"
-#include "contact/mesh.h"
+#include "contact/mesh/mesh.h"
 
 #include <errno.h>
 #include <limits.h>

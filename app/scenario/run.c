@@ -5,7 +5,7 @@
 #include "app/scenario/program.h"
 #include "base/count.h"
 #include "base/json_text.h"
-#include "contact/solid_store.h"
+#include "contact/mesh/solid_store.h"
 #include "sim/summary.h"
 
 #include <limits.h>

@@ -3,7 +3,7 @@
 #include "app/sweep/plan.h"
 
 #include "base/whole_file.h"
-#include "contact/solid_store.h"
+#include "contact/mesh/solid_store.h"
 
 #include <elf.h>
 #include <errno.h>

@@ -3,7 +3,7 @@
  * OBJ meshes: a file is refused in words with its place, or gives a mesh that mesh_check calls
  * sound, with finite measures, and whose text reads back as the same mesh.
  */
-#include "contact/mesh.h"
+#include "contact/mesh/mesh.h"
 #include "tests/fuzz/fuzz.h"
 #include "tools/mesh_write.h"
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Springs at the centroids of triangles. Compiled once for each variant of the native engine's
- * kernels, as those are (contact/native_variant.h). */
+ * kernels, as those are (contact/variant.h). */
 #include "tests/physics/contact_centroids.h"
 
 #include "base/vec3.h"

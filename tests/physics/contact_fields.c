@@ -15,7 +15,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "contact/native_private.h"
+#include "contact/native/private.h"
 #include "tests/physics/contact_fixture.h"
 #include "tests/physics/near.h"
 

@@ -83,7 +83,7 @@ static double imbalance(const struct rig_scene *scene)
 }
 
 /* The level plate before bump and ramp is the half-space, foot by foot: its depth is exact but near
- * points where sides of more than three directions meet (contact/field.h). */
+ * points where sides of more than three directions meet (contact/mesh/field.h). */
 static void level_mesh_carries_as_a_half_space(void **state)
 {
     static const char *const files[] = {"walk-flat.yaml", "walk-bump-3cm.yaml",

@@ -18,25 +18,27 @@ ROOT = pathlib.Path(os.environ.get("HIL_SOURCE_DIR") or pathlib.Path(__file__).p
 # sub-rooms of NAME. dynamics/ is written by the build, and so are embedded texts (manual/) and
 # the list of protocols (list/).
 BELOW_SIM = (r"(base|canbus|contact|model|model/\w+|faults|boards|boards/\w+|tasks|rt|rig)/[^/]*"
-             r"|canbus/wire/[^/]*|rt/recording/[^/]*")
+             r"|canbus/wire/[^/]*|contact/mesh/[^/]*|rt/recording/[^/]*")
 RULES = {
     "base": r"base/[^/]*",
     "client": r"coman_hil_client\.h",
     "canbus": r"(base|canbus|canbus/wire)/[^/]*",
-    "contact": r"(base|contact)/[^/]*",
-    "contact/simbody": r"(base|contact|contact/simbody)/[^/]*",
-    "model": r"(base|model|model/\w+)/[^/]*|contact/(contact|mesh)\.h|dynamics/builtin\.inc",
+    "contact": r"(base|contact|contact/mesh|contact/native)/[^/]*",
+    "contact/mesh": r"(base|contact|contact/mesh)/[^/]*",
+    "contact/simbody": r"(base|contact|contact/mesh|contact/simbody)/[^/]*",
+    "model": r"(base|model|model/\w+)/[^/]*|contact/(contact|mesh/mesh)\.h|dynamics/builtin\.inc",
     "faults": r"(base|faults)/[^/]*",
     "boards": r"(base|faults|boards)/[^/]*|canbus/frame\.h|model/plant_io\.h|list/protocols\.h",
     "boards/*": r"(base|faults|boards|boards/\w+)/[^/]*|canbus/frame\.h|model/plant_io\.h"
                 r"|manual/[^/]*",
     "tasks": r"(base|canbus|tasks)/[^/]*|boards/\w+/protocol\.h|list/protocols\.h",
     "rt": r"(base|canbus|rt|rt/recording)/[^/]*",
-    "tools": r"(base|contact|tools)/[^/]*",
+    "tools": r"(base|contact|contact/mesh|tools)/[^/]*",
     "rig": BELOW_SIM,
     "sim": BELOW_SIM + r"|sim/[^/]*",
     "control": BELOW_SIM + r"|(sim|control)/[^/]*",
-    "viewer": r"(base|contact|model|boards|rig|sim|viewer)/[^/]*|canbus/(candump|frame|port)\.h"
+    "viewer": r"(base|contact|contact/mesh|model|boards|rig|sim|viewer)/[^/]*"
+              r"|canbus/(candump|frame|port)\.h"
               r"|rt/(clock|histogram|requests)\.h|control/(parse|socket)\.h",
     "app/report": r"(base|app/report)/[^/]*",
     "app/identify": r"(base|canbus|model|model/drives|rig|app/report|app/identify)/[^/]*",

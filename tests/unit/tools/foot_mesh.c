@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The foot meshes: what the generator writes is what is committed, and it is a foot (COMAN's in all
  * detail, WALK-MAN's by what differs). */
-#include "contact/mesh.h"
+#include "contact/mesh/mesh.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Ground meshes: what the generator writes is what is committed, and has the measures asked for. */
-#include "contact/mesh.h"
+#include "contact/mesh/mesh.h"
 
 #include <math.h>
 #include <setjmp.h>

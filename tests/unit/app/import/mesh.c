@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Meshes of foreign robots: formats, scales, joined corners, hostile bytes. */
 #include "app/import/mesh_private.h"
-#include "contact/mesh.h"
+#include "contact/mesh/mesh.h"
 
 #include <math.h>
 #include <setjmp.h>

@@ -1,0 +1,288 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Soundness of a triangle surface, by its half-edges: each face has three, each shared edge pairs
+ * two of them. Edges and faces are sorted, not hashed: the order of what is found does not depend
+ * on chance, and no input makes it slow.
+ */
+#include "contact/mesh/edges.h"
+#include "base/vec3.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Twice the area over the square of the longest edge, below which a face counts as degenerate. */
+#define DEGENERATE_RATIO 1e-10
+
+/* The three vertices of a face, sorted. */
+struct face_key {
+    int vertex[3];
+    size_t face;
+};
+
+struct mesh_checker {
+    const struct mesh *mesh;
+    struct mesh_finding *finding;
+    struct half_edge *half_edge; /* 3 * nface, sorted */
+    struct face_key *face_key;   /* nface */
+    int *twin;                   /* 3 * nface: the number of the half-edge across the edge */
+    unsigned char *seen;         /* 3 * nface */
+    unsigned char *used;         /* nvertex */
+};
+
+const char *mesh_fault_text(enum mesh_fault fault)
+{
+    static const char *const text[] = {
+        [MESH_SOUND] = "sound",
+        [MESH_EMPTY] = "no faces",
+        [MESH_BAD_INDEX] = "vertex that does not exist",
+        [MESH_BAD_COORDINATE] = "coordinate out of range",
+        [MESH_DEGENERATE_FACE] = "degenerate face",
+        [MESH_DUPLICATE_FACE] = "duplicate face",
+        [MESH_OPEN_EDGE] = "open edge",
+        [MESH_NON_MANIFOLD_EDGE] = "edge with more than two faces",
+        [MESH_FLIPPED_FACE] = "neighboring faces of opposite orientation",
+        [MESH_PINCHED_VERTEX] = "vertex in which separate surfaces touch",
+        [MESH_UNUSED_VERTEX] = "vertex without a face",
+        [MESH_INWARD] = "inward orientation",
+    };
+
+    return text[fault];
+}
+
+/* Keeps the finding whose face comes first, so that a person meets faults in file order. half,
+ * other: the half-edge at fault and its counterpart. */
+static void mesh_report_fault(struct mesh_checker *c, enum mesh_fault fault, size_t half,
+                              size_t other)
+{
+    struct mesh_finding *f = c->finding;
+    size_t face = half / 3;
+    int corner = (int)(half % 3);
+
+    if (f->fault != MESH_SOUND && (f->face < face || (f->face == face && f->corner <= corner))) {
+        return;
+    }
+    *f = (struct mesh_finding){
+        .fault = fault,
+        .face = face,
+        .other_face = other / 3,
+        .corner = corner,
+        .vertex = {c->mesh->face[face][corner], c->mesh->face[face][(corner + 1) % 3]}};
+}
+
+static bool mesh_is_in_range(struct mesh_checker *c)
+{
+    const struct mesh *m = c->mesh;
+
+    if (m->nface == 0) {
+        c->finding->fault = MESH_EMPTY;
+        return false;
+    }
+    for (size_t half = 0; half < 3 * m->nface; half++) {
+        int v = m->face[half / 3][half % 3];
+
+        if (v < 0 || (size_t)v >= m->nvertex) {
+            *c->finding = (struct mesh_finding){.fault = MESH_BAD_INDEX,
+                                                .face = half / 3,
+                                                .corner = (int)(half % 3),
+                                                .vertex = {v, v}};
+            return false;
+        }
+        for (int i = 0; i < 3; i++) {
+            if (!(fabs(m->vertex[v][i]) <= MESH_MAX_COORDINATE_M)) {
+                mesh_report_fault(c, MESH_BAD_COORDINATE, half, half);
+                return false;
+            }
+        }
+    }
+    return true;
+}
+
+static bool mesh_faces_have_area(struct mesh_checker *c)
+{
+    const struct mesh *m = c->mesh;
+
+    for (size_t f = 0; f < m->nface; f++) {
+        double edge[3][3], longest = 0, area[3];
+
+        for (int i = 0; i < 3; i++) {
+            vec3_sub(m->vertex[m->face[f][(i + 1) % 3]], m->vertex[m->face[f][i]], edge[i]);
+            longest = fmax(longest, vec3_dot(edge[i], edge[i]));
+        }
+        vec3_cross(edge[0], edge[1], area);
+        if (!(vec3_norm(area) > DEGENERATE_RATIO * longest)) {
+            mesh_report_fault(c, MESH_DEGENERATE_FACE, 3 * f, 3 * f);
+            return false;
+        }
+    }
+    return true;
+}
+
+static int compare_face_keys(const void *a, const void *b)
+{
+    const struct face_key *x = a, *y = b;
+
+    for (int i = 0; i < 3; i++) {
+        if (x->vertex[i] != y->vertex[i]) {
+            return x->vertex[i] < y->vertex[i] ? -1 : 1;
+        }
+    }
+    return (x->face > y->face) - (x->face < y->face);
+}
+
+/* Reports faces of the same three vertices. */
+static void mesh_find_duplicates(struct mesh_checker *c)
+{
+    size_t n = c->mesh->nface;
+
+    *c->finding = (struct mesh_finding){.fault = MESH_SOUND};
+    for (size_t f = 0; f < n; f++) {
+        const int *v = c->mesh->face[f];
+        int low = v[0] < v[1] ? v[0] : v[1], high = v[0] < v[1] ? v[1] : v[0];
+        int first = low < v[2] ? low : v[2], last = high > v[2] ? high : v[2];
+
+        c->face_key[f] = (struct face_key){{first, v[0] ^ v[1] ^ v[2] ^ first ^ last, last}, f};
+    }
+    qsort(c->face_key, n, sizeof *c->face_key, compare_face_keys);
+    for (size_t i = 1; i < n; i++) {
+        const struct face_key *last = &c->face_key[i - 1], *key = &c->face_key[i];
+
+        if (memcmp(key->vertex, last->vertex, sizeof key->vertex) == 0) {
+            mesh_report_fault(c, MESH_DUPLICATE_FACE, 3 * key->face, 3 * last->face);
+        }
+    }
+}
+
+/* Pairs the half-edges of each edge, reports those of edges that do not join two faces. */
+static void mesh_pair_half_edges(struct mesh_checker *c)
+{
+    size_t n = 3 * c->mesh->nface;
+    const struct half_edge *all = c->half_edge;
+
+    /* Each edge has two, in opposite directions */
+    for (size_t i = 0, end; i < n; i = end) {
+        const struct half_edge *e = all + i;
+
+        for (end = i + 1; end < n && all[end].low == e->low && all[end].high == e->high;) {
+            ++end;
+        }
+        if (end - i == 1) {
+            mesh_report_fault(c, MESH_OPEN_EDGE, (size_t)e->number, (size_t)e->number);
+        } else if (end - i > 2) {
+            mesh_report_fault(c, MESH_NON_MANIFOLD_EDGE, (size_t)e[2].number, (size_t)e->number);
+        } else if (e[0].forward == e[1].forward) {
+            mesh_report_fault(c, MESH_FLIPPED_FACE, (size_t)e[1].number, (size_t)e[0].number);
+        } else {
+            c->twin[e[0].number] = e[1].number;
+            c->twin[e[1].number] = e[0].number;
+        }
+    }
+}
+
+/* Whether some two faces, back to back, have each other across all three edges. */
+static bool mesh_has_pillow(const struct mesh_checker *c)
+{
+    for (size_t h = 0; h < 3 * c->mesh->nface; h += 3) {
+        int across = c->twin[h] / 3;
+
+        if (c->twin[h + 1] / 3 == across && c->twin[h + 2] / 3 == across) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Faces of the same vertices share their edges: those of a surface whose edges join two faces each
+ * are pillows. So faces are compared only where an edge or a pillow shows that it is worth it;
+ * they are reported before edges are. */
+static bool mesh_edges_join_two_faces(struct mesh_checker *c)
+{
+    struct mesh_finding of_edges;
+
+    mesh_pair_half_edges(c);
+    if (c->finding->fault == MESH_SOUND && !mesh_has_pillow(c)) {
+        return true;
+    }
+    of_edges = *c->finding;
+    mesh_find_duplicates(c);
+    if (c->finding->fault == MESH_SOUND) {
+        *c->finding = of_edges;
+    }
+    return false;
+}
+
+/* Walks the fan of faces around each vertex; a second fan at the same vertex is a pinch. */
+static bool mesh_vertices_have_one_fan(struct mesh_checker *c)
+{
+    for (size_t half = 0; half < 3 * c->mesh->nface; half++) {
+        int v = c->mesh->face[half / 3][half % 3];
+
+        /* A half-edge of a fan that no walk has come by is of another fan */
+        if (c->seen[half]) {
+            continue;
+        }
+        if (c->used[v]) {
+            mesh_report_fault(c, MESH_PINCHED_VERTEX, half, half);
+            return false;
+        }
+
+        /* Once around the vertex, from face to face */
+        c->used[v] = 1;
+        for (size_t h = half; !c->seen[h];) {
+            size_t previous = h - h % 3 + (h % 3 + 2) % 3;
+
+            c->seen[h] = 1;
+            h = (size_t)c->twin[previous];
+        }
+    }
+    for (size_t v = 0; v < c->mesh->nvertex; v++) {
+        if (!c->used[v]) {
+            *c->finding =
+                (struct mesh_finding){.fault = MESH_UNUSED_VERTEX, .vertex = {(int)v, (int)v}};
+            return false;
+        }
+    }
+    return true;
+}
+
+enum error_code mesh_check(const struct mesh *mesh, struct mesh_finding *finding,
+                           struct error *error)
+{
+    size_t nhalf = 3 * mesh->nface;
+    struct mesh_checker c = {.mesh = mesh, .finding = finding};
+    enum error_code code = ERROR_NONE;
+
+    /* Numbers first: all else indexes with them and divides by them */
+    *finding = (struct mesh_finding){.fault = MESH_SOUND};
+    if (!mesh_is_in_range(&c) || !mesh_faces_have_area(&c)) {
+        return ERROR_NONE;
+    }
+
+    c.half_edge = calloc(nhalf, sizeof *c.half_edge);
+    c.face_key = calloc(mesh->nface, sizeof *c.face_key);
+    c.twin = calloc(nhalf, sizeof *c.twin);
+    c.seen = calloc(nhalf, 1);
+    c.used = calloc(mesh->nvertex, 1);
+    if (!c.half_edge || !c.face_key || !c.twin || !c.seen || !c.used) {
+        code = error_set(error, ERROR_MEMORY, "%s: no memory to check %zu faces", mesh->name,
+                         mesh->nface);
+        goto done;
+    }
+
+    /* Each step needs what the one before it has found sound */
+    code = mesh_sort_half_edges(mesh, c.half_edge, error);
+    if (!code && mesh_edges_join_two_faces(&c) && mesh_vertices_have_one_fan(&c) &&
+        !(mesh_volume(mesh) > 0)) {
+        finding->fault = MESH_INWARD;
+    }
+
+done:
+    free(c.half_edge);
+    free(c.face_key);
+    free(c.twin);
+    free(c.seen);
+    free(c.used);
+    return code;
+}

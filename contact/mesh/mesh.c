@@ -1,0 +1,164 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Measures of triangle meshes, and the box as a mesh. */
+#include "contact/mesh/mesh.h"
+#include "base/vec3.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <string.h>
+
+/* The cross product of the two edges of a face that leave its first corner: along the outward
+ * normal, twice the face's area long. */
+static void mesh_face_cross(const struct mesh *mesh, size_t face, double out[3])
+{
+    const int *corner = mesh->face[face];
+    double e1[3], e2[3];
+
+    vec3_sub(mesh->vertex[corner[1]], mesh->vertex[corner[0]], e1);
+    vec3_sub(mesh->vertex[corner[2]], mesh->vertex[corner[0]], e2);
+    vec3_cross(e1, e2, out);
+}
+
+double mesh_volume(const struct mesh *mesh)
+{
+    double six = 0;
+
+    /* A vertex of the mesh as the origin: nothing cancels when the mesh lies far off */
+    for (size_t f = 0; f < mesh->nface; f++) {
+        double normal[3], from[3];
+
+        mesh_face_cross(mesh, f, normal);
+        vec3_sub(mesh->vertex[mesh->face[f][0]], mesh->vertex[0], from);
+        six += vec3_dot(from, normal);
+    }
+    return six / 6;
+}
+
+double mesh_area(const struct mesh *mesh)
+{
+    double twice = 0;
+
+    for (size_t f = 0; f < mesh->nface; f++) {
+        double normal[3];
+
+        mesh_face_cross(mesh, f, normal);
+        twice += vec3_norm(normal);
+    }
+    return twice / 2;
+}
+
+/* ---- the box ---- */
+
+/* The number of a box's lattice point, 0 <= at[] <= n and at least one of them at an end: bottom,
+ * top, then the layers between them, each walked around its rim. */
+static int mesh_box_vertex_number(int n, const int at[3])
+{
+    int i = at[0], j = at[1], k = at[2];
+    int rim, side = n + 1;
+
+    if (k == 0) {
+        return i * side + j;
+    }
+    if (k == n) {
+        return side * side + i * side + j;
+    }
+    if (j == 0) {
+        rim = i;
+    } else if (i == n) {
+        rim = n + j;
+    } else if (j == n) {
+        rim = 3 * n - i;
+    } else {
+        rim = 4 * n - j;
+    }
+    return 2 * side * side + (k - 1) * 4 * n + rim;
+}
+
+static void mesh_box_place_vertices(const double half[3], int n, double (*vertex)[3])
+{
+    for (int i = 0; i <= n; i++) {
+        for (int j = 0; j <= n; j++) {
+            bool rim = i == 0 || i == n || j == 0 || j == n;
+
+            for (int k = 0; k <= n; k += rim ? 1 : n) {
+                int at[3] = {i, j, k};
+                double *v = vertex[mesh_box_vertex_number(n, at)];
+
+                /* Symmetric about 0 to the last bit */
+                for (int axis = 0; axis < 3; axis++) {
+                    v[axis] = half[axis] * (2 * at[axis] - n) / n;
+                }
+            }
+        }
+    }
+}
+
+/* The two triangles of one cell of the side whose outward normal is sign * axis. */
+static void mesh_box_add_cell(int n, int axis, int sign, int u, int v, int (*face)[3])
+{
+    static const int step[4][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
+    int corner[4];
+
+    for (int c = 0; c < 4; c++) {
+        /* Seen from outside, a negative side is walked the other way round */
+        int s = sign > 0 ? c : 3 - c;
+        int at[3];
+
+        at[axis] = sign > 0 ? n : 0;
+        at[(axis + 1) % 3] = u + step[s][0];
+        at[(axis + 2) % 3] = v + step[s][1];
+        corner[c] = mesh_box_vertex_number(n, at);
+    }
+    memcpy(face[0], (int[3]){corner[0], corner[1], corner[2]}, sizeof face[0]);
+    memcpy(face[1], (int[3]){corner[0], corner[2], corner[3]}, sizeof face[1]);
+}
+
+enum error_code mesh_box(const double half_extent[3], int cells, struct arena *arena,
+                         const struct mesh **mesh, struct error *error)
+{
+    /* Sizes that make a box */
+    if (cells < 1 || cells > MESH_MAX_BOX_CELLS) {
+        return error_set(error, ERROR_INPUT, "box: found %d cells per edge, expected 1 to %d",
+                         cells, MESH_MAX_BOX_CELLS);
+    }
+    for (int i = 0; i < 3; i++) {
+        if (!(half_extent[i] > 0 && half_extent[i] <= MESH_MAX_COORDINATE_M)) {
+            return error_set(error, ERROR_INPUT,
+                             "box: found half extent %g m on axis %c, expected over 0 and at most "
+                             "%g m",
+                             half_extent[i], "xyz"[i], MESH_MAX_COORDINATE_M);
+        }
+    }
+
+    /* Memory */
+    size_t n = (size_t)cells;
+    size_t nvertex = 6 * n * n + 2, nface = 12 * n * n;
+    struct mesh *box = arena_alloc(arena, 1, sizeof *box);
+    double(*vertex)[3] = arena_alloc(arena, nvertex, sizeof *vertex);
+    int(*face)[3] = arena_alloc(arena, nface, sizeof *face);
+
+    if (!box || !vertex || !face) {
+        return error_set(error, ERROR_MEMORY, "box: no memory for %zu faces", nface);
+    }
+
+    /* The vertices, then side by side the cells */
+    size_t next = 0;
+
+    mesh_box_place_vertices(half_extent, cells, vertex);
+    for (int axis = 0; axis < 3; axis++) {
+        for (int sign = -1; sign <= 1; sign += 2) {
+            for (int cell = 0; cell < cells * cells; cell++) {
+                mesh_box_add_cell(cells, axis, sign, cell / cells, cell % cells, face + next);
+                next += 2;
+            }
+        }
+    }
+    *box = (struct mesh){.name = "box",
+                         .nvertex = nvertex,
+                         .nface = nface,
+                         .vertex = (const double(*)[3])vertex,
+                         .face = (const int(*)[3])face,
+                         .sound = true};
+    *mesh = box;
+    return ERROR_NONE;
+}

@@ -1,0 +1,250 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Making a mesh ready for contact: faces and their neighbors, planes, trees. */
+#include "base/portable_math.h"
+#include "contact/mesh/edges.h"
+#include "contact/mesh/solid_private.h"
+
+#include "base/count.h"
+#include "base/vec3.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define CONVEX_FACETS 256 /* solids with more are not tried for convexity */
+
+void *solid_alloc(struct solid_builder *b, size_t count, size_t size)
+{
+    void *memory = arena_alloc(b->arena, count, size);
+
+    if (!memory) {
+        error_set(b->error, ERROR_MEMORY, "contact: no memory for the %zu faces of '%s'",
+                  b->mesh->nface, b->mesh->name);
+    }
+    return memory;
+}
+
+/* ---- faces ---- */
+
+static enum error_code solid_make_faces(struct solid_builder *b, struct solid *s)
+{
+    const struct mesh *m = b->mesh;
+    double(*vertex_normal)[3] = solid_alloc(b, m->nvertex, sizeof *vertex_normal);
+
+    b->normal = solid_alloc(b, m->nface, sizeof *b->normal);
+    if (!vertex_normal || !b->normal) {
+        return ERROR_MEMORY;
+    }
+    for (int f = 0; f < (int)m->nface; f++) {
+        double e[3][3], n[3], length;
+
+        /* The face's normal */
+        for (int i = 0; i < 3; i++) {
+            vec3_sub(mesh_corner(m, f, (i + 1) % 3), mesh_corner(m, f, i), e[i]);
+        }
+        vec3_cross(e[0], e[1], n);
+        length = vec3_norm(n);
+        for (int k = 0; k < 3; k++) {
+            b->normal[f][k] = n[k] / length;
+        }
+
+        /* Weighted by the angle at each corner it adds to that vertex's pseudonormal */
+        for (int i = 0; i < 3; i++) {
+            double *sum = vertex_normal[m->face[f][i]], side[3];
+            const double *from = e[i], *to = e[(i + 2) % 3];
+
+            vec3_cross(to, from, side);
+            vec3_add_scaled(sum, portable_atan2(vec3_norm(side), -vec3_dot(to, from)), b->normal[f],
+                            sum);
+        }
+    }
+    s->normal = (const double(*)[3])b->normal;
+    s->vertex_normal = (const double(*)[3])vertex_normal;
+    return ERROR_NONE;
+}
+
+static enum error_code solid_make_neighbors(struct solid_builder *b, struct solid *s)
+{
+    const struct mesh *m = b->mesh;
+    size_t n = 3 * m->nface;
+    struct half_edge *edge = malloc(n * sizeof *edge);
+    enum error_code code;
+
+    b->neighbor = solid_alloc(b, m->nface, sizeof *b->neighbor);
+    if (!b->neighbor || !edge) {
+        free(edge);
+        return error_set(b->error, ERROR_MEMORY, "contact: no memory for the edges of '%s'",
+                         m->name);
+    }
+
+    /* A sound mesh has each edge twice, side by side */
+    code = mesh_sort_half_edges(m, edge, b->error);
+    for (size_t i = 0; !code && i + 1 < n; i += 2) {
+        int x = edge[i].number, y = edge[i + 1].number;
+
+        b->neighbor[x / 3][x % 3] = y / 3;
+        b->neighbor[y / 3][y % 3] = x / 3;
+    }
+    free(edge);
+    s->neighbor = (const int(*)[3])b->neighbor;
+    return code;
+}
+
+/* ---- planes of a convex solid ---- */
+
+static bool solid_is_convex(const struct solid_builder *b, const struct solid *s)
+{
+    if (s->nfacet > CONVEX_FACETS) {
+        return false;
+    }
+    for (size_t i = 0; i < s->nfacet; i++) {
+        const struct facet *f = &s->facet[i];
+
+        for (size_t v = 0; v < b->mesh->nvertex; v++) {
+            if (vec3_dot(f->normal, b->mesh->vertex[v]) - f->offset > CONVEX * b->size) {
+                return false;
+            }
+        }
+    }
+    return true;
+}
+
+static enum error_code solid_make_planes(struct solid_builder *b, struct solid *s)
+{
+    double *plane[PLANE_ROWS];
+
+    s->convex = solid_is_convex(b, s);
+    if (!s->convex) {
+        return ERROR_NONE;
+    }
+    s->nplane = (s->nfacet + SOLID_LANES - 1) / SOLID_LANES * SOLID_LANES;
+    for (int row = 0; row < PLANE_ROWS; row++) {
+        s->plane[row] = plane[row] = solid_alloc(b, s->nplane, sizeof **plane);
+        if (!plane[row]) {
+            return ERROR_MEMORY;
+        }
+        for (size_t i = 0; i < s->nplane; i++) {
+            const struct facet *f = &s->facet[i < s->nfacet ? i : s->nfacet - 1];
+
+            plane[row][i] = row == PLANE_OFFSET ? f->offset : f->normal[row];
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* ---- trees ---- */
+
+/* box: scratch for as many boxes as there are faces. */
+static enum error_code solid_fill_trees(struct solid_builder *b, struct solid *s, struct box *box)
+{
+    const struct mesh *m = b->mesh;
+    struct box *normal_bounds;
+    enum error_code code;
+
+    /* Over the faces */
+    for (int f = 0; f < (int)m->nface; f++) {
+        box[f] = box_of_point(mesh_corner(m, f, 0));
+        box_add(&box[f], mesh_corner(m, f, 1));
+        box_add(&box[f], mesh_corner(m, f, 2));
+    }
+    code = tree_build(box, m->nface, 2, b->arena, &s->faces, b->error);
+    if (code != ERROR_NONE) {
+        return code;
+    }
+
+    /* Over the facets */
+    for (size_t i = 0; i < s->nfacet; i++) {
+        const struct facet *f = &s->facet[i];
+
+        box[i] = box_of_point(s->ring[f->first]);
+        for (int k = 1; k < f->count; k++) {
+            box_add(&box[i], s->ring[f->first + k]);
+        }
+    }
+    code = tree_build(box, s->nfacet, 2, b->arena, &s->facets, b->error);
+    if (code != ERROR_NONE) {
+        return code;
+    }
+
+    /* The bounds of their normals */
+    normal_bounds = solid_alloc(b, s->facets.nnode, sizeof *normal_bounds);
+    if (!normal_bounds) {
+        return ERROR_MEMORY;
+    }
+    for (size_t i = 0; i < s->nfacet; i++) {
+        box[i] = box_of_point(s->facet[i].normal);
+    }
+    tree_cover(&s->facets, box, normal_bounds);
+    s->normal_bounds = normal_bounds;
+    return ERROR_NONE;
+}
+
+static enum error_code solid_make_trees(struct solid_builder *b, struct solid *s)
+{
+    struct box *box = malloc(b->mesh->nface * sizeof *box);
+    enum error_code code;
+
+    if (!box) {
+        return error_set(b->error, ERROR_MEMORY, "contact: no memory for the trees of '%s'",
+                         b->mesh->name);
+    }
+    code = solid_fill_trees(b, s, box);
+    free(box);
+    return code;
+}
+
+/* ---- all of it ---- */
+
+static void solid_measure(struct solid_builder *b, struct solid *s)
+{
+    const struct mesh *m = b->mesh;
+    double diagonal[3];
+
+    s->box = box_of_point(m->vertex[0]);
+    for (size_t v = 1; v < m->nvertex; v++) {
+        box_add(&s->box, m->vertex[v]);
+    }
+    vec3_sub(s->box.high, s->box.low, diagonal);
+    b->size = vec3_norm(diagonal);
+    s->radius = b->size / 2;
+}
+
+enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct solid *solid,
+                           struct error *error)
+{
+    /* In an order in which each step finds what it needs */
+    static enum error_code (*const step[])(struct solid_builder *, struct solid *) = {
+        solid_make_faces,    solid_make_neighbors, solid_make_facets, solid_make_points,
+        solid_make_outlines, solid_make_planes,    solid_make_trees};
+    struct solid_builder b = {.mesh = mesh, .arena = arena, .error = error};
+    enum error_code code = ERROR_NONE;
+
+    /* Memory for the making */
+    *solid = (struct solid){
+        .nvertex = mesh->nvertex, .nface = mesh->nface, .vertex = mesh->vertex, .face = mesh->face};
+    b.group = malloc(mesh->nface * sizeof *b.group);
+    b.member = malloc(mesh->nface * sizeof *b.member);
+    b.next = malloc(mesh->nvertex * sizeof *b.next);
+    b.ring_vertex = malloc(3 * mesh->nface * sizeof *b.ring_vertex);
+    if (!b.group || !b.member || !b.next || !b.ring_vertex) {
+        code = error_set(error, ERROR_MEMORY, "contact: no memory to prepare '%s'", mesh->name);
+        goto done;
+    }
+
+    /* The steps; what they find is in the arena */
+    solid_measure(&b, solid);
+    for (size_t i = 0; i < ARRAY_COUNT(step); i++) {
+        code = step[i](&b, solid);
+        if (code != ERROR_NONE) {
+            goto done;
+        }
+    }
+    code = solid_find_surroundings(&b, solid);
+
+done:
+    free(b.group);
+    free(b.member);
+    free(b.next);
+    free(b.ring_vertex);
+    return code;
+}

@@ -1,0 +1,59 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Private to the making of a solid (solid.c, solid_facets.c, solid_surroundings.c): what is known
+ * while it is made, and the steps that are in files of their own. What stays is the arena's, all
+ * else is on the heap and freed by solid_make. Units and frames as in solid.h. Not RT-safe.
+ */
+#ifndef CONTACT_MESH_SOLID_PRIVATE_H
+#define CONTACT_MESH_SOLID_PRIVATE_H
+
+#include "contact/mesh/solid.h"
+
+#define CONVEX 1e-5 /* height over the size by which a corner may dent its neighborhood */
+
+struct solid_builder {
+    const struct mesh *mesh;
+    struct arena *arena;
+    struct error *error;
+    double size; /* diagonal of the mesh's box, m */
+
+    /* In the arena, becoming the solid's */
+    double (*normal)[3];
+    int (*neighbor)[3];
+    struct facet *facet;
+    double (*ring)[3];
+    size_t nfacet, nring;
+
+    /* On the heap */
+    int *group;       /* of each face: the seed of its plane, or -1 */
+    int *member;      /* faces of the plane that is being made into a facet */
+    int *next;        /* of each vertex on the plane's rim: the vertex after it, or -1 */
+    int *ring_vertex; /* the mesh's vertex at each corner in ring */
+
+    int loop[FACET_MAX_VERTICES]; /* corners of the plane's rim */
+};
+
+/* count elements in the arena, NULL with ERROR_MEMORY when there is no room. */
+void *solid_alloc(struct solid_builder *b, size_t count, size_t size);
+
+/* The i-th corner of a face. */
+static inline const double *mesh_corner(const struct mesh *mesh, int face, int i)
+{
+    return mesh->vertex[mesh->face[face][i]];
+}
+
+/* Finds the facets, from faces with normals and neighbors. */
+enum error_code solid_make_facets(struct solid_builder *b, struct solid *s);
+
+/* Points of quadrature of facets that are more than a triangle. Those of single triangles are
+ * quickly made when they are needed, and would fill the memory of a large terrain. */
+enum error_code solid_make_points(struct solid_builder *b, struct solid *s);
+
+/* Corners of the same facets in their planes. */
+enum error_code solid_make_outlines(struct solid_builder *b, struct solid *s);
+
+/* Finds what surrounds the facets (bend and clearance of struct facet), when all else of the solid
+ * is made. */
+enum error_code solid_find_surroundings(const struct solid_builder *b, const struct solid *s);
+
+#endif

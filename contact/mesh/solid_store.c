@@ -1,0 +1,158 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The store of solids: a list, for a robot has some dozens. */
+#include "contact/mesh/solid_store.h"
+
+#include <string.h>
+
+#define STORE_MEMORY ((size_t)1 << 30) /* of address space */
+
+struct stored_solid {
+    struct stored_solid *next;
+    struct mesh mesh;
+    struct solid solid;
+    bool has_field;
+    struct field field;
+};
+
+static struct {
+    int users; /* open while there are any */
+    bool open; /* has memory */
+    struct arena arena;
+    struct stored_solid *first;
+    size_t made;
+} solid_store;
+
+enum error_code solid_store_open(struct error *error)
+{
+    enum error_code code;
+
+    if (solid_store.users++ > 0) {
+        return ERROR_NONE;
+    }
+    code = arena_init(&solid_store.arena, STORE_MEMORY, error);
+    solid_store.open = !code;
+    solid_store.first = NULL;
+    solid_store.made = 0;
+    return code;
+}
+
+void solid_store_close(void)
+{
+    if (solid_store.users == 0 || --solid_store.users > 0) {
+        return;
+    }
+    arena_fini(&solid_store.arena);
+    solid_store.open = false;
+    solid_store.first = NULL;
+}
+
+size_t solid_store_made(void)
+{
+    return solid_store.made;
+}
+
+/* ---- what is there ---- */
+
+static struct stored_solid *stored_solid_of_mesh(const struct mesh *mesh)
+{
+    struct stored_solid *at = solid_store.first;
+
+    while (at && (at->mesh.nvertex != mesh->nvertex || at->mesh.nface != mesh->nface ||
+                  memcmp(at->mesh.vertex, mesh->vertex, mesh->nvertex * sizeof *mesh->vertex) ||
+                  memcmp(at->mesh.face, mesh->face, mesh->nface * sizeof *mesh->face))) {
+        at = at->next;
+    }
+    return at;
+}
+
+static struct stored_solid *stored_solid_of_solid(const struct solid *solid)
+{
+    struct stored_solid *at = solid_store.first;
+
+    while (at && &at->solid != solid) {
+        at = at->next;
+    }
+    return at;
+}
+
+/* ---- what is made ---- */
+
+/* An array of the caller's in the store; NULL when that is full. */
+static void *stored_solid_copy(const void *from, size_t count, size_t size)
+{
+    void *copy = arena_alloc(&solid_store.arena, count, size);
+
+    return copy ? memcpy(copy, from, count * size) : NULL;
+}
+
+/* The mesh, which may be gone before the store is, and its solid; NULL when the store is full. */
+static struct stored_solid *stored_solid_make(const struct mesh *mesh)
+{
+    struct stored_solid *made = arena_alloc(&solid_store.arena, 1, sizeof *made);
+    struct error full;
+
+    if (!made) {
+        return NULL;
+    }
+    made->mesh = *mesh;
+    made->mesh.name = arena_strdup(&solid_store.arena, mesh->name);
+    made->mesh.vertex = stored_solid_copy(mesh->vertex, mesh->nvertex, sizeof *mesh->vertex);
+    made->mesh.face = stored_solid_copy(mesh->face, mesh->nface, sizeof *mesh->face);
+    if (!made->mesh.name || !made->mesh.vertex || !made->mesh.face ||
+        solid_make(&made->mesh, &solid_store.arena, &made->solid, &full)) {
+        return NULL;
+    }
+    made->next = solid_store.first;
+    solid_store.first = made;
+    solid_store.made++;
+    return made;
+}
+
+enum error_code solid_store_find(const struct mesh *mesh, struct arena *arena,
+                                 const struct solid **solid, struct error *error)
+{
+    const struct stored_solid *stored = solid_store.open ? stored_solid_of_mesh(mesh) : NULL;
+    struct solid *own;
+    enum error_code code;
+
+    if (!stored && solid_store.open) {
+        stored = stored_solid_make(mesh);
+    }
+    if (stored) {
+        *solid = &stored->solid;
+        return ERROR_NONE;
+    }
+    own = arena_alloc(arena, 1, sizeof *own);
+    if (!own) {
+        return error_set(error, ERROR_MEMORY, "contact: no memory for '%s'", mesh->name);
+    }
+    code = solid_make(mesh, arena, own, error);
+    *solid = own;
+    return code;
+}
+
+enum error_code solid_store_find_field(const struct solid *solid, const char *name,
+                                       struct arena *arena, const struct field **field,
+                                       struct error *error)
+{
+    struct stored_solid *stored = stored_solid_of_solid(solid);
+    struct field *own;
+    struct error full;
+    enum error_code code;
+
+    if (stored && !stored->has_field) {
+        stored->has_field = !field_make(solid, name, &solid_store.arena, &stored->field, &full);
+        solid_store.made += stored->has_field;
+    }
+    if (stored && stored->has_field) {
+        *field = &stored->field;
+        return ERROR_NONE;
+    }
+    own = arena_alloc(arena, 1, sizeof *own);
+    if (!own) {
+        return error_set(error, ERROR_MEMORY, "contact: no memory for the field of '%s'", name);
+    }
+    code = field_make(solid, name, arena, own, error);
+    *field = own;
+    return code;
+}

@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Solids and fields of meshes that were made ready before. While the store is open, engines of this
+ * process share one solid, and one field, for all meshes with the same vertices and faces: for
+ * programs that make the same robot many times. A process that is forked finds what its parent had
+ * made. What a mesh gives depends on its vertices and faces alone, so that results are the same
+ * with the store and without it.
+ *
+ * One thread opens the store, makes engines and closes it. Not RT-safe.
+ */
+#ifndef CONTACT_MESH_SOLID_STORE_H
+#define CONTACT_MESH_SOLID_STORE_H
+
+#include "contact/mesh/field.h"
+
+/* Opens it, empty, or counts one more user of an open one. ERROR_SYSTEM when no memory can be
+ * reserved. To be closed once, also after an error. */
+enum error_code solid_store_open(struct error *error);
+
+/* Gives its memory back when the last user closes it; no engine that was made meanwhile may be used
+ * any more. Allowed on a closed one. */
+void solid_store_close(void);
+
+/* How many solids and fields were made since it was opened. */
+size_t solid_store_made(void);
+
+/* The solid of a sound mesh: that of the store or, when it is closed or full, one made in arena,
+ * which points into mesh. The only error is ERROR_MEMORY. */
+enum error_code solid_store_find(const struct mesh *mesh, struct arena *arena,
+                                 const struct solid **solid, struct error *error);
+
+/* The field of a solid, likewise. */
+enum error_code solid_store_find_field(const struct solid *solid, const char *name,
+                                       struct arena *arena, const struct field **field,
+                                       struct error *error);
+
+#endif

@@ -1,0 +1,124 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Bounding-volume tree: a binary tree of axis-aligned boxes over items that never move in their
+ * frame, coordinates in meters there. Built once by splitting at the median along the longest side,
+ * so that its depth is the logarithm of the number of items: what a walk over it costs is bounded,
+ * and its order depends on nothing but the boxes. Its memory is the arena's that it was built in.
+ * Building is not RT-safe; boxes and walks are.
+ */
+#ifndef CONTACT_MESH_TREE_H
+#define CONTACT_MESH_TREE_H
+
+#include "base/arena.h"
+#include "base/error.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#define TREE_DEPTH_MAX 48 /* of a stack for a search; 2^32 items fill 33 */
+
+struct box {
+    double low[3], high[3];
+};
+
+/* Nodes are in preorder: a node, then all below its left child, then all below its right one. So a
+ * walk needs no stack; it steps over what is below a node that it does not want:
+ *
+ *     for (node = tree->node; node != tree_end(tree);) {
+ *         if (nothing below the node is wanted) {
+ *             node += node->size;
+ *             continue;
+ *         }
+ *         ... item[node->first] to item[node->first + node->count - 1] (of an inner node none)
+ *         ++node;
+ *     }
+ */
+struct tree_node {
+    struct box box;
+    int first,
+        count; /* a leaf's items are item[first] to item[first + count - 1]; inner: count 0 */
+    int size;  /* nodes below it and itself; its children: node + 1, node + 1 + node[1].size */
+};
+
+struct tree {
+    const struct tree_node *node; /* node[0] is the root */
+    const int *item;
+    size_t nnode;
+};
+
+/* Behind the last node. RT-safe. */
+static inline const struct tree_node *tree_end(const struct tree *tree)
+{
+    return tree->node + tree->nnode;
+}
+
+/* Builds a tree over n > 0 items with these boxes; leaves hold at most leaf of them. Memory from
+ * arena; ERROR_MEMORY when there is none. Not RT-safe. */
+enum error_code tree_build(const struct box *boxes, size_t n, int leaf, struct arena *arena,
+                           struct tree *tree, struct error *error);
+
+/* Bounds of something else that items have (their normals, say): out[i] covers the boxes of all
+ * items under node i. Not RT-safe. */
+void tree_cover(const struct tree *tree, const struct box *boxes, struct box *out);
+
+/* Writes the items whose leaf's box meets the box, in the tree's order, and stops at max. Returns
+ * how many. RT-safe. */
+size_t tree_collect(const struct tree *tree, const struct box *box, int *list, size_t max);
+
+/* ---- boxes; RT-safe ---- */
+
+/* The box of one point. */
+static inline struct box box_of_point(const double p[3])
+{
+    return (struct box){.low = {p[0], p[1], p[2]}, .high = {p[0], p[1], p[2]}};
+}
+
+/* Grows the box to hold a point. */
+static inline void box_add(struct box *box, const double p[3])
+{
+    for (int i = 0; i < 3; i++) {
+        box->low[i] = p[i] < box->low[i] ? p[i] : box->low[i];
+        box->high[i] = p[i] > box->high[i] ? p[i] : box->high[i];
+    }
+}
+
+/* Grows the box to hold another. */
+static inline void box_add_box(struct box *box, const struct box *other)
+{
+    box_add(box, other->low);
+    box_add(box, other->high);
+}
+
+static inline bool boxes_meet(const struct box *a, const struct box *b)
+{
+    return a->low[0] <= b->high[0] && b->low[0] <= a->high[0] && a->low[1] <= b->high[1] &&
+           b->low[1] <= a->high[1] && a->low[2] <= b->high[2] && b->low[2] <= a->high[2];
+}
+
+/* The least value that d . p takes for p in the box. */
+static inline double box_least(const struct box *box, const double d[3])
+{
+    return d[0] * (d[0] > 0 ? box->low[0] : box->high[0]) +
+           d[1] * (d[1] > 0 ? box->low[1] : box->high[1]) +
+           d[2] * (d[2] > 0 ? box->low[2] : box->high[2]);
+}
+
+/* The square of a point's distance to the box, 0 inside. */
+static inline double box_distance2(const struct box *box, const double p[3])
+{
+    double sum = 0;
+
+    for (int i = 0; i < 3; i++) {
+        double below = box->low[i] - p[i], above = p[i] - box->high[i];
+        double d = below > above ? below : above;
+
+        sum += d > 0 ? d * d : 0;
+    }
+    return sum;
+}
+
+/* The box about a box that is turned and moved: into the frame in which its own has the axes R
+ * (columns) and the origin p. */
+struct box box_transform(const struct box *box, const double R[9], const double p[3]);
+
+#endif

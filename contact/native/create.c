@@ -1,0 +1,498 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Contact engine "native" being created: surfaces made ready, the law and the kernels of each pair,
+ * the memory that evaluations work in.
+ */
+#include "base/portable_math.h"
+#include "contact/native/private.h"
+#include "contact/mesh/solid_store.h"
+#include "base/instruction_set.h"
+#include "base/vec3.h"
+
+#include <math.h>
+#include <string.h>
+
+static enum error_code native_no_memory(struct error *error)
+{
+    return error_set(error, ERROR_MEMORY, "contact: no memory for the engine");
+}
+
+/* ---- pairs ---- */
+
+static double law_harmonic_mean(double a, double b)
+{
+    return a * b > 0 ? 2 * a * b / (a + b) : 0;
+}
+
+/* The constants of contact.h's law for two materials. */
+static struct native_law law_make(const struct contact_material *a,
+                                  const struct contact_material *b, double transition)
+{
+    double ka = a->young_pa / a->thickness_m, kb = b->young_pa / b->thickness_m;
+    double ha = portable_pow(a->young_pa, 2.0 / 3), hb = portable_pow(b->young_pa, 2.0 / 3);
+    double s = kb / (ka + kb), hs = hb / (ha + hb);
+    double ba = a->backing_pa_per_m, bb = b->backing_pa_per_m;
+
+    return (struct native_law){
+        .stiffness = ka * s,
+        .dissipation = s * a->dissipation_s_per_m + (1 - s) * b->dissipation_s_per_m,
+        .share = {s, 1 - s},
+        .us = law_harmonic_mean(a->static_friction, b->static_friction),
+        .ud = law_harmonic_mean(a->dynamic_friction, b->dynamic_friction),
+        .uv = law_harmonic_mean(a->viscous_friction, b->viscous_friction),
+        .transition_inverse = 1 / transition,
+        .hertz = portable_pow(ha * hs, 1.5),
+        .hertz_share = hs,
+        .layers = a->thickness_m + b->thickness_m,
+        .backing = law_harmonic_mean(ba, bb) / 2,
+    };
+}
+
+static bool shape_is_mesh(enum contact_shape shape)
+{
+    return shape == CONTACT_BOX || shape == CONTACT_MESH;
+}
+
+#define NOMINAL_DEPTH 0.25 /* of the radius */
+
+/* Stiffness of bristles over that of the layers along the normal. Rigs' layers are softer than what
+ * they stand for: those of COMAN have 8.3e7 Pa/m, and soles of rubber with a shear modulus of 1 to
+ * 2 MPa, 3 to 5 mm thick, have 2e8 to 7e8 Pa/m in shear (docs/contact.md). */
+#define SHEAR_RATIO 5.0
+
+/* The largest area in which a surface touches a flat one, m2: the two longer sides of its box, or
+ * of what is curved where it is a quarter of its radius deep. Infinite for a half-space. */
+static double surface_nominal_area(const struct contact_surface *given,
+                                   const struct native_surface *s)
+{
+    double side[3], width;
+
+    switch (given->shape) {
+    case CONTACT_HALF_SPACE:
+        return INFINITY;
+    case CONTACT_SPHERE:
+    case CONTACT_CAPSULE:
+        width = given->radius_m * sqrt(8 * NOMINAL_DEPTH);
+        return width * (width + (given->shape == CONTACT_CAPSULE ? given->length_m : 0));
+    default:
+        break;
+    }
+    for (int k = 0; k < 3; k++) {
+        side[k] = s->solid->box.high[k] - s->solid->box.low[k];
+    }
+    return fmax(side[0] * side[1], fmax(side[1] * side[2], side[2] * side[0]));
+}
+
+/* Returns the stiffness of a pair's bristles, N/m. It does not follow what presses on them. */
+static double pair_shear_stiffness(const struct contact_surface *a, const struct contact_surface *b,
+                                   const struct native_pair *pair,
+                                   const struct native_surface *surface)
+{
+    double radius;
+
+    if (pair->kind == PAIR_HERTZ_SPHERES || pair->kind == PAIR_HERTZ_HALF_SPACE) {
+        radius = pair->kind == PAIR_HERTZ_HALF_SPACE
+                     ? a->radius_m
+                     : a->radius_m * b->radius_m / (a->radius_m + b->radius_m);
+        return SHEAR_RATIO * 2 * pair->law.hertz * radius * sqrt(NOMINAL_DEPTH);
+    }
+    return SHEAR_RATIO * pair->law.stiffness *
+           fmin(surface_nominal_area(a, &surface[pair->surface[0]]),
+                surface_nominal_area(b, &surface[pair->surface[1]]));
+}
+
+/* Which of two surfaces comes first: mesh, capsule, sphere, half-space. */
+static int shape_rank(enum contact_shape shape)
+{
+    return shape_is_mesh(shape)       ? 0
+           : shape == CONTACT_CAPSULE ? 1
+           : shape == CONTACT_SPHERE  ? 2
+                                      : 3;
+}
+
+/* What two shapes in this order do, two meshes by their law; a capsule is a mesh of facets to a
+ * mesh. */
+static enum native_pair_kind pair_find_kind(enum contact_shape a, enum contact_shape b,
+                                            enum native_pair_kind meshes)
+{
+    if (shape_is_mesh(a)) {
+        return b == CONTACT_HALF_SPACE ? PAIR_MESH_HALF_SPACE
+               : b == CONTACT_SPHERE   ? PAIR_MESH_SPHERE
+               : b == CONTACT_CAPSULE  ? PAIR_MESHES
+                                       : meshes;
+    }
+    if (a == CONTACT_CAPSULE) {
+        return b == CONTACT_HALF_SPACE ? PAIR_CAPSULE_HALF_SPACE : PAIR_CAPSULES;
+    }
+    return b == CONTACT_SPHERE ? PAIR_HERTZ_SPHERES : PAIR_HERTZ_HALF_SPACE;
+}
+
+/* Whether a pair's b has to come first. Of two meshes that interact by a pressure field the larger
+ * one carries it: so the sides of a box on a table do not soften its rim. */
+static bool pair_is_turned(const struct contact_config *config, const struct contact_pair *pair,
+                           const struct native_surface *surface)
+{
+    enum contact_shape a = config->surface[pair->a].shape, b = config->surface[pair->b].shape;
+
+    if (shape_is_mesh(a) && shape_is_mesh(b)) {
+        return config->mesh_law == CONTACT_PRESSURE_FIELD &&
+               surface[pair->b].solid->radius > surface[pair->a].solid->radius;
+    }
+    return shape_rank(b) < shape_rank(a);
+}
+
+const struct native_kernels *native_kernels_used(void)
+{
+#if defined(NATIVE_VARIANTS)
+    switch (instruction_set_used()) {
+    case INSTRUCTIONS_AVX512:
+        return &native_kernels_avx512;
+    case INSTRUCTIONS_AVX2:
+        return &native_kernels_avx2;
+    default:
+        break;
+    }
+#endif
+    return &native_kernels;
+}
+
+/* kernels: NULL for the best. */
+static void pair_make(const struct contact_config *config, size_t index,
+                      const struct native_surface *surface, const struct native_kernels *kernels,
+                      struct native_pair *pair)
+{
+    const enum native_pair_kind meshes =
+        config->mesh_law == CONTACT_PRESSURE_FIELD ? PAIR_FIELDS : PAIR_MESHES;
+    const struct contact_pair *given = &config->pair[index];
+    bool turned = pair_is_turned(config, given, surface);
+    const struct contact_surface *a = &config->surface[turned ? given->b : given->a];
+    const struct contact_surface *b = &config->surface[turned ? given->a : given->b];
+
+    /* Its surfaces in the order that the kernels want */
+    pair->surface[0] = turned ? given->b : given->a;
+    pair->surface[1] = turned ? given->a : given->b;
+    pair->sign = turned ? 1 : -1;
+
+    /* Its law, with Hertz's shares between surfaces without a mesh */
+    pair->law = law_make(&a->material, &b->material, config->transition_velocity_m_s);
+    pair->kind = pair_find_kind(a->shape, b->shape, meshes);
+    if (pair->kind == PAIR_HERTZ_SPHERES || pair->kind == PAIR_HERTZ_HALF_SPACE) {
+        double share = pair->law.hertz_share;
+
+        pair->law.dissipation = 1.5 * (share * a->material.dissipation_s_per_m +
+                                       (1 - share) * b->material.dissipation_s_per_m);
+    }
+    pair->onto = native_pair_is_one_way(pair) ? -pair->law.share[0]
+                 : pair->kind == PAIR_FIELDS  ? pair->law.share[1]
+                                              : 0;
+    pair->anchored = pair->kind == PAIR_FIELDS || pair->kind == PAIR_MESH_SPHERE;
+    pair->law.shear_root = sqrt(pair_shear_stiffness(a, b, pair, surface));
+    pair->kernels = kernels ? kernels : native_kernels_used();
+}
+
+/* ---- surfaces ---- */
+
+/* The same mesh on several surfaces is made ready once: the solid of an earlier one, or NULL. */
+static const struct solid *surface_find_solid(const struct contact_config *config, size_t index,
+                                              const struct native_surface *surface)
+{
+    for (size_t i = 0; i < index; i++) {
+        if (config->surface[i].shape == CONTACT_MESH &&
+            config->surface[i].mesh == config->surface[index].mesh) {
+            return surface[i].solid;
+        }
+    }
+    return NULL;
+}
+
+/* Whether a surface may touch a mesh. */
+static bool surface_meets_mesh(const struct contact_config *config, size_t index)
+{
+    for (size_t i = 0; i < config->npair; i++) {
+        const struct contact_pair *pair = &config->pair[i];
+
+        if ((size_t)pair->a == index && shape_is_mesh(config->surface[pair->b].shape)) {
+            return true;
+        }
+        if ((size_t)pair->b == index && shape_is_mesh(config->surface[pair->a].shape)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* A ball and a capsule about the middle of a mesh's box, the capsule along the longest side. */
+static void surface_bound_mesh(const struct mesh *mesh, struct native_surface *s)
+{
+    const struct box *box = &s->solid->box;
+    double middle[3], side[3], half, next = 0;
+    int longest = 0;
+
+    for (int k = 0; k < 3; k++) {
+        middle[k] = (box->low[k] + box->high[k]) / 2;
+        side[k] = (box->high[k] - box->low[k]) / 2;
+        longest = side[k] > side[longest] ? k : longest;
+    }
+    for (int k = 0; k < 3; k++) {
+        next = k != longest && side[k] > next ? side[k] : next;
+    }
+    half = side[longest] - next;
+    s->reach = s->about.radius = 0;
+    for (size_t v = 0; v < mesh->nvertex; v++) {
+        double to[3], along;
+
+        vec3_sub(mesh->vertex[v], middle, to);
+        s->reach = fmax(s->reach, vec3_norm(to));
+        along = fmin(half, fmax(-half, to[longest]));
+        to[longest] -= along;
+        s->about.radius = fmax(s->about.radius, vec3_norm(to));
+    }
+
+    /* In the body */
+    mat3_apply(s->rotation, middle, s->center);
+    vec3_add_scaled(s->center, 1, s->position, s->center);
+    for (int k = 0; k < 3; k++) {
+        s->about.half[k] = half * s->rotation[3 * k + longest];
+    }
+}
+
+/* The solid of a box, a mesh or a capsule, and what is about it. */
+static enum error_code surface_make_solid(const struct contact_config *config, size_t index,
+                                          struct arena *arena, struct native_surface *surface,
+                                          struct error *error)
+{
+    const struct contact_surface *given = &config->surface[index];
+    struct native_surface *s = &surface[index];
+    const struct mesh *mesh = given->mesh;
+    enum error_code code;
+
+    /* Its mesh */
+    if (given->shape == CONTACT_BOX) {
+        code = mesh_box(given->half_extent_m, given->cells_per_edge, arena, &mesh, error);
+        if (code != ERROR_NONE) {
+            return code;
+        }
+    } else if (given->shape == CONTACT_CAPSULE) {
+        code = mesh_capsule(given->radius_m, given->length_m, arena, &mesh, error);
+        if (code != ERROR_NONE) {
+            return code;
+        }
+    } else {
+        s->solid = surface_find_solid(config, index, surface);
+    }
+
+    /* Made ready */
+    if (!s->solid) {
+        code = solid_store_find(mesh, arena, &s->solid, error);
+        if (code != ERROR_NONE) {
+            return code;
+        }
+    }
+
+    surface_bound_mesh(mesh, s);
+    return ERROR_NONE;
+}
+
+static enum error_code surface_make(const struct contact_config *config, size_t index,
+                                    struct arena *arena, struct native_surface *surface,
+                                    struct error *error)
+{
+    const struct contact_surface *given = &config->surface[index];
+    struct native_surface *s = &surface[index];
+
+    s->body = given->body;
+    s->shape = given->shape;
+    memcpy(s->position, given->position, sizeof s->position);
+    memcpy(s->rotation, given->rotation, sizeof s->rotation);
+    memcpy(s->center, given->position, sizeof s->center);
+    if (given->shape == CONTACT_SPHERE || given->shape == CONTACT_CAPSULE) {
+        s->capsule.radius = given->radius_m;
+        s->capsule.half = given->shape == CONTACT_CAPSULE ? given->length_m / 2 : 0;
+        s->reach = s->capsule.radius + s->capsule.half;
+        s->about.radius = s->capsule.radius;
+        for (int k = 0; k < 3; k++) {
+            s->about.half[k] = s->capsule.half * s->rotation[3 * k + 2];
+        }
+    }
+    if (shape_is_mesh(given->shape) ||
+        (given->shape == CONTACT_CAPSULE && surface_meets_mesh(config, index))) {
+        return surface_make_solid(config, index, arena, surface, error);
+    }
+    return ERROR_NONE;
+}
+
+/* The field of a surface, or that of another one with the same solid. */
+static enum error_code surface_make_field(const struct contact_config *config, size_t index,
+                                          struct arena *arena, struct native_surface *surface,
+                                          struct error *error)
+{
+    struct native_surface *s = &surface[index];
+
+    for (size_t i = 0; i < config->nsurface && !s->field; i++) {
+        s->field = surface[i].solid == s->solid ? surface[i].field : NULL;
+    }
+    if (s->field) {
+        return ERROR_NONE;
+    }
+    return solid_store_find_field(s->solid, config->surface[index].name, arena, &s->field, error);
+}
+
+/* No ball in a solid is larger than half of its least extent. */
+static double solid_deepest_bound(const struct solid *s)
+{
+    double least = s->radius;
+
+    for (int k = 0; k < 3; k++) {
+        least = fmin(least, (s->box.high[k] - s->box.low[k]) / 2);
+    }
+    return least;
+}
+
+/* The fields that the pairs need: that of the first, and of a second that may be deeper. */
+static enum error_code fields_make(const struct contact_config *config, struct arena *arena,
+                                   struct native_engine *e, struct error *error)
+{
+    for (size_t i = 0; i < e->npair; i++) {
+        const int *side = e->pair[i].surface;
+        const struct solid *second = e->surface[side[1]].solid;
+        enum error_code code;
+
+        if (e->pair[i].kind != PAIR_FIELDS) {
+            continue;
+        }
+        code = surface_make_field(config, (size_t)side[0], arena, e->surface, error);
+        if (code == ERROR_NONE &&
+            solid_deepest_bound(second) > e->surface[side[0]].field->deepest) {
+            code = surface_make_field(config, (size_t)side[1], arena, e->surface, error);
+        }
+        if (code != ERROR_NONE) {
+            return code;
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* ---- memory ---- */
+
+static enum error_code scratch_make(struct native_engine *e, struct arena *arena,
+                                    struct error *error)
+{
+    struct native_scratch *s = e->scratch = arena_alloc(arena, 1, sizeof *e->scratch);
+    struct native_view *view;
+    size_t most = 1, padded;
+    bool made;
+
+    if (!s) {
+        return native_no_memory(error);
+    }
+
+    /* No mesh has more facets than faces */
+    for (size_t i = 0; i < e->nsurface; i++) {
+        if (e->surface[i].solid && e->surface[i].solid->nface > most) {
+            most = e->surface[i].solid->nface;
+        }
+    }
+
+    /* The lists and the view of as many, padded where as many as there are lanes are read */
+    view = &s->view;
+    padded = (most + SOLID_LANES - 1) / SOLID_LANES * SOLID_LANES;
+    view->radius = arena_alloc(arena, padded, sizeof *view->radius);
+    view->ring = arena_alloc(arena, most, sizeof *view->ring);
+    view->corner = arena_alloc(arena, 3 * most, sizeof *view->corner);
+    made = view->radius && view->ring && view->corner;
+    for (int k = 0; k < 3; k++) {
+        view->normal[k] = arena_alloc(arena, padded, sizeof **view->normal);
+        view->center[k] = arena_alloc(arena, padded, sizeof **view->center);
+        made = made && view->normal[k] && view->center[k];
+    }
+    for (int i = 0; i < 2; i++) {
+        s->list[i] = arena_alloc(arena, most, sizeof **s->list);
+        made = made && s->list[i];
+    }
+    return made ? ERROR_NONE : native_no_memory(error);
+}
+
+/* The engine with nothing in its arrays yet; NULL without memory. */
+static struct native_engine *engine_alloc(const struct contact_config *config, struct arena *arena)
+{
+    struct native_engine *e = arena_alloc(arena, 1, sizeof *e);
+
+    if (!e) {
+        return NULL;
+    }
+    e->world.ops = &native_ops;
+    e->nbody = config->nbody;
+    e->nsurface = config->nsurface;
+    e->npair = config->npair;
+
+    /* One more of each: an empty scene is a scene too */
+    e->surface = arena_alloc(arena, e->nsurface + 1, sizeof *e->surface);
+    e->pose = arena_alloc(arena, e->nsurface + 1, sizeof *e->pose);
+    e->pair = arena_alloc(arena, e->npair + 1, sizeof *e->pair);
+    e->patch = arena_alloc(arena, e->npair + 1, sizeof *e->patch);
+    e->springs = arena_alloc(arena, e->npair + 1, sizeof *e->springs);
+    e->placed = arena_alloc(arena, e->nsurface + 1, sizeof *e->placed);
+    e->near = arena_alloc(arena, e->npair / 64 + 1, sizeof *e->near);
+    if (config->friction == CONTACT_FRICTION_STICKING) {
+        e->world.nbristle = CONTACT_BRISTLE * e->npair;
+        e->grip = arena_alloc(arena, e->npair + 1, sizeof *e->grip);
+        if (!e->grip) {
+            return NULL;
+        }
+    }
+    return e->surface && e->pose && e->pair && e->patch && e->springs && e->placed && e->near
+               ? e
+               : NULL;
+}
+
+enum error_code native_create_with_kernels(const struct contact_config *config,
+                                           const struct native_kernels *kernels,
+                                           struct arena *arena, struct contact_world **world,
+                                           struct error *error)
+{
+    enum error_code code = contact_config_check(config, error);
+    struct native_engine *e;
+
+    if (code != ERROR_NONE) {
+        return code;
+    }
+    e = engine_alloc(config, arena);
+    if (!e) {
+        return native_no_memory(error);
+    }
+
+    /* Surfaces, then the pairs of them */
+    for (size_t i = 0; i < e->nsurface; i++) {
+        code = surface_make(config, i, arena, e->surface, error);
+        if (code != ERROR_NONE) {
+            return code;
+        }
+    }
+    code = broad_phase_make(config, arena, &e->broad, error);
+    if (code != ERROR_NONE) {
+        return code;
+    }
+    e->find_near = (kernels ? kernels : native_kernels_used())->find_near;
+    native_place_fixed_surfaces(e);
+    for (size_t i = 0; i < e->npair; i++) {
+        pair_make(config, i, e->surface, kernels, &e->pair[i]);
+    }
+    code = fields_make(config, arena, e, error);
+    if (code != ERROR_NONE) {
+        return code;
+    }
+
+    /* Room for the largest surface */
+    code = scratch_make(e, arena, error);
+    if (code != ERROR_NONE) {
+        return code;
+    }
+    *world = &e->world;
+    return ERROR_NONE;
+}
+
+enum error_code contact_native_create(const struct contact_config *config, struct arena *arena,
+                                      struct contact_world **world, struct error *error)
+{
+    return native_create_with_kernels(config, NULL, arena, world, error);
+}

@@ -1,0 +1,940 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Two meshes by the pressure field of one of them, the carrier: what the facets of the other one,
+ * the visitor, feel in it. In each cell of the field (contact/mesh/field.h) the depth is linear, so
+ * over the part of a facet that is in the cell its integrals are exact sums over the corners.
+ *
+ * The elastic force on the visitor is minus the integral of k times the depth times its outward
+ * normal: the gradient of k times the integral of the depth over what both have in common. It is
+ * added as a whole. What of it presses, along the depth's gradient, is also put on springs, which
+ * damp and rub; their own elastic force, which is in the whole already, is taken off again.
+ */
+#include "contact/lanes.h"
+#include "contact/native/flat.h"
+#include "contact/native/pairs.h"
+#include "base/vec3.h"
+
+#include <float.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <string.h>
+
+/* Springs stand closer than this to each other, against the radius of the smaller mesh. */
+#define SPACING 0.6
+#define FEW_CORNERS 6
+#define FACING 0.5      /* pieces that face the carrier less have three springs, however large */
+#define SPACING_PARTS 8 /* along the edge of a triangle, at most */
+#define NEAR_MOST 64    /* cells near the visitor that are listed; among more each facet searches */
+
+/* A carrier and a visitor; all in the carrier's frame. */
+struct visit {
+    const struct field *field;
+    const struct solid *carrier, *visitor;
+    double R[9], p[3]; /* of the visitor */
+    bool turned;       /* the carrier is the pair's second */
+    double least;      /* what is less deep does not count, and the rest by what it is deeper */
+    double spacing;
+    const struct tree_node *near[NEAR_MOST]; /* leaves of a shell's tree about the visitor */
+    int nnear;                               /* NEAR_MOST + 1: there are more */
+    const struct native_law *law;
+    const struct native_relative *relative;
+    struct native_scratch *scratch;
+    struct native_sum *sum;
+};
+
+/* A facet of the visitor. */
+struct visit_facet {
+    const struct facet *f;
+    double normal[3], center[3], axis[2][3];
+    int ncorner; /* 0 of one with more than FEW_CORNERS */
+    double corner[FEW_CORNERS][3];
+};
+
+/* The depth over the plane of a facet, from its center along its axes, in one cell. */
+struct visit_depth {
+    double at, slope[2];
+    double inward[3]; /* unit, the way on which it grows most */
+    double facing;    /* inward . the facet's normal */
+    int sign;         /* of the cell */
+};
+
+/* Area and depth over the parts of a facet in one cell that are too small for springs of their
+ * own, about an origin in their plane. */
+struct visit_group {
+    double x, y;
+    double area, first[2], second[3]; /* x, y; xx, xy, yy */
+    double depth, moment[2];
+    double inward[3]; /* times the area that faces it */
+};
+
+/* ---- forces ---- */
+
+/* Adds a force along a direction, and what has its moment: the sum of its parts times where they
+ * act. It acts on the carrier. */
+static void visit_add_force(const struct visit *v, const double direction[3], double force,
+                            const double lever[3])
+{
+    struct native_sum *sum = v->sum;
+    double d[3], at[3], turn[3];
+
+    if (!v->turned) {
+        vec3_cross(lever, direction, turn);
+        vec3_add_scaled(sum->force, force, direction, sum->force);
+        vec3_add_scaled(sum->moment, 1, turn, sum->moment);
+        return;
+    }
+
+    /* On the pair's first the opposite, in its frame */
+    mat3_apply(v->relative->R, direction, d);
+    mat3_apply(v->relative->R, lever, at);
+    vec3_add_scaled(at, force, v->relative->p, at);
+    vec3_cross(at, d, turn);
+    vec3_add_scaled(sum->force, -force, d, sum->force);
+    vec3_add_scaled(sum->moment, -1, turn, sum->moment);
+}
+
+/* Adds springs over a facet's plane: so many places x, y, their depths there, one rate. There must
+ * be room. Each stands from the visitor's surface toward the carrier's by the visitor's share. */
+static void visit_add_springs(const struct visit *v, const struct visit_facet *f,
+                              const struct visit_depth *depth, double rate, const double *x,
+                              const double *y, int count)
+{
+    struct native_batch *batch = &v->scratch->batch;
+    const double share = v->law->share[v->turned ? 0 : 1];
+    const double at = depth->at, sx = depth->slope[0], sy = depth->slope[1];
+    const size_t n = batch->n;
+    double center[3], axis[2][3], d[3];
+
+    /* In the frame of the pair's first, which they push */
+    if (v->turned) {
+        mat3_apply(v->relative->R, f->center, center);
+        vec3_add_scaled(center, 1, v->relative->p, center);
+        mat3_apply(v->relative->R, f->axis[0], axis[0]);
+        mat3_apply(v->relative->R, f->axis[1], axis[1]);
+        mat3_apply(v->relative->R, depth->inward, d);
+    } else {
+        memcpy(center, f->center, sizeof center);
+        memcpy(axis, f->axis, sizeof axis);
+        memcpy(d, depth->inward, sizeof d);
+    }
+
+    /* A place is linear in x and y as the depth is */
+    for (int k = 0; k < 3; k++) {
+        const double from = center[k] - share * at * d[k], push = v->turned ? -d[k] : d[k];
+        const double ax = axis[0][k] - share * sx * d[k], ay = axis[1][k] - share * sy * d[k];
+        double *p = batch->p[k] + n, *to = batch->d[k] + n;
+
+        for (int i = 0; i < count; i++) {
+            p[i] = from + x[i] * ax + y[i] * ay;
+            to[i] = push;
+        }
+    }
+    for (int i = 0; i < count; i++) {
+        const double deep = at + sx * x[i] + sy * y[i];
+
+        batch->depth[n + (size_t)i] = deep;
+        batch->force[n + (size_t)i] = rate * deep;
+        batch->rate[n + (size_t)i] = rate;
+    }
+    batch->n += (size_t)count;
+}
+
+/* ---- what a polygon of a facet in one cell does ---- */
+
+/* Adds a force on the carrier along a direction, that of a depth over a facet's plane: rate times
+ * the mean depth at the centroid, and what the slope gives it of a moment. */
+static void visit_add_pressure(const struct visit *v, const struct visit_facet *f,
+                               const struct visit_depth *depth, const struct moments *m,
+                               const double direction[3], double rate)
+{
+    double mean = depth->at + depth->slope[0] * m->x + depth->slope[1] * m->y, lever[3];
+    double x = mean * m->x + m->xx * depth->slope[0] + m->xy * depth->slope[1];
+    double y = mean * m->y + m->xy * depth->slope[0] + m->yy * depth->slope[1];
+
+    if (v->sum->tangent || v->sum->grip) {
+        return;
+    }
+    for (int k = 0; k < 3; k++) {
+        lever[k] = rate * (mean * f->center[k] + x * f->axis[0][k] + y * f->axis[1][k]);
+    }
+    visit_add_force(v, direction, rate * mean, lever);
+}
+
+/* Springs on a triangle between the centroid and an edge, from it by u and w: three in each of the
+ * equal triangles no wider than the spacing that it is cut into. */
+static void visit_add_triangle(const struct visit *v, const struct visit_facet *f,
+                               const struct visit_depth *depth, const double center[2],
+                               const double u[2], const double w[2])
+{
+    const double e[2] = {w[0] - u[0], w[1] - u[1]}, uu = u[0] * u[0] + u[1] * u[1];
+    const double ww = w[0] * w[0] + w[1] * w[1], ee = e[0] * e[0] + e[1] * e[1];
+    const double longest = sqrt(ee > uu ? ee > ww ? ee : ww : uu > ww ? uu : ww);
+    const int wanted = (int)(longest / v->spacing) + 1;
+    const int parts = wanted < SPACING_PARTS ? wanted : SPACING_PARTS;
+    const double area = (u[0] * w[1] - u[1] * w[0]) / 2;
+    const double part = 1.0 / parts,
+                 rate = v->law->stiffness * depth->facing * area / 3 * part * part;
+    double x[3 * SPACING_PARTS * SPACING_PARTS], y[3 * SPACING_PARTS * SPACING_PARTS];
+    int n = 0;
+
+    for (int row = 0; row < parts; row++) {
+        for (int at = 0; at < 2 * (parts - row) - 1; at++) {
+            for (int q = 0; q < 3; ++q, ++n) {
+                double s, t;
+
+                triangle_find_point(part, row, at, q, &s, &t);
+                x[n] = center[0] + s * u[0] + t * w[0];
+                y[n] = center[1] + s * u[1] + t * w[1];
+            }
+        }
+    }
+    native_law_make_room(&v->scratch->batch, (size_t)n, v->law, v->relative, v->sum);
+    visit_add_springs(v, f, depth, rate, x, y, n);
+}
+
+/* Springs on a polygon, over all of which they integrate a linear depth exactly, force and moment;
+ * their elastic force is taken off the sum. */
+static void visit_add_fan(const struct visit *v, const struct visit_facet *f,
+                          const struct visit_depth *depth, const struct flat *g,
+                          const struct moments *m)
+{
+    const double center[2] = {m->x, m->y};
+
+    for (int i = 0; i < g->n; i++) {
+        int j = i + 1 < g->n ? i + 1 : 0;
+        const double u[2] = {g->x[i] - m->x, g->y[i] - m->y};
+        const double w[2] = {g->x[j] - m->x, g->y[j] - m->y};
+
+        visit_add_triangle(v, f, depth, center, u, w);
+    }
+    visit_add_pressure(v, f, depth, m, depth->inward,
+                       -v->law->stiffness * depth->facing * m->twice / 2);
+}
+
+/* Adds a polygon to a group; origin: the group's. */
+static void group_add(struct visit_group *g, const struct visit_depth *depth,
+                      const struct moments *m, double mean)
+{
+    double area = m->twice / 2;
+    double along0 = m->xx * depth->slope[0] + m->xy * depth->slope[1];
+    double along1 = m->xy * depth->slope[0] + m->yy * depth->slope[1], x, y;
+
+    if (g->area <= 0) {
+        g->x = m->x;
+        g->y = m->y;
+    }
+    x = m->x - g->x;
+    y = m->y - g->y;
+    g->area += area;
+    g->first[0] += area * x;
+    g->first[1] += area * y;
+    g->second[0] += area * (m->xx + x * x);
+    g->second[1] += area * (m->xy + x * y);
+    g->second[2] += area * (m->yy + y * y);
+    g->depth += area * mean;
+    g->moment[0] += area * (mean * x + along0);
+    g->moment[1] += area * (mean * y + along1);
+    for (int k = 0; k < 3; k++) {
+        g->inward[k] += area * depth->facing * depth->inward[k];
+    }
+}
+
+static double spread_root(double x)
+{
+    return sqrt(x > 0 ? x : 0);
+}
+
+/* The moments of a group's area, and the linear depth with the same moments as its own. */
+static void group_find_depth(const struct visit_group *g, struct moments *m,
+                             struct visit_depth *depth)
+{
+    double inverse = 1 / g->area, x = g->first[0] * inverse, y = g->first[1] * inverse;
+    double mean = g->depth * inverse, room;
+    double mx = g->moment[0] * inverse - mean * x, my = g->moment[1] * inverse - mean * y;
+
+    m->twice = 2 * g->area;
+    m->x = g->x + x;
+    m->y = g->y + y;
+    m->xx = g->second[0] * inverse - x * x;
+    m->xy = g->second[1] * inverse - x * y;
+    m->yy = g->second[2] * inverse - y * y;
+    room = m->xx * m->yy - m->xy * m->xy;
+    depth->slope[0] = depth->slope[1] = 0;
+    if (room > 1e-12 * (m->xx + m->yy) * (m->xx + m->yy)) {
+        depth->slope[0] = (m->yy * mx - m->xy * my) / room;
+        depth->slope[1] = (m->xx * my - m->xy * mx) / room;
+    }
+    depth->at = mean - depth->slope[0] * m->x - depth->slope[1] * m->y;
+}
+
+/* Three springs for all of a group, with its area's moments up to the second: at L times the
+ * corners of an equilateral triangle about the centroid, L L' being twice the matrix of the mean
+ * squares off it. So a linear depth is integrated exactly, force and moment. None is off a convex
+ * figure: the ellipse through them is inside of it (Kannan, Lovasz, Simonovits 1995). */
+static void group_add_springs(const struct visit *v, const struct visit_facet *f,
+                              struct visit_group *g)
+{
+    const double h = 0.86602540378443865; /* sqrt(3)/2 */
+    const double facing = vec3_norm(g->inward), rate = v->law->stiffness * facing;
+    struct visit_depth depth;
+    struct moments m;
+    double lx, ly, lyy;
+
+    if (!(facing > 0)) {
+        return;
+    }
+    for (int k = 0; k < 3; k++) {
+        depth.inward[k] = g->inward[k] / facing;
+    }
+    group_find_depth(g, &m, &depth);
+    lx = spread_root(2 * m.xx);
+    ly = lx > 0 ? 2 * m.xy / lx : 0;
+    lyy = spread_root(2 * m.yy - ly * ly);
+
+    const double x[3] = {m.x, m.x - h * lx, m.x + h * lx};
+    const double y[3] = {m.y + lyy, m.y - h * ly - lyy / 2, m.y + h * ly - lyy / 2};
+
+    native_law_make_room(&v->scratch->batch, 3, v->law, v->relative, v->sum);
+    visit_add_springs(v, f, &depth, rate / 3, x, y, 3);
+    visit_add_pressure(v, f, &depth, &m, depth.inward, -rate);
+}
+
+/* The part of a polygon between two lines across an axis (0 x, 1 y); one of the two. */
+static const struct flat *flat_clip_between(const struct flat *in, int axis, double low,
+                                            double high, struct flat g[2])
+{
+    const struct flat *now = in;
+    double side[POLYGON_MAX];
+
+    for (int end = 0; end < 2; end++) {
+        const double *at = axis ? now->y : now->x;
+        struct flat *next = &g[end];
+
+        for (int i = 0; i < now->n; i++) {
+            side[i] = end ? high - at[i] : at[i] - low;
+        }
+        flat_clip(now, side, next);
+        now = next;
+    }
+    return now;
+}
+
+/* How far a polygon reaches along an axis. */
+static void flat_find_reach(const struct flat *g, int axis, double *low, double *high)
+{
+    const double *at = axis ? g->y : g->x;
+
+    *low = DBL_MAX;
+    *high = -DBL_MAX;
+    for (int i = 0; i < g->n; i++) {
+        *low = at[i] < *low ? at[i] : *low;
+        *high = at[i] > *high ? at[i] : *high;
+    }
+}
+
+/* How many parts of a polygon stand along an axis, none longer than the spacing. */
+static int visit_count_parts(const struct visit *v, double length)
+{
+    const double wanted = length / v->spacing + 1;
+
+    return wanted < SPACING_PARTS ? (int)wanted : SPACING_PARTS;
+}
+
+/* Springs on a polygon that is wide, three in each of the rectangles no wider than the spacing that
+ * it is cut into. */
+static void visit_add_grid(const struct visit *v, const struct visit_facet *f,
+                           const struct visit_depth *depth, const struct flat *g)
+{
+    double left, right, low, high;
+
+    flat_find_reach(g, 0, &left, &right);
+
+    const int columns = visit_count_parts(v, right - left);
+
+    for (int c = 0; c < columns; c++) {
+        const double wide = (right - left) / columns;
+        struct flat cut[2][2];
+        const struct flat *column =
+            flat_clip_between(g, 0, left + c * wide, left + (c + 1) * wide, cut[0]);
+
+        flat_find_reach(column, 1, &low, &high);
+        for (int r = 0, rows = visit_count_parts(v, high - low); column->n >= 3 && r < rows; r++) {
+            const double tall = (high - low) / rows;
+            const struct flat *part =
+                flat_clip_between(column, 1, low + r * tall, low + (r + 1) * tall, cut[1]);
+            struct visit_group group = {.area = 0};
+            struct moments m;
+
+            if (part->n < 3) {
+                continue;
+            }
+            flat_find_moments(part, true, &m);
+            if (m.twice > DBL_MIN) {
+                group_add(&group, depth, &m,
+                          depth->at + depth->slope[0] * m.x + depth->slope[1] * m.y);
+                group_add_springs(v, f, &group);
+            }
+        }
+    }
+}
+
+/* Adds what a polygon of a facet in one cell does; small ones get their springs with the group. */
+static void visit_add_polygon(const struct visit *v, const struct visit_facet *f,
+                              const struct visit_depth *depth, const struct flat *g,
+                              struct visit_group *group)
+{
+    const double wide = v->field->planar ? v->spacing / 2 : v->spacing;
+    double mean, radius2 = 0;
+    struct moments m;
+
+    if (g->n < 3) {
+        return;
+    }
+    flat_find_moments(g, true, &m);
+    if (!(m.twice > DBL_MIN)) {
+        return;
+    }
+    mean = depth->at + depth->slope[0] * m.x + depth->slope[1] * m.y;
+    visit_add_pressure(v, f, depth, &m, f->normal, depth->sign * v->law->stiffness * m.twice / 2);
+    v->sum->area += DBL_MIN; /* something is there */
+    if (depth->sign < 0 || depth->facing <= 0) {
+        return;
+    }
+
+    /* What presses */
+    v->sum->area += depth->facing * m.twice / 2;
+    for (int i = 0; i < g->n; i++) {
+        double deep = depth->at + depth->slope[0] * g->x[i] + depth->slope[1] * g->y[i];
+        double x = g->x[i] - m.x, y = g->y[i] - m.y, r2 = x * x + y * y;
+
+        v->sum->depth = deep > v->sum->depth ? deep : v->sum->depth;
+        radius2 = r2 > radius2 ? r2 : radius2;
+    }
+    if (radius2 <= wide * wide || depth->facing <= FACING) {
+        group_add(group, depth, &m, mean);
+    } else if (v->field->planar) {
+        visit_add_fan(v, f, depth, g, &m);
+    } else {
+        visit_add_grid(v, f, depth, g);
+    }
+}
+
+/* ---- a carrier with few sides ---- */
+
+/* Clips to where a linear function of the place is not negative; returns the polygon that is left,
+ * one of the two. What is 0 all over is left unless it is given away: so of two cells that both
+ * have it as their wall, one has it. */
+static struct flat *flat_clip_linear(struct flat g[2], struct flat *now, double at, double x,
+                                     double y, bool give_away)
+{
+    double side[POLYGON_MAX];
+    struct flat *next = now == &g[0] ? &g[1] : &g[0];
+    bool all = true, some = false;
+
+    for (int i = 0; i < now->n; i++) {
+        side[i] = at + x * now->x[i] + y * now->y[i];
+        all = all && side[i] >= 0;
+        some = some || side[i] > 0;
+    }
+    if (give_away && !some) {
+        now->n = 0;
+        return now;
+    }
+    if (all) {
+        return now;
+    }
+    flat_clip(now, side, next);
+    return next;
+}
+
+/* A linear function over a facet's plane. */
+struct flat_linear {
+    double at, x, y;
+};
+
+/* Whether it is negative (-1) or positive (1) all over the circle about the facet; else 0. */
+static int linear_sign_over(const struct flat_linear *l, double radius)
+{
+    if (l->at * l->at <= radius * radius * (l->x * l->x + l->y * l->y)) {
+        return 0;
+    }
+    return l->at > 0 ? 1 : -1;
+}
+
+/* What is left of a facet under one side of a carrier with so many, over which depth is each one's
+ * depth: where it is deep and no other side is nearer. Returns the polygon, one of the two. */
+static const struct flat *planes_clip_facet(const struct visit *v, const struct visit_facet *f,
+                                            const struct flat_linear *depth, int count, int side,
+                                            struct flat g[2])
+{
+    const struct flat_linear *own = &depth[side];
+    struct flat *now = &g[0];
+
+    flat_of_facet(v->visitor, f->f, now);
+    if (linear_sign_over(own, f->f->radius) == 0) {
+        now = flat_clip_linear(g, now, own->at, own->x, own->y, false);
+    }
+    for (int k = 0; k < count && now->n >= 3; k++) {
+        const struct flat_linear over = {depth[k].at - own->at, depth[k].x - own->x,
+                                         depth[k].y - own->y};
+
+        if (k != side && linear_sign_over(&over, f->f->radius) <= 0) {
+            now = flat_clip_linear(g, now, over.at, over.x, over.y, k < side);
+        }
+    }
+    return now;
+}
+
+/* A facet under each of the sides that it is least behind somewhere. */
+static void visit_planes(const struct visit *v, const struct visit_facet *f)
+{
+    const struct solid *s = v->carrier;
+    const int n = (int)s->nfacet;
+    struct flat_linear over[FIELD_MAX_PLANES];
+    int nearest = 0;
+
+    /* The depth under each side over the facet's plane; none if all of it is outside of one */
+    for (int i = 0; i < n; i++) {
+        const struct facet *side = &s->facet[i];
+
+        over[i].at = side->offset - vec3_dot(side->normal, f->center) - v->least;
+        over[i].x = -vec3_dot(side->normal, f->axis[0]);
+        over[i].y = -vec3_dot(side->normal, f->axis[1]);
+        if (linear_sign_over(&over[i], f->f->radius) < 0) {
+            return;
+        }
+        nearest = over[i].at < over[nearest].at ? i : nearest;
+    }
+
+    for (int i = 0; i < n; i++) {
+        const struct flat_linear less = {over[nearest].at - over[i].at, over[nearest].x - over[i].x,
+                                         over[nearest].y - over[i].y};
+        struct visit_depth depth = {.at = over[i].at, .slope = {over[i].x, over[i].y}, .sign = 1};
+        struct visit_group group = {.area = 0};
+        struct flat g[2];
+
+        if (linear_sign_over(&less, f->f->radius) < 0) {
+            continue;
+        }
+        for (int k = 0; k < 3; k++) {
+            depth.inward[k] = -s->facet[i].normal[k];
+        }
+        depth.facing = vec3_dot(depth.inward, f->normal);
+        visit_add_polygon(v, f, &depth, planes_clip_facet(v, f, over, n, i, g), &group);
+        if (group.area > 0) {
+            group_add_springs(v, f, &group);
+        }
+    }
+}
+
+/* ---- a carrier with a shell ---- */
+
+/* The polygon in which a tetrahedron meets the facet's plane, over which its nodes are that high.
+ * Returns its corners' number, 0, 3 or 4. */
+static int tetrahedron_cut(const double *const node[4], const double height[4],
+                           const struct visit_facet *f, struct flat *g)
+{
+    int above[4], below[4], nabove = 0, nbelow = 0, n;
+    const double radius = f->f->radius;
+    double twice = 0, low[2] = {DBL_MAX, DBL_MAX}, high[2] = {-DBL_MAX, -DBL_MAX};
+
+    for (int i = 0; i < 4; i++) {
+        if (height[i] >= 0) {
+            above[nabove++] = i;
+        } else {
+            below[nbelow++] = i;
+        }
+    }
+    if (nabove == 0 || nbelow == 0) {
+        return 0;
+    }
+
+    /* The edges through the plane, around the polygon */
+    n = nabove == 2 ? 4 : 3;
+    for (int i = 0; i < n; i++) {
+        int from = nabove == 2 ? above[i / 2] : nabove == 3 ? above[i] : above[0];
+        int to = nabove == 2 ? below[i == 1 || i == 2] : nabove == 3 ? below[0] : below[i];
+        const double *a = node[from], *b = node[to];
+        double t = height[from] / (height[from] - height[to]), p[3];
+
+        for (int k = 0; k < 3; k++) {
+            p[k] = a[k] + t * (b[k] - a[k]) - f->center[k];
+        }
+        g->x[i] = vec3_dot(f->axis[0], p);
+        g->y[i] = vec3_dot(f->axis[1], p);
+        low[0] = g->x[i] < low[0] ? g->x[i] : low[0];
+        low[1] = g->y[i] < low[1] ? g->y[i] : low[1];
+        high[0] = g->x[i] > high[0] ? g->x[i] : high[0];
+        high[1] = g->y[i] > high[1] ? g->y[i] : high[1];
+    }
+    if (low[0] > radius || low[1] > radius || high[0] < -radius || high[1] < -radius) {
+        return 0;
+    }
+
+    /* Counterclockwise */
+    g->n = n;
+    for (int i = 1; i + 1 < n; i++) {
+        twice += (g->x[i] - g->x[0]) * (g->y[i + 1] - g->y[0]) -
+                 (g->y[i] - g->y[0]) * (g->x[i + 1] - g->x[0]);
+    }
+    if (twice < 0) {
+        double x = g->x[0], y = g->y[0];
+
+        g->x[0] = g->x[2];
+        g->y[0] = g->y[2];
+        g->x[2] = x;
+        g->y[2] = y;
+    }
+    return n;
+}
+
+/* The depth in a tetrahedron over the facet's plane; false when it has no volume to speak of. */
+static bool tetrahedron_find_depth(const struct visit *v, const double *const node[4], int sign,
+                                   const struct visit_facet *f, struct visit_depth *depth)
+{
+    double e[3][3], across[3][3], gradient[3], volume, whole, length, to[3];
+
+    for (int i = 0; i < 3; i++) {
+        vec3_sub(node[i + 1], node[0], e[i]);
+    }
+    for (int i = 0; i < 3; i++) {
+        vec3_cross(e[(i + 1) % 3], e[(i + 2) % 3], across[i]);
+    }
+    volume = vec3_dot(e[0], across[0]);
+    whole = vec3_dot(e[0], e[0]) * vec3_dot(e[1], e[1]) * vec3_dot(e[2], e[2]);
+    if (volume * volume <= FIELD_NO_VOLUME * whole) {
+        return false;
+    }
+    for (int k = 0; k < 3; k++) {
+        gradient[k] =
+            ((node[1][3] - node[0][3]) * across[0][k] + (node[2][3] - node[0][3]) * across[1][k] +
+             (node[3][3] - node[0][3]) * across[2][k]) /
+            volume;
+    }
+    vec3_sub(f->center, node[0], to);
+    depth->at = node[0][3] + vec3_dot(gradient, to) - v->least;
+    depth->slope[0] = vec3_dot(gradient, f->axis[0]);
+    depth->slope[1] = vec3_dot(gradient, f->axis[1]);
+    length = vec3_norm(gradient);
+    for (int k = 0; k < 3; k++) {
+        depth->inward[k] = length > 0 ? gradient[k] / length : 0;
+    }
+    depth->facing = vec3_dot(depth->inward, f->normal);
+    depth->sign = volume > 0 ? sign : -sign;
+    return true;
+}
+
+/* A facet in one tetrahedron, over whose plane the nodes are that high. */
+static void visit_tetrahedron(const struct visit *v, const struct visit_facet *f,
+                              const double *const node[4], const double height[4], int sign,
+                              struct visit_group *group)
+{
+    struct visit_depth depth;
+    struct flat g[2];
+    const struct flat *left;
+
+    if (tetrahedron_cut(node, height, f, &g[0]) == 0) {
+        return;
+    }
+    left = flat_clip_to_facet(v->visitor, f->f, g, 0);
+    if (left->n < 3 || !tetrahedron_find_depth(v, node, sign, f, &depth)) {
+        return;
+    }
+    if (v->least > 0) {
+        left = flat_clip_linear(g, left == &g[0] ? &g[0] : &g[1], depth.at, depth.slope[0],
+                                depth.slope[1], false);
+    }
+    visit_add_polygon(v, f, &depth, left, group);
+}
+
+/* The least value that d . p takes for p on a facet, or a little less. */
+static double facet_find_least(const struct visit_facet *f, const double d[3])
+{
+    double along = vec3_dot(d, f->normal), across = 1 - along * along, least = DBL_MAX;
+
+    if (f->ncorner == 0) {
+        return vec3_dot(d, f->center) - f->f->radius * sqrt(across > 0 ? across : 0);
+    }
+    for (int i = 0; i < f->ncorner; i++) {
+        double here = vec3_dot(d, f->corner[i]);
+
+        least = here < least ? here : least;
+    }
+    return least;
+}
+
+/* Whether all of a prism is farther in than a facet, seen along the normal of the triangle over
+ * it. */
+static bool prism_is_behind(const struct visit *v, const struct visit_facet *f, int cell,
+                            const struct field_prism *prism)
+{
+    const double *n = v->carrier->normal[cell % (int)v->carrier->nface];
+    const double low = facet_find_least(f, n);
+
+    for (int i = 0; i < prism->nnode; i++) {
+        if (vec3_dot(n, prism->node[i]) >= low) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* A facet in one prism. */
+static void visit_prism(const struct visit *v, const struct visit_facet *f, int cell)
+{
+    struct field_prism prism;
+    struct visit_group group = {.area = 0};
+    const double offset = vec3_dot(f->normal, f->center);
+    double height[6];
+    int above = 0;
+
+    v->scratch->visits++;
+    field_find_prism(v->field, cell, &prism);
+    for (int i = 0; i < prism.nnode; i++) {
+        height[i] = vec3_dot(f->normal, prism.node[i]) - offset;
+        above += height[i] >= 0;
+    }
+    if (above == 0 || above == prism.nnode || prism_is_behind(v, f, cell, &prism)) {
+        return;
+    }
+    for (int i = 0; i + 4 <= prism.nnode; i++) {
+        const int *corner = field_tetrahedron[i];
+        const double *node[4];
+        double over[4];
+
+        for (int k = 0; k < 4; k++) {
+            node[k] = prism.node[corner[k]];
+            over[k] = height[corner[k]];
+        }
+        visit_tetrahedron(v, f, node, over, i == 1 ? prism.sign : -prism.sign, &group);
+    }
+    if (group.area > 0) {
+        group_add_springs(v, f, &group);
+    }
+}
+
+/* The box about a facet. */
+static void facet_find_box(const struct visit_facet *f, struct box *box)
+{
+    if (f->ncorner > 0) {
+        *box = box_of_point(f->corner[0]);
+        for (int i = 1; i < f->ncorner; i++) {
+            box_add(box, f->corner[i]);
+        }
+        return;
+    }
+    for (int k = 0; k < 3; k++) {
+        double room = 1 - f->normal[k] * f->normal[k];
+        double reach = f->f->radius * sqrt(room > 0 ? room : 0);
+
+        box->low[k] = f->center[k] - reach;
+        box->high[k] = f->center[k] + reach;
+    }
+}
+
+/* A facet in a cell of the shell, if the box about the cell meets the facet's and its plane. */
+struct visit_probe {
+    struct box box;
+    double offset, back[3];
+};
+
+static bool probe_meets(const struct visit_probe *probe, const struct visit_facet *f,
+                        const struct box *box)
+{
+    return boxes_meet(box, &probe->box) && box_least(box, f->normal) <= probe->offset &&
+           box_least(box, probe->back) <= -probe->offset;
+}
+
+/* A facet in the prisms that the box about it, and its plane, meets. */
+static void visit_shell(const struct visit *v, const struct visit_facet *f)
+{
+    const struct tree *tree = &v->field->tree;
+    const struct tree_node *node = tree->node, *end = tree_end(tree);
+    struct visit_probe probe = {.offset = vec3_dot(f->normal, f->center),
+                                .back = {-f->normal[0], -f->normal[1], -f->normal[2]}};
+
+    facet_find_box(f, &probe.box);
+    for (int i = 0; i < v->nnear && v->nnear <= NEAR_MOST; i++) {
+        if (probe_meets(&probe, f, &v->near[i]->box)) {
+            visit_prism(v, f, v->field->cell[tree->item[v->near[i]->first]]);
+        }
+    }
+    while (v->nnear > NEAR_MOST && node != end) {
+        if (!probe_meets(&probe, f, &node->box)) {
+            node += node->size;
+            continue;
+        }
+        for (int i = 0; i < node->count; i++) {
+            visit_prism(v, f, v->field->cell[tree->item[node->first + i]]);
+        }
+        ++node;
+    }
+}
+
+/* ---- two meshes ---- */
+
+/* The facets of the visitor that are in a box (in the visitor's frame). */
+static void visit_facets(const struct visit *v, const struct box *there)
+{
+    const struct tree *tree = &v->visitor->facets;
+    const struct tree_node *node = tree->node, *end = tree_end(tree);
+
+    while (node != end) {
+        if (!boxes_meet(&node->box, there)) {
+            node += node->size;
+            continue;
+        }
+        for (int i = 0; i < node->count; i++) {
+            struct visit_facet f;
+
+            f.f = &v->visitor->facet[tree->item[node->first + i]];
+            mat3_apply(v->R, f.f->normal, f.normal);
+            mat3_apply(v->R, f.f->axis[0], f.axis[0]);
+            mat3_apply(v->R, f.f->axis[1], f.axis[1]);
+            mat3_apply(v->R, f.f->center, f.center);
+            vec3_add_scaled(f.center, 1, v->p, f.center);
+            if (v->field->planar) {
+                visit_planes(v, &f);
+                continue;
+            }
+            f.ncorner = f.f->count <= FEW_CORNERS ? f.f->count : 0;
+            for (int k = 0; k < f.ncorner; k++) {
+                mat3_apply(v->R, v->visitor->ring[f.f->first + k], f.corner[k]);
+                vec3_add_scaled(f.corner[k], 1, v->p, f.corner[k]);
+            }
+            visit_shell(v, &f);
+        }
+        ++node;
+    }
+}
+
+/* Lists the cells of a shell that meet a box, each of them a leaf, and finds the box about them;
+ * false when there are none. */
+static bool visit_find_near(struct visit *v, const struct box *where, struct box *about)
+{
+    const struct tree *tree = &v->field->tree;
+    const struct tree_node *node = tree->node, *end = tree_end(tree);
+
+    v->nnear = 0;
+    while (node != end) {
+        if (!boxes_meet(&node->box, where)) {
+            node += node->size;
+            continue;
+        }
+        if (node->count > 0) {
+            *about = v->nnear > 0 ? *about : node->box;
+            box_add_box(about, &node->box);
+            if (v->nnear < NEAR_MOST) {
+                v->near[v->nnear] = node;
+            }
+            v->nnear += v->nnear <= NEAR_MOST;
+        }
+        ++node;
+    }
+    return v->nnear > 0;
+}
+
+/* The visitor's facets in the carrier: in a box of it, and of a shell only in what is near the
+ * visitor, which is in another box, both in the carrier's frame; R and p: the carrier seen from the
+ * visitor. */
+static void visit_near(struct visit *v, const struct box *in, const struct box *where,
+                       const double R[9], const double p[3])
+{
+    struct box about = *in, there;
+
+    if (v->field->planar || visit_find_near(v, where, &about)) {
+        there = box_transform(&about, R, p);
+        visit_facets(v, &there);
+    }
+}
+
+/* What is deeper than this below all of a box's sides; false when nothing is. */
+static bool box_shrink(const struct box *box, double by, struct box *out)
+{
+    for (int k = 0; k < 3; k++) {
+        out->low[k] = box->low[k] + by;
+        out->high[k] = box->high[k] - by;
+        if (out->low[k] >= out->high[k]) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* Two meshes by a pressure field. */
+struct visit_couple {
+    const struct field *first, *second; /* the second's may be NULL */
+    const struct box *moved, *there;    /* the second seen from the first, and the first from it */
+    const double *back, *origin;        /* the first's pose seen from the second */
+};
+
+/* The second's facets in what the first's field has that is deeper than this, and the first's in
+ * what the second's has that is deeper than this and than the first's is anywhere. */
+static void visit_couple_from(struct visit *v, const struct visit_couple *c, double least)
+{
+    const struct visit kept = *v;
+    struct box in = c->first->solid->box, moved;
+
+    v->least = least;
+    if (least <= 0 || box_shrink(&c->first->solid->box, least, &in)) {
+        visit_near(v, &in, c->moved, c->back, c->origin);
+    }
+    least = fmax(least, c->first->deepest);
+    if (c->second && c->second->deepest > least &&
+        box_shrink(&c->second->solid->box, least, &moved) && boxes_meet(&moved, c->there)) {
+        v->field = c->second;
+        v->carrier = c->second->solid;
+        v->visitor = c->first->solid;
+        v->turned = true;
+        v->least = least;
+        memcpy(v->R, c->back, sizeof v->R);
+        memcpy(v->p, c->origin, sizeof v->p);
+        visit_near(v, &moved, c->there, kept.relative->R, kept.relative->p);
+    }
+    *v = kept;
+}
+
+void native_overlap_fields(const struct field *first, const struct solid *second,
+                           const struct field *second_field, const struct native_law *law,
+                           const struct native_relative *relative, struct native_scratch *scratch,
+                           struct native_sum *sum)
+{
+    const struct solid *a = first->solid, *b = second;
+    struct visit v = {.field = first,
+                      .carrier = a,
+                      .visitor = b,
+                      .law = law,
+                      .relative = relative,
+                      .scratch = scratch,
+                      .sum = sum};
+    struct box moved, there;
+    double back[9], origin[3];
+    const struct visit_couple couple = {first, second_field, &moved, &there, back, origin};
+
+    /* The first in the second's frame */
+    mat3_transpose(relative->R, back);
+    mat3_apply(back, relative->p, origin);
+    for (int k = 0; k < 3; k++) {
+        origin[k] = -origin[k];
+    }
+    moved = box_transform(&b->box, relative->R, relative->p);
+    there = box_transform(&a->box, back, origin);
+    if (!boxes_meet(&a->box, &moved) || !boxes_meet(&b->box, &there)) {
+        return;
+    }
+    v.spacing = SPACING * (a->radius < b->radius ? a->radius : b->radius);
+    memcpy(v.R, relative->R, sizeof v.R);
+    memcpy(v.p, relative->p, sizeof v.p);
+
+    /* The layers, and what backs them */
+    visit_couple_from(&v, &couple, 0);
+    if (native_law_is_backed(law, sum->depth)) {
+        const struct native_law backing = native_law_of_backing(law);
+        const double area = sum->area;
+
+        v.law = &backing;
+        visit_couple_from(&v, &couple, law->layers);
+        sum->area = area;
+    }
+    native_law_sum(&scratch->batch, law, relative, sum);
+}

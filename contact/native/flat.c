@@ -1,0 +1,167 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Polygons in the plane of a facet: clipping and moments. */
+#include "contact/native/flat.h"
+
+#include "contact/lanes.h"
+#include "base/vec3.h"
+
+#include <float.h>
+#include <stdint.h>
+
+/* Sutherland, Hodgman 1974. */
+void flat_clip(const struct flat *in, const double *side, struct flat *out)
+{
+    int n = 0;
+
+    for (int i = 0; i < in->n && n + 2 <= POLYGON_MAX; i++) {
+        int j = i + 1 < in->n ? i + 1 : 0;
+
+        if (side[i] >= 0) {
+            out->x[n] = in->x[i];
+            out->y[n++] = in->y[i];
+        }
+        if ((side[i] >= 0) != (side[j] >= 0)) {
+            double t = side[i] / (side[i] - side[j]);
+
+            out->x[n] = in->x[i] + t * (in->x[j] - in->x[i]);
+            out->y[n++] = in->y[i] + t * (in->y[j] - in->y[i]);
+        }
+    }
+    out->n = n;
+}
+
+/* The outline of a triangle, which is not kept. */
+static void triangle_outline(const struct facet *f, const double (*ring)[3], double *x, double *y)
+{
+    for (int i = 0; i < 3; i++) {
+        double to[3];
+
+        vec3_sub(ring[i], f->center, to);
+        x[i] = vec3_dot(f->axis[0], to);
+        y[i] = vec3_dot(f->axis[1], to);
+    }
+    for (int i = 3; i < FACET_OUTLINE(3); i++) {
+        x[i] = x[0];
+        y[i] = y[0];
+    }
+}
+
+/* The edges of an outline that some corner of the polygon is outside of, a bit each. */
+static uint64_t outline_find_cutting_edges(const double *x, const double *y, int n,
+                                           const struct flat *g)
+{
+    uint64_t edges = 0;
+
+    for (int i = 0; i < n; i += LANES) {
+        lanes x0 = lanes_load(x + i), dx = lanes_load_any(x + i + 1) - x0;
+        lanes y0 = lanes_load(y + i), dy = lanes_load_any(y + i + 1) - y0;
+        lanes_mask outside = {0};
+
+        for (int k = 0; k < g->n; k++) {
+            outside |= lanes_less(dx * (g->y[k] - y0), dy * (g->x[k] - x0));
+        }
+        edges |= lanes_bits(outside) << i;
+    }
+    return edges; /* nothing is outside of an edge of no length */
+}
+
+static bool flat_is_in_circle(const struct flat *g, double radius)
+{
+    for (int i = 0; i < g->n; i++) {
+        if (g->x[i] * g->x[i] + g->y[i] * g->y[i] > radius * radius) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* The outline of a facet of any number of corners; room is for that of a triangle. */
+static void facet_find_outline(const struct solid *solid, const struct facet *f,
+                               double room[2][FACET_OUTLINE(3)], const double **x, const double **y)
+{
+    if (f->count == 3) {
+        triangle_outline(f, solid->ring + f->first, room[0], room[1]);
+        *x = room[0];
+        *y = room[1];
+    } else {
+        *x = solid->outline[0] + f->outline;
+        *y = solid->outline[1] + f->outline;
+    }
+}
+
+const struct flat *flat_clip_to_facet(const struct solid *solid, const struct facet *facet,
+                                      struct flat g[2], int from)
+{
+    _Alignas(64) double triangle[2][FACET_OUTLINE(3)];
+    struct flat *now = &g[from];
+    const double *x, *y;
+    double side[POLYGON_MAX];
+
+    if (now->n < 3 || flat_is_in_circle(now, facet->inradius)) {
+        return now;
+    }
+
+    /* By each edge of its outline that something is outside of */
+    facet_find_outline(solid, facet, triangle, &x, &y);
+    for (uint64_t edges = outline_find_cutting_edges(x, y, facet->count, now);
+         edges != 0 && now->n >= 3; edges &= edges - 1) {
+        struct flat *next = now == &g[0] ? &g[1] : &g[0];
+        int e = __builtin_ctzll(edges);
+        double dx = x[e + 1] - x[e], dy = y[e + 1] - y[e];
+
+        for (int i = 0; i < now->n; i++) {
+            side[i] = dx * (now->y[i] - y[e]) - dy * (now->x[i] - x[e]);
+        }
+        flat_clip(now, side, next);
+        now = next;
+    }
+    return now;
+}
+
+void flat_of_facet(const struct solid *solid, const struct facet *facet, struct flat *out)
+{
+    _Alignas(64) double triangle[2][FACET_OUTLINE(3)];
+    const double *x, *y;
+
+    facet_find_outline(solid, facet, triangle, &x, &y);
+    out->n = facet->count;
+    for (int i = 0; i < out->n; i++) {
+        out->x[i] = x[i];
+        out->y[i] = y[i];
+    }
+}
+
+/* Summed over the triangles between the first corner and an edge. */
+void flat_find_moments(const struct flat *g, bool second, struct moments *m)
+{
+    double x0 = g->x[0], y0 = g->y[0], ux = g->x[1] - x0, uy = g->y[1] - y0;
+
+    /* About the first corner, each without its factor (1/3, 1/6 or 1/12) */
+    *m = (struct moments){0};
+    for (int i = 2; i < g->n; i++) {
+        double vx = g->x[i] - x0, vy = g->y[i] - y0, twice = ux * vy - uy * vx;
+        double sx = ux + vx, sy = uy + vy;
+
+        m->twice += twice;
+        m->x += twice * sx;
+        m->y += twice * sy;
+        if (second) {
+            m->xx += twice * (sx * sx - ux * vx);
+            m->yy += twice * (sy * sy - uy * vy);
+            m->xy += twice * (sx * sy + ux * uy + vx * vy);
+        }
+        ux = vx;
+        uy = vy;
+    }
+
+    /* The means over the area, the second ones about the centroid */
+    if (m->twice > DBL_MIN) {
+        double inverse = 1 / m->twice, x = m->x * inverse / 3, y = m->y * inverse / 3;
+
+        m->x = x0 + x;
+        m->y = y0 + y;
+        m->xx = m->xx * inverse / 6 - x * x;
+        m->yy = m->yy * inverse / 6 - y * y;
+        m->xy = m->xy * inverse / 12 - x * y;
+    }
+}

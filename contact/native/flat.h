@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Flat convex polygons in the plane of a facet (contact/mesh/solid.h), along its axes from its
+ * center, for the native engine. Meters. Nothing fails; all is RT-safe.
+ */
+#ifndef CONTACT_NATIVE_FLAT_H
+#define CONTACT_NATIVE_FLAT_H
+
+#include "contact/native/polygon.h"
+
+#include <stdbool.h>
+
+/* Counterclockwise seen against the facet's normal where its area or moments are wanted. */
+struct flat {
+    int n;
+    double x[POLYGON_MAX], y[POLYGON_MAX];
+};
+
+/* Twice the area, the centroid, and the mean squares and product of what is off it. */
+struct moments {
+    double twice, x, y, xx, xy, yy;
+};
+
+/* Clips a polygon to where a linear function of the place is not negative; side: its values at the
+ * corners. */
+void flat_clip(const struct flat *in, const double *side, struct flat *out);
+
+/* Clips the polygon g[from] to a facet; returns the clipped one, which is one of the two. */
+const struct flat *flat_clip_to_facet(const struct solid *solid, const struct facet *facet,
+                                      struct flat g[2], int from);
+
+/* The polygon of a facet. */
+void flat_of_facet(const struct solid *solid, const struct facet *facet, struct flat *out);
+
+/* Of a polygon of at least three corners; the second moments only when they are wanted. Only twice
+ * is set where there is no area. */
+void flat_find_moments(const struct flat *g, bool second, struct moments *m);
+
+#endif

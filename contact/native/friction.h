@@ -1,0 +1,134 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Friction of contact.h's law at as many springs at a time as there are lanes: the one place where
+ * the native engine computes it. SI units. Pure functions; RT-safe.
+ */
+#ifndef CONTACT_NATIVE_FRICTION_H
+#define CONTACT_NATIVE_FRICTION_H
+
+#include "contact/friction_slope.h"
+#include "contact/lanes.h"
+#include "contact/native/law.h"
+#include "contact/native/stick.h"
+
+#include <float.h>
+
+/* 10 x^3 - 15 x^4 + 6 x^5 over x^2 */
+LANES_INLINE lanes friction_step_over_square(lanes x)
+{
+    return x * (10 - x * (15 - 6 * x));
+}
+
+/* Static friction that has fallen to dynamic friction at three times the transition velocity, from
+ * it on; u: the velocity over it. */
+LANES_INLINE lanes friction_fall(lanes u, const struct native_law *law)
+{
+    lanes t = (u - 1) * 0.5;
+    lanes zero = {0}, one = zero + 1;
+
+    t = lanes_pick(lanes_less(t, one), t, one);
+    t = lanes_pick(lanes_less(zero, t), t, zero);
+    return law->us - (law->us - law->ud) * (t * t * friction_step_over_square(t));
+}
+
+/* The coefficient of friction over the sliding velocity v, finite at rest. */
+LANES_INLINE lanes friction_over_speed(lanes v, const struct native_law *law)
+{
+    lanes u = v * law->transition_inverse;
+    lanes sticking, sliding, zero = {0}, one = zero + 1;
+
+    sticking = law->us * law->transition_inverse * (u * (10 - u * (15 - 6 * u)) * u);
+    sliding = friction_fall(u, law) / (v + DBL_MIN);
+    return lanes_pick(lanes_less(u, one), sticking, sliding) + law->uv;
+}
+
+/* The slope of the static friction's share over us/v_t, bounded as by contact_friction_damping. */
+LANES_INLINE lanes friction_slope_bound(lanes v, const struct native_law *law)
+{
+    const lanes zero = {0}, half = zero + 0.5, one = zero + 1;
+    lanes x = v * law->transition_inverse;
+    lanes y = lanes_pick(lanes_less(x, half), x, half);
+
+    return lanes_pick(lanes_less(x, one), 30 * (y * y) * ((1 - y) * (1 - y)),
+                      CONTACT_FRICTION_STEEPEST / (x + DBL_MIN));
+}
+
+/* ---- sticking friction ---- */
+
+/* Springs as they move. */
+struct friction_spring {
+    lanes p[3], d[3], u[3]; /* u: the first body's velocity against the second's, less leaving */
+    lanes leaving;          /* its part along d */
+    lanes force, normal;    /* without and with dissipation, which is never negative */
+    lanes rate;             /* of the force with the depth */
+};
+
+LANES_INLINE void friction_load_spring(const struct native_batch *b, size_t i,
+                                       const struct native_law *law,
+                                       const struct native_relative *relative,
+                                       struct friction_spring *s)
+{
+    const double *w = relative->w, *v = relative->v;
+    lanes zero = {0};
+
+    for (int k = 0; k < 3; k++) {
+        s->p[k] = lanes_load(b->p[k] + i);
+        s->d[k] = lanes_load(b->d[k] + i);
+    }
+    s->u[0] = v[0] + (w[1] * s->p[2] - w[2] * s->p[1]);
+    s->u[1] = v[1] + (w[2] * s->p[0] - w[0] * s->p[2]);
+    s->u[2] = v[2] + (w[0] * s->p[1] - w[1] * s->p[0]);
+    s->leaving = s->u[0] * s->d[0] + s->u[1] * s->d[1] + s->u[2] * s->d[2];
+    for (int k = 0; k < 3; k++) {
+        s->u[k] -= s->leaving * s->d[k];
+    }
+
+    /* Normal force: elastic, damped, never pulling */
+    s->rate = lanes_load(b->rate + i);
+    s->force = lanes_load(b->force + i);
+    s->normal = s->force * (1 - law->dissipation * s->leaving);
+    s->normal = lanes_pick(lanes_less(zero, s->normal), s->normal, zero);
+}
+
+/* Bristles at the springs. */
+struct friction_bend {
+    lanes e[3];      /* g + sqrt(s) t_d v of contact.h */
+    lanes square;    /* |g|^2 */
+    lanes share;     /* alpha */
+    lanes limit;     /* l */
+    lanes stiffness; /* the force is this times e */
+};
+
+LANES_INLINE void friction_find_bend(const struct friction_spring *s, const struct native_law *law,
+                                     const struct native_grip *grip, struct friction_bend *out)
+{
+    const double *n = grip->normal, *c = grip->center, *y = grip->bristle;
+    const double twist = y[BRISTLE_TWIST] * grip->inverse_radius;
+    const double retarded = grip->delay_s * grip->root;
+    lanes arm[3], g[3], size, speed, along, part;
+
+    /* One rigid motion of all, across each spring */
+    for (int k = 0; k < 3; k++) {
+        arm[k] = s->p[k] - c[k];
+    }
+    g[0] = y[0] + twist * (n[1] * arm[2] - n[2] * arm[1]);
+    g[1] = y[1] + twist * (n[2] * arm[0] - n[0] * arm[2]);
+    g[2] = y[2] + twist * (n[0] * arm[1] - n[1] * arm[0]);
+    along = g[0] * s->d[0] + g[1] * s->d[1] + g[2] * s->d[2];
+    for (int k = 0; k < 3; k++) {
+        g[k] -= along * s->d[k];
+        out->e[k] = g[k] + retarded * s->u[k];
+    }
+    out->square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];
+
+    /* No more than friction can bear */
+    speed = lanes_root(s->u[0] * s->u[0] + s->u[1] * s->u[1] + s->u[2] * s->u[2]);
+    out->share = s->rate * grip->inverse_area;
+    out->limit = (friction_fall(speed * law->transition_inverse, law) + law->uv * speed) *
+                 (s->normal * (grip->inverse_normal * grip->reach));
+    size = lanes_root(out->e[0] * out->e[0] + out->e[1] * out->e[1] + out->e[2] * out->e[2]);
+    part = out->limit / (size + DBL_MIN);
+    out->stiffness = grip->root * lanes_pick(lanes_less(part, out->share), part, out->share);
+}
+
+#endif

@@ -1,0 +1,489 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Contact engine "native" at work: for each pair it finds where the second surface is and how it
+ * moves seen from the first, lets contact/native/pairs.h find the force, and brings it back to the
+ * world.
+ */
+#include "contact/native/private.h"
+#include "base/vec3.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#define BRISTLE_MOST 1e9 /* J^0.5 */
+
+/* ---- where surfaces are ---- */
+
+static void surface_place(const struct native_surface *s, const struct body_motion *m,
+                          struct native_pose *pose)
+{
+    double arm[3], turn[3];
+
+    /* Its frame */
+    for (int r = 0; r < 3; r++) {
+        for (int c = 0; c < 3; c++) {
+            pose->R[3 * r + c] = m->R[3 * r] * s->rotation[c] +
+                                 m->R[3 * r + 1] * s->rotation[3 + c] +
+                                 m->R[3 * r + 2] * s->rotation[6 + c];
+        }
+    }
+    mat3_apply(m->R, s->position, arm);
+    vec3_add_scaled(arm, 1, m->p, pose->p);
+
+    /* Its velocity */
+    vec3_cross(m->w, arm, turn);
+    vec3_add_scaled(m->v, 1, turn, pose->v);
+    memcpy(pose->w, m->w, sizeof pose->w);
+}
+
+/* The plane of a half-space, for the broad phase. */
+static void surface_place_plane(const struct native_engine *e, size_t index)
+{
+    const struct native_pose *pose = &e->pose[index];
+    const struct broad_balls *ball = &e->broad.ball;
+
+    ball->x[index] = pose->R[2];
+    ball->y[index] = pose->R[5];
+    ball->z[index] = pose->R[8];
+    ball->reach[index] =
+        -(pose->R[2] * pose->p[0] + pose->R[5] * pose->p[1] + pose->R[8] * pose->p[2]);
+}
+
+/* The ball and the capsule about a surface. */
+static void surface_place_ball(const struct native_engine *e, size_t index,
+                               const struct body_motion *m)
+{
+    const struct native_surface *s = &e->surface[index];
+    const struct broad_balls *ball = &e->broad.ball;
+    double center[3];
+
+    mat3_apply(m->R, s->center, center);
+    ball->x[index] = center[0] + m->p[0];
+    ball->y[index] = center[1] + m->p[1];
+    ball->z[index] = center[2] + m->p[2];
+    mat3_apply(m->R, s->about.half, e->broad.capsule[index].half);
+}
+
+void native_place_fixed_surfaces(struct native_engine *e)
+{
+    const struct body_motion world_at_rest = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+
+    for (size_t i = 0; i < e->nsurface; i++) {
+        if (e->surface[i].body < 0) {
+            surface_place(&e->surface[i], &world_at_rest, &e->pose[i]);
+            e->placed[i] = true;
+        }
+        e->broad.ball.reach[i] = e->surface[i].reach;
+        e->broad.capsule[i].radius = e->surface[i].about.radius;
+        if (e->surface[i].body < 0 && e->surface[i].shape == CONTACT_HALF_SPACE) {
+            surface_place_plane(e, i);
+        } else if (e->surface[i].body < 0) {
+            surface_place_ball(e, i, &world_at_rest);
+        }
+    }
+}
+
+/* Places the surfaces of a pair that the broad phase has found. */
+static void pair_place_surfaces(struct native_engine *e, const struct native_pair *pair,
+                                const struct body_motion *motion)
+{
+    for (int side = 0; side < 2; side++) {
+        int index = pair->surface[side];
+        const struct native_surface *s = &e->surface[index];
+
+        if (!e->placed[index]) {
+            surface_place(s, &motion[s->body], &e->pose[index]);
+            e->placed[index] = true;
+        }
+    }
+}
+
+/* The second surface seen from the first. */
+static void pose_relate(const struct native_pose *a, const struct native_pose *b,
+                        struct native_relative *relative)
+{
+    double arm[3], w[3], v[3], turn[3];
+
+    for (int r = 0; r < 3; r++) {
+        for (int c = 0; c < 3; c++) {
+            relative->R[3 * r + c] =
+                a->R[r] * b->R[c] + a->R[3 + r] * b->R[3 + c] + a->R[6 + r] * b->R[6 + c];
+        }
+    }
+    vec3_sub(b->p, a->p, arm);
+    mat3_apply_transposed(a->R, arm, relative->p);
+
+    /* The first body's velocity less the second's at the first's origin */
+    vec3_cross(b->w, arm, turn);
+    vec3_sub(a->v, b->v, v);
+    vec3_add_scaled(v, 1, turn, v);
+    vec3_sub(a->w, b->w, w);
+    mat3_apply_transposed(a->R, w, relative->w);
+    mat3_apply_transposed(a->R, v, relative->v);
+}
+
+/* ---- what a pair does ---- */
+
+/* Whether a capsule reaches through the plane of any facet of a mesh near it: it touches none
+ * otherwise. Seen from the mesh, for which the capsule is a mesh too, up to 1.3 % wider than itself
+ * (mesh_capsule). */
+static bool capsule_may_touch(const struct solid *mesh, const struct native_capsule *capsule,
+                              const struct native_relative *relative)
+{
+    const struct tree_node *node = mesh->facets.node, *end = tree_end(&mesh->facets);
+    const double axis[3] = {relative->R[2], relative->R[5], relative->R[8]};
+    const double radius = 1.02 * capsule->radius;
+    struct box box;
+
+    for (int k = 0; k < 3; k++) {
+        double reach = capsule->half * fabs(axis[k]) + radius;
+
+        box.low[k] = relative->p[k] - reach;
+        box.high[k] = relative->p[k] + reach;
+    }
+    while (node != end) {
+        if (!boxes_meet(&node->box, &box)) {
+            node += node->size;
+            continue;
+        }
+        for (int i = 0; i < node->count; i++) {
+            const struct facet *f = &mesh->facet[mesh->facets.item[node->first + i]];
+            double reach = capsule->half * fabs(vec3_dot(f->normal, axis)) + radius;
+
+            if (fabs(vec3_dot(f->normal, relative->p) - f->offset) < reach) {
+                return true;
+            }
+        }
+        ++node;
+    }
+    return false;
+}
+
+void native_pair_find_force(const struct native_engine *e, const struct native_pair *pair,
+                            const struct native_relative *relative, struct native_sum *sum)
+{
+    const struct native_surface *a = &e->surface[pair->surface[0]];
+    const struct native_surface *b = &e->surface[pair->surface[1]];
+    const double radius[2] = {a->capsule.radius,
+                              b->shape == CONTACT_SPHERE ? b->capsule.radius : HUGE_VAL};
+    const struct native_kernels *kernels = pair->kernels;
+    struct native_scratch *s = e->scratch;
+
+    switch (pair->kind) {
+    case PAIR_HERTZ_SPHERES:
+    case PAIR_HERTZ_HALF_SPACE:
+        kernels->hertz(radius, &pair->law, relative, s, sum);
+        break;
+    case PAIR_MESH_HALF_SPACE:
+        kernels->half_space(a->solid, &pair->law, relative, s, sum);
+        break;
+    case PAIR_MESH_SPHERE:
+        kernels->sphere(a->solid, b->capsule.radius, &pair->law, relative, s, sum);
+        break;
+    case PAIR_MESHES:
+        if (b->shape == CONTACT_CAPSULE && !capsule_may_touch(a->solid, &b->capsule, relative)) {
+            break;
+        }
+        kernels->meshes(a->solid, b->solid, &pair->law, relative, s, sum);
+        break;
+    case PAIR_FIELDS:
+        kernels->fields(a->field, b->solid, b->field, &pair->law, relative, s, sum);
+        break;
+    case PAIR_CAPSULE_HALF_SPACE:
+        kernels->capsule_half_space(&a->capsule, &pair->law, relative, s, sum);
+        break;
+    case PAIR_CAPSULES:
+        kernels->capsules(&a->capsule, &b->capsule, &pair->law, relative, s, sum);
+        break;
+    }
+}
+
+/* Adds a force and a moment at a point to a surface's body, if it has one. */
+static void surface_add_wrench(const struct native_engine *e, int surface, const double force[3],
+                               const double moment[3], const double at[3], double sign,
+                               const struct body_motion *motion, struct contact_wrench *wrench)
+{
+    int body = e->surface[surface].body;
+    double arm[3], turn[3];
+
+    if (body < 0) {
+        return;
+    }
+    vec3_sub(at, motion[body].p, arm);
+    vec3_cross(arm, force, turn);
+    vec3_add_scaled(wrench[body].force, sign, force, wrench[body].force);
+    vec3_add_scaled(wrench[body].moment, sign, moment, wrench[body].moment);
+    vec3_add_scaled(wrench[body].moment, sign, turn, wrench[body].moment);
+}
+
+/* Adds what a pair in touch does to the wrenches of its bodies and to the patches. */
+static void pair_add_patch(struct native_engine *e, size_t index, const struct native_sum *sum,
+                           const struct body_motion *motion, struct contact_wrench *wrench)
+{
+    const struct native_pair *pair = &e->pair[index];
+    const struct native_pose *a = &e->pose[pair->surface[0]];
+    struct contact_patch *patch = &e->patch[e->npatch++];
+    double center[3] = {0, 0, 0}, force[3], moment[3], about[3], turn[3];
+
+    /* About the center of pressure: nothing large is added to take off again */
+    if (sum->normal > 0) {
+        vec3_add_scaled(center, 1 / sum->normal, sum->lever, center);
+    }
+    vec3_cross(center, sum->force, turn);
+    vec3_sub(sum->moment, turn, about);
+
+    /* From the first surface's frame to the world */
+    mat3_apply(a->R, sum->force, force);
+    mat3_apply(a->R, about, moment);
+    mat3_apply(a->R, center, patch->center);
+    vec3_add_scaled(patch->center, 1, a->p, patch->center);
+
+    /* On one body, and the opposite on the other */
+    surface_add_wrench(e, pair->surface[0], force, moment, patch->center, 1, motion, wrench);
+    surface_add_wrench(e, pair->surface[1], force, moment, patch->center, -1, motion, wrench);
+
+    patch->pair = (int)index;
+    for (int k = 0; k < 3; k++) {
+        patch->force[k] = pair->sign * force[k];
+        patch->moment[k] = pair->sign * moment[k];
+    }
+    patch->area_m2 = sum->area;
+    patch->penetration_m = sum->depth;
+    patch->potential_j = sum->potential;
+    patch->dissipation_w = sum->power;
+}
+
+/* Evaluates a pair, its springs behind those of the pairs before it in the batch. */
+static void pair_evaluate(struct native_engine *e, size_t index, const struct body_motion *motion,
+                          struct contact_bristles *bristles, struct contact_wrench *wrench)
+{
+    const struct native_pair *pair = &e->pair[index];
+    struct native_batch *batch = &e->scratch->batch;
+    const size_t from = (batch->n + BATCH_ALIGN - 1) / BATCH_ALIGN * BATCH_ALIGN;
+    const bool full = batch->full;
+    struct native_relative relative;
+    struct native_gather gather = {.along = {0, 0, 0}};
+    struct native_sum sum = {.gather = e->grip ? &gather : NULL,
+                             .one_way = native_pair_is_one_way(pair)};
+
+    batch->n = batch->start = from;
+    batch->full = false;
+    pair_place_surfaces(e, pair, motion);
+    pose_relate(&e->pose[pair->surface[0]], &e->pose[pair->surface[1]], &relative);
+    native_pair_find_force(e, pair, &relative, &sum);
+    if (sum.area > 0) {
+        e->springs[e->npatch] = (struct native_springs){from, batch->n};
+        if (e->grip) {
+            native_bristle_hold(e, index, &relative, e->springs[e->npatch], batch->full, bristles,
+                                &sum);
+        }
+        pair_add_patch(e, index, &sum, motion, wrench);
+    }
+    batch->full |= full;
+}
+
+/* ---- the calls of contact.h ---- */
+
+/* Balls where their bodies are; of surfaces only half-spaces, which the broad phase asks for. */
+static void surfaces_move(struct native_engine *e, const struct body_motion *motion)
+{
+    for (size_t i = 0; i < e->nsurface; i++) {
+        const struct native_surface *s = &e->surface[i];
+
+        if (s->body < 0) {
+            continue;
+        }
+        e->placed[i] = s->shape == CONTACT_HALF_SPACE;
+        if (e->placed[i]) {
+            surface_place(s, &motion[s->body], &e->pose[i]);
+            surface_place_plane(e, i);
+        } else {
+            surface_place_ball(e, i, &motion[s->body]);
+        }
+    }
+}
+
+static enum error_code bristles_check(struct native_engine *e,
+                                      const struct contact_bristles *bristles)
+{
+    for (size_t i = 0; e->grip && bristles && i < bristles->npair; i++) {
+        const double *y = bristles->y + CONTACT_BRISTLE * (size_t)bristles->pair[i];
+
+        for (int k = 0; k < CONTACT_BRISTLE; k++) {
+            if (!(fabs(y[k]) <= BRISTLE_MOST)) {
+                snprintf(e->failure, sizeof e->failure,
+                         "contact: the bristles of pair %d are not finite, or out of range",
+                         bristles->pair[i]);
+                return ERROR_INPUT;
+            }
+        }
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code native_evaluate(struct contact_world *world,
+                                       const struct body_motion *motion,
+                                       struct contact_bristles *bristles,
+                                       struct contact_wrench *wrench)
+{
+    struct native_engine *e = (struct native_engine *)world;
+
+    enum error_code code = contact_check_motions(motion, e->nbody, e->failure, sizeof e->failure);
+
+    code = code ? code : bristles_check(e, bristles);
+    if (code != ERROR_NONE) {
+        return code;
+    }
+
+    /* Nothing touches yet; all balls are where their bodies are */
+    for (size_t b = 0; b < e->nbody; b++) {
+        wrench[b] = (struct contact_wrench){{0}, {0}};
+    }
+    surfaces_move(e, motion);
+    e->npatch = 0;
+    e->scratch->batch.n = e->scratch->batch.start = 0;
+    e->scratch->batch.full = false;
+    e->scratch->visits = 0;
+
+    /* Bristles relax where nothing touches */
+    if (e->grip && bristles && bristles->rate) {
+        native_bristle_relax(bristles);
+    }
+
+    /* Pairs that may touch, in their order */
+    e->find_near(&e->broad, e->near);
+    for (size_t w = 0; w < e->broad.nword; w++) {
+        for (uint64_t near = e->near[w]; near; near &= near - 1) {
+            pair_evaluate(e, 64 * w + (size_t)__builtin_ctzll(near), motion,
+                          e->grip ? bristles : NULL, wrench);
+        }
+    }
+    return ERROR_NONE;
+}
+
+static size_t native_patches(struct contact_world *world, struct contact_patch *patch, size_t max)
+{
+    const struct native_engine *e = (const struct native_engine *)world;
+
+    for (size_t i = 0; i < e->npatch && i < max; i++) {
+        patch[i] = e->patch[i];
+    }
+    return e->npatch;
+}
+
+/* What the springs of a pair in touch add to a tangent: those of the last evaluation, or the same
+ * found once more where the batch had no room for them all. center: in the first surface's frame,
+ * as the springs are. */
+static void patch_add_springs(const struct native_engine *e, size_t patch, const double center[3],
+                              struct contact_tangent *tangent)
+{
+    const struct native_pair *pair = &e->pair[e->patch[patch].pair];
+    const struct native_pose *a = &e->pose[pair->surface[0]];
+    struct native_batch *batch = &e->scratch->batch;
+    struct native_relative relative;
+    struct native_sum sum = {.tangent = tangent,
+                             .turn = a->R,
+                             .one_way = native_pair_is_one_way(pair),
+                             .grip = e->grip ? &e->grip[patch] : NULL};
+
+    pose_relate(a, &e->pose[pair->surface[1]], &relative);
+    memcpy(tangent->center, center, sizeof tangent->center);
+    if (batch->full) {
+        batch->n = batch->start = 0;
+        native_pair_find_force(e, pair, &relative, &sum);
+    } else {
+        batch->start = e->springs[patch].from;
+        batch->n = e->springs[patch].to;
+        pair->kernels->sum(batch, &pair->law, &relative, &sum);
+    }
+}
+
+/* Sets how a patch's bristles follow the motion and what they do to it, and adds their damping.
+ * center: the tangent's, in the first surface's frame. */
+static void tangent_set_bristles(const struct native_grip *grip, const double center[3],
+                                 const double turn[9], double sign, struct contact_tangent *tangent)
+{
+    double gain = grip->root * grip->bend_s, arm[3], about[3];
+
+    for (int i = 0; i < CONTACT_TANGENT_SIZE; i++) {
+        tangent->D[i] += tangent->friction_D[i];
+    }
+    vec3_cross(center, grip->force, arm);
+    vec3_sub(grip->moment, arm, about);
+    mat3_apply(turn, grip->force, tangent->friction + CONTACT_MOVE_X);
+    mat3_apply(turn, about, tangent->friction + CONTACT_TURN_X);
+    for (int k = 0; k < CONTACT_AXES; k++) {
+        tangent->friction[k] *= sign;
+    }
+
+    /* Where they stand */
+
+    vec3_sub(grip->center, center, arm);
+    mat3_apply(turn, arm, tangent->bristle_arm);
+    mat3_apply(turn, grip->normal, tangent->normal);
+    mat3_apply(turn, grip->axis, tangent->bristle_axis);
+    for (int k = 0; k < 3; k++) {
+        tangent->normal[k] *= sign;
+        tangent->bristle_axis[k] *= sign;
+    }
+    tangent->bristle_per_m_s = gain;
+    tangent->bristle_per_rad_s = grip->inverse_radius > 0 ? gain / grip->inverse_radius : 0;
+}
+
+static size_t native_tangents(struct contact_world *world, struct contact_tangent *tangent,
+                              size_t max)
+{
+    const struct native_engine *e = (const struct native_engine *)world;
+
+    for (size_t i = 0; i < e->npatch && i < max; i++) {
+        const struct native_pair *pair = &e->pair[e->patch[i].pair];
+        const struct native_pose *a = &e->pose[pair->surface[0]];
+        bool turned = pair->sign > 0; /* the configured pair's a is our second */
+        const struct native_grip *grip = e->grip ? &e->grip[i] : NULL;
+        double arm[3], center[3]; /* in the first surface's frame */
+
+        tangent[i] = (struct contact_tangent){
+            .pair = e->patch[i].pair,
+            .body_a = e->surface[pair->surface[turned]].body,
+            .body_b = e->surface[pair->surface[!turned]].body,
+        };
+
+        /* About the patch's center */
+        vec3_sub(e->patch[i].center, a->p, arm);
+        mat3_apply_transposed(a->R, arm, center);
+        if (grip && grip->whole == 1 && native_pair_is_one_way(pair)) {
+            native_bristle_press(grip, center, a->R, &tangent[i]);
+        } else {
+            patch_add_springs(e, i, center, &tangent[i]);
+        }
+        if (grip && grip->whole > 0) {
+            native_bristle_resist(grip, center, a->R, &tangent[i]);
+        }
+        memcpy(tangent[i].center, e->patch[i].center, sizeof tangent[i].center);
+        if (grip) {
+            tangent_set_bristles(grip, center, a->R, pair->sign, &tangent[i]);
+        }
+    }
+    return e->npatch;
+}
+
+static const char *native_failure(const struct contact_world *world)
+{
+    return ((const struct native_engine *)world)->failure;
+}
+
+/* Everything is the arena's. */
+static void native_destroy(struct contact_world *world)
+{
+    (void)world;
+}
+
+const struct contact_ops native_ops = {
+    .name = "native",
+    .evaluate = native_evaluate,
+    .patches = native_patches,
+    .tangents = native_tangents,
+    .failure = native_failure,
+    .destroy = native_destroy,
+};

@@ -1,0 +1,213 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Sticking friction, as many springs at a time as there are lanes. */
+#include "contact/native/stick.h"
+
+#include "contact/native/friction.h"
+#include "contact/native/weigh.h"
+#include "base/vec3.h"
+
+static void gather_springs(const struct native_batch *b, const struct native_law *law,
+                           const struct native_relative *relative, struct native_sum *sum)
+{
+    struct native_gather *out = sum->gather;
+    const lanes zero = {0};
+    const double *const p[3] = {b->p[0] + b->start, b->p[1] + b->start, b->p[2] + b->start};
+    lanes along[3] = {zero, zero, zero}, lever[3] = {zero, zero, zero};
+    lanes moment[3] = {zero, zero, zero}, second[6] = {zero, zero, zero, zero, zero, zero};
+    lanes normal = zero, potential = zero, power = zero, elastic = zero;
+
+    for (size_t i = b->start; i < b->n; i += LANES) {
+        struct friction_spring s;
+        lanes f[3], fp[3], depth = lanes_load(b->depth + i);
+
+        friction_load_spring(b, i, law, relative, &s);
+        for (int k = 0; k < 3; k++) {
+            f[k] = s.normal * s.d[k];
+            fp[k] = s.normal * s.p[k];
+            along[k] += f[k];
+            lever[k] += fp[k];
+        }
+        moment[0] += s.p[1] * f[2] - s.p[2] * f[1];
+        moment[1] += s.p[2] * f[0] - s.p[0] * f[2];
+        moment[2] += s.p[0] * f[1] - s.p[1] * f[0];
+        second[0] += fp[0] * s.p[0];
+        second[1] += fp[0] * s.p[1];
+        second[2] += fp[0] * s.p[2];
+        second[3] += fp[1] * s.p[1];
+        second[4] += fp[1] * s.p[2];
+        second[5] += fp[2] * s.p[2];
+        normal += s.normal;
+        elastic += s.force;
+        potential += s.force * depth;
+        power += (s.force - s.normal) * s.leaving;
+    }
+
+    for (int k = 0; k < 3; k++) {
+        double push = lanes_sum(along[k]);
+
+        sum->force[k] += push;
+        sum->moment[k] += lanes_sum(moment[k]);
+        sum->lever[k] += lanes_sum(lever[k]);
+        out->along[k] += push;
+    }
+    for (int k = 0; k < 6; k++) {
+        out->second[k] += lanes_sum(second[k]);
+    }
+    moments_add_springs(p, b->rate + b->start, b->n - b->start, &out->area);
+    out->elastic += lanes_sum(elastic);
+    sum->normal += lanes_sum(normal);
+    sum->potential += lanes_sum(potential) / 2;
+    sum->power += lanes_sum(power);
+}
+
+/* ---- springs that push one way ---- */
+
+enum { WEIGHTS_MAX = 136 }; /* springs at a time; no large power of two, as BATCH_MAX */
+
+/* What a spring weighs: its normal force, and what it resists by along the normal. */
+struct weights {
+    _Alignas(64) double normal[WEIGHTS_MAX];
+    _Alignas(64) double stiffness[WEIGHTS_MAX];
+    _Alignas(64) double damping[WEIGHTS_MAX];
+};
+
+/* Of n springs from start on, which all push along d; adds their energies. */
+static void find_weights(const struct native_batch *b, size_t start, size_t n, const double d[3],
+                         const struct native_law *law, const struct native_relative *relative,
+                         struct weights *out, struct native_sum *sum)
+{
+    const double leaving_at_0 = vec3_dot(relative->v, d), c = law->dissipation;
+    const lanes zero = {0};
+    lanes potential = zero, power = zero, elastic = zero;
+    double slope[3]; /* of the leaving velocity */
+
+    vec3_cross(d, relative->w, slope);
+    for (size_t i = 0; i < n; i += LANES) {
+        const size_t at = start + i;
+        lanes force = lanes_load(b->force + at);
+        lanes leaving = leaving_at_0 +
+                        (slope[0] * lanes_load(b->p[0] + at) + slope[1] * lanes_load(b->p[1] + at) +
+                         slope[2] * lanes_load(b->p[2] + at));
+        lanes share = 1 - c * leaving; /* of the elastic force: never pulling */
+        lanes_mask pushes = lanes_less(zero, share);
+        lanes normal;
+
+        share = lanes_pick(pushes, share, zero);
+        normal = force * share;
+        lanes_store(normal, out->normal + i);
+        lanes_store(lanes_load(b->rate + at) * share, out->stiffness + i);
+        lanes_store(lanes_pick(pushes, c * force, zero), out->damping + i);
+        potential += force * lanes_load(b->depth + at);
+        power += (force - normal) * leaving;
+        elastic += force;
+    }
+    sum->gather->elastic += lanes_sum(elastic);
+    sum->potential += lanes_sum(potential) / 2;
+    sum->power += lanes_sum(power);
+}
+
+/* Adds to the sum what springs that push along d do, by the moments f of their normal forces. */
+static void add_moments(const struct moments *f, const double d[3], struct native_sum *sum)
+{
+    struct native_gather *out = sum->gather;
+    double moment[3];
+
+    vec3_cross(f->first, d, moment);
+    sum->normal += f->zeroth;
+    for (int k = 0; k < 3; k++) {
+        sum->force[k] += f->zeroth * d[k];
+        sum->moment[k] += moment[k];
+        sum->lever[k] += f->first[k];
+        out->along[k] += f->zeroth * d[k];
+    }
+    for (int k = 0; k < 6; k++) {
+        out->second[k] += f->second[k];
+    }
+}
+
+static void gather_one_way(const struct native_batch *b, const struct native_law *law,
+                           const struct native_relative *relative, struct native_sum *sum)
+{
+    struct moments normal = {.zeroth = 0};
+    struct weights weights;
+    size_t n;
+
+    if (b->start == b->n) {
+        return;
+    }
+
+    const double d[3] = {b->d[0][b->start], b->d[1][b->start], b->d[2][b->start]};
+
+    for (size_t start = b->start; start < b->n; start += n) {
+        const double *const p[3] = {b->p[0] + start, b->p[1] + start, b->p[2] + start};
+
+        n = b->n - start < WEIGHTS_MAX ? b->n - start : WEIGHTS_MAX;
+        find_weights(b, start, n, d, law, relative, &weights, sum);
+        moments_add_springs(p, weights.normal, n, &normal);
+        moments_add_springs(p, weights.stiffness, n, &sum->gather->stiffness);
+        moments_add_springs(p, weights.damping, n, &sum->gather->damping);
+        moments_add_springs(p, b->rate + start, n, &sum->gather->area);
+    }
+    add_moments(&normal, d, sum);
+}
+
+/* ---- all springs ---- */
+
+void native_stick_gather(const struct native_batch *b, const struct native_law *law,
+                         const struct native_relative *relative, struct native_sum *sum)
+{
+    if (sum->one_way) {
+        gather_one_way(b, law, relative, sum);
+    } else {
+        gather_springs(b, law, relative, sum);
+    }
+}
+
+void native_stick_hold(struct native_batch *b, const struct native_law *law,
+                       const struct native_relative *relative, struct native_sum *sum)
+{
+    struct native_grip *grip = sum->grip;
+    const lanes zero = {0};
+    lanes force[3] = {zero, zero, zero}, moment[3] = {zero, zero, zero};
+    lanes power = zero, held = zero, most = zero, open = zero;
+
+    for (size_t i = b->start; i < b->n; i += LANES) {
+        struct friction_spring s;
+        struct friction_bend bend;
+        lanes f[3], size, bears;
+        lanes_mask below;
+
+        friction_load_spring(b, i, law, relative, &s);
+        friction_find_bend(&s, law, grip, &bend);
+        if (grip->keeps) {
+            lanes_store(bend.stiffness, b->held + i);
+        }
+
+        /* The force */
+        for (int k = 0; k < 3; k++) {
+            f[k] = bend.stiffness * bend.e[k];
+            force[k] -= f[k];
+            power += f[k] * s.u[k];
+        }
+        moment[0] -= s.p[1] * f[2] - s.p[2] * f[1];
+        moment[1] -= s.p[2] * f[0] - s.p[0] * f[2];
+        moment[2] -= s.p[0] * f[1] - s.p[1] * f[0];
+
+        /* How near the bristles alone are to what friction can bear */
+        size = lanes_root(bend.square);
+        bears = bend.share * size;
+        below = lanes_less(bears, bend.limit);
+        held += lanes_pick(below, bears, bend.limit) * size;
+        most += bend.limit * size;
+        open += lanes_pick(below, bend.share * bend.square, zero);
+    }
+
+    for (int k = 0; k < 3; k++) {
+        sum->force[k] += lanes_sum(force[k]);
+        sum->moment[k] += lanes_sum(moment[k]);
+    }
+    grip->power += lanes_sum(power);
+    grip->held += lanes_sum(held);
+    grip->most += lanes_sum(most);
+    grip->open += lanes_sum(open);
+}

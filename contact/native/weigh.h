@@ -1,0 +1,43 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Sums over springs for contact/native/moments.h, as many springs at a time as there are lanes. SI
+ * units. Pure; RT-safe.
+ */
+#ifndef CONTACT_NATIVE_WEIGH_H
+#define CONTACT_NATIVE_WEIGH_H
+
+#include "contact/lanes.h"
+#include "contact/native/moments.h"
+
+/* Adds n springs, of which each array holds a full set of lanes. */
+LANES_INLINE void moments_add_springs(const double *const r[3], const double *weight, size_t n,
+                                      struct moments *m)
+{
+    lanes zeroth = {0}, first[3] = {{0}}, second[6] = {{0}};
+
+    for (size_t i = 0; i < n; i += LANES) {
+        lanes w = lanes_load(weight + i);
+        lanes x = lanes_load(r[0] + i), y = lanes_load(r[1] + i), z = lanes_load(r[2] + i);
+        lanes wx = w * x, wy = w * y, wz = w * z;
+
+        zeroth += w;
+        first[0] += wx;
+        first[1] += wy;
+        first[2] += wz;
+        second[0] += wx * x;
+        second[1] += wx * y;
+        second[2] += wx * z;
+        second[3] += wy * y;
+        second[4] += wy * z;
+        second[5] += wz * z;
+    }
+    m->zeroth += lanes_sum(zeroth);
+    for (int k = 0; k < 3; k++) {
+        m->first[k] += lanes_sum(first[k]);
+    }
+    for (int k = 0; k < 6; k++) {
+        m->second[k] += lanes_sum(second[k]);
+    }
+}
+
+#endif

@@ -1,0 +1,45 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Names of the kernels' variants. The kernels of the native engine are compiled once for each
+ * instruction set, of which the engine takes the best that the machine can run when it is made.
+ * NATIVE_VARIANT, when defined, is appended to the names of all that they share among their files;
+ * without it the same files are the plain variant. Include before anything declares one of these
+ * names. Names only: whether something is RT-safe is said where it is declared.
+ */
+#ifndef CONTACT_VARIANT_H
+#define CONTACT_VARIANT_H
+
+#ifdef NATIVE_VARIANT
+
+#define NATIVE_PASTE(name, variant) name##_##variant
+#define NATIVE_EXPAND(name, variant) NATIVE_PASTE(name, variant)
+#define NATIVE_NAME(name) NATIVE_EXPAND(name, NATIVE_VARIANT)
+
+#define broad_phase_find NATIVE_NAME(broad_phase_find)
+#define facets_add_springs NATIVE_NAME(facets_add_springs)
+#define flat_clip NATIVE_NAME(flat_clip)
+#define flat_clip_to_facet NATIVE_NAME(flat_clip_to_facet)
+#define flat_find_moments NATIVE_NAME(flat_find_moments)
+#define flat_of_facet NATIVE_NAME(flat_of_facet)
+#define native_capsule_half_space NATIVE_NAME(native_capsule_half_space)
+#define native_capsules NATIVE_NAME(native_capsules)
+#define native_hertz NATIVE_NAME(native_hertz)
+#define native_kernels NATIVE_NAME(native_kernels)
+#define native_law_make_room NATIVE_NAME(native_law_make_room)
+#define native_law_sum NATIVE_NAME(native_law_sum)
+#define native_overlap_fields NATIVE_NAME(native_overlap_fields)
+#define native_overlap_half_space NATIVE_NAME(native_overlap_half_space)
+#define native_overlap_meshes NATIVE_NAME(native_overlap_meshes)
+#define native_overlap_sphere NATIVE_NAME(native_overlap_sphere)
+#define native_stick_gather NATIVE_NAME(native_stick_gather)
+#define native_stick_hold NATIVE_NAME(native_stick_hold)
+#define polygon_add_springs NATIVE_NAME(polygon_add_springs)
+#define polygon_center NATIVE_NAME(polygon_center)
+#define polygon_clip_depth NATIVE_NAME(polygon_clip_depth)
+#define solid_depth NATIVE_NAME(solid_depth)
+#define solid_find_nearest NATIVE_NAME(solid_find_nearest)
+#define solid_nearest_of_face NATIVE_NAME(solid_nearest_of_face)
+
+#endif
+
+#endif

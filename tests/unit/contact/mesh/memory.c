@@ -1,0 +1,81 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The OBJ reader when memory runs out: every allocation fails once, in turn. */
+#include "contact/mesh/mesh.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <cmocka.h>
+
+/* The linker sends the library's calls here (--wrap). */
+void *__real_malloc(size_t size);
+void *__real_calloc(size_t count, size_t size);
+void *__real_realloc(void *memory, size_t size);
+void *__wrap_malloc(size_t size);
+void *__wrap_calloc(size_t count, size_t size);
+void *__wrap_realloc(void *memory, size_t size);
+
+static int until_failure = -1; /* calls that still succeed; -1: all do */
+
+static bool fails(void)
+{
+    return until_failure >= 0 && until_failure-- == 0;
+}
+
+void *__wrap_malloc(size_t size)
+{
+    return fails() ? NULL : __real_malloc(size);
+}
+
+void *__wrap_calloc(size_t count, size_t size)
+{
+    return fails() ? NULL : __real_calloc(count, size);
+}
+
+void *__wrap_realloc(void *memory, size_t size)
+{
+    return fails() ? NULL : __real_realloc(memory, size);
+}
+
+static void every_allocation_that_fails_is_reported_and_nothing_leaks(void **state)
+{
+    const char *path = HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj";
+    struct arena arena;
+    enum error_code code = ERROR_MEMORY;
+    int failures = 0;
+
+    (void)state;
+    assert_int_equal(arena_init(&arena, (size_t)1 << 20, NULL), ERROR_NONE);
+    while (code != ERROR_NONE) {
+        const struct mesh *mesh = NULL;
+        struct error error = {0};
+
+        until_failure = failures;
+        code = mesh_read_obj(path, &arena, &mesh, &error);
+        until_failure = -1;
+        if (code != ERROR_NONE) {
+            assert_int_equal(code, ERROR_MEMORY);
+            assert_non_null(strstr(error.text, "no memory"));
+            assert_null(mesh);
+            assert_int_equal(arena.used, 0);
+            failures++;
+        }
+    }
+    /* The file; 256 vertices, 256 and 512 faces, each with places; five arrays of the check */
+    assert_true(failures >= 1 + 2 + 4 + 5);
+    arena_fini(&arena);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_allocation_that_fails_is_reported_and_nothing_leaks),
+    };
+
+    return cmocka_run_group_tests_name("mesh_memory", tests, NULL, NULL);
+}

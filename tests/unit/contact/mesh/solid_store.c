@@ -1,0 +1,173 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The store of solids: what is shared, and that it changes nothing. */
+#include "contact/mesh/solid_store.h"
+
+#include "contact/contact.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "tests/unit/arena_fixture.h"
+
+static const struct mesh *make_box(double half)
+{
+    const double side[3] = {half, 2 * half, 3 * half};
+    const struct mesh *mesh;
+
+    assert_int_equal(mesh_box(side, 3, &arena, &mesh, NULL), ERROR_NONE);
+    return mesh;
+}
+
+static const struct solid *find(const struct mesh *mesh)
+{
+    const struct solid *solid;
+
+    assert_int_equal(solid_store_find(mesh, &arena, &solid, NULL), ERROR_NONE);
+    return solid;
+}
+
+static const struct field *find_field(const struct solid *solid)
+{
+    const struct field *field;
+
+    assert_int_equal(solid_store_find_field(solid, "box", &arena, &field, NULL), ERROR_NONE);
+    return field;
+}
+
+static void equal_meshes_share_what_was_made(void **state)
+{
+    const struct solid *first, *other;
+
+    (void)state;
+    assert_int_equal(solid_store_open(NULL), ERROR_NONE);
+    first = find(make_box(0.1));
+    other = find(make_box(0.2));
+    assert_ptr_not_equal(first, other);
+    assert_ptr_equal(find(make_box(0.1)), first);
+    assert_int_equal(solid_store_made(), 2);
+    assert_ptr_equal(find_field(first), find_field(first));
+    assert_ptr_not_equal(find_field(first), find_field(other));
+    assert_int_equal(solid_store_made(), 4);
+    solid_store_close();
+}
+
+static void solid_outlives_the_mesh_it_was_made_of(void **state)
+{
+    const struct mesh *mesh = make_box(0.1), *again = make_box(0.1);
+    const struct solid *solid;
+
+    (void)state;
+    assert_int_equal(solid_store_open(NULL), ERROR_NONE);
+    solid = find(mesh);
+    memset((void *)(uintptr_t)mesh->vertex, 0, mesh->nvertex * sizeof *mesh->vertex);
+    memset((void *)(uintptr_t)mesh->face, 0, mesh->nface * sizeof *mesh->face);
+    assert_ptr_equal(find(again), solid);
+    assert_memory_equal(solid->vertex, again->vertex, again->nvertex * sizeof *again->vertex);
+    assert_int_equal(find_field(solid)->solid == solid, 1);
+    solid_store_close();
+}
+
+static void closed_store_shares_nothing(void **state)
+{
+    const struct mesh *mesh = make_box(0.1);
+    const struct solid *one = find(mesh), *two = find(mesh);
+
+    (void)state;
+    assert_ptr_not_equal(one, two);
+    assert_ptr_equal(one->vertex, mesh->vertex);
+    assert_ptr_not_equal(find_field(one), find_field(one));
+    solid_store_close();
+}
+
+/* The wrench of one box in another, turned; from an engine made anew. */
+static void find_wrench(struct contact_wrench wrench[2])
+{
+    const struct contact_material rubber = {.young_pa = 1e6,
+                                            .thickness_m = 0.01,
+                                            .dissipation_s_per_m = 1,
+                                            .static_friction = 0.8,
+                                            .dynamic_friction = 0.6};
+    struct contact_surface surface[2] = {
+        {.name = "one", .body = 0, .shape = CONTACT_BOX, .cells_per_edge = 3, .material = rubber},
+        {.name = "two", .body = 1, .shape = CONTACT_BOX, .cells_per_edge = 4, .material = rubber}};
+    const struct contact_pair pair = {0, 1};
+    const struct contact_config config = {.nbody = 2,
+                                          .nsurface = 2,
+                                          .surface = surface,
+                                          .npair = 1,
+                                          .pair = &pair,
+                                          .transition_velocity_m_s = 0.01};
+    struct body_motion motion[2] = {
+        {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}},
+        {.R = {0.8, -0.6, 0, 0.6, 0.8, 0, 0, 0, 1}, .p = {0.01, 0.02, 0.195}, .v = {0.1, 0, -0.2}}};
+    struct contact_world *world;
+
+    for (int i = 0; i < 2; i++) {
+        for (int k = 0; k < 3; k++) {
+            surface[i].half_extent_m[k] = 0.1;
+            surface[i].rotation[4 * k] = 1;
+        }
+    }
+    assert_int_equal(contact_native_create(&config, &arena, &world, NULL), ERROR_NONE);
+    assert_int_equal(world->ops->evaluate(world, motion, NULL, wrench), ERROR_NONE);
+    assert_true(wrench[1].force[2] > 1);
+    world->ops->destroy(world);
+}
+
+static void last_user_closes_it(void **state)
+{
+    const struct mesh *mesh = make_box(0.1);
+    const struct solid *solid;
+
+    (void)state;
+    assert_int_equal(solid_store_open(NULL), ERROR_NONE);
+    solid = find(mesh);
+    assert_int_equal(solid_store_open(NULL), ERROR_NONE);
+    assert_ptr_equal(find(mesh), solid);
+    solid_store_close();
+    assert_ptr_equal(find(mesh), solid);
+    solid_store_close();
+    assert_ptr_equal(find(mesh)->vertex, mesh->vertex);
+
+    /* Allowed on a closed one, and counts for nothing */
+    solid_store_close();
+    assert_int_equal(solid_store_open(NULL), ERROR_NONE);
+    assert_int_equal(solid_store_made(), 0);
+    solid_store_close();
+}
+
+static void engine_gives_the_same_bits_with_the_store(void **state)
+{
+    struct contact_wrench without[2], with[2], again[2];
+    size_t made;
+
+    (void)state;
+    find_wrench(without);
+    assert_int_equal(solid_store_open(NULL), ERROR_NONE);
+    find_wrench(with);
+    made = solid_store_made();
+    assert_true(made >= 3);
+    find_wrench(again);
+    assert_int_equal(solid_store_made(), made);
+    solid_store_close();
+    assert_memory_equal(with, without, sizeof with);
+    assert_memory_equal(again, without, sizeof again);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(equal_meshes_share_what_was_made, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(solid_outlives_the_mesh_it_was_made_of, open_arena,
+                                        close_arena),
+        cmocka_unit_test_setup_teardown(closed_store_shares_nothing, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(last_user_closes_it, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(engine_gives_the_same_bits_with_the_store, open_arena,
+                                        close_arena),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
