@@ -336,9 +336,9 @@ bool contact_simbody_find(char *path, size_t size);
  *   adds nothing (Simbody lets both push).
  * - Mesh on mesh, CONTACT_PRESSURE_FIELD: inside one of the two, the carrier, every point has a
  *   depth x under its surface (contact/mesh/field.h), and k x is a pressure (after Elandt,
- *   Drumwright, Sherman, Ruina 2019). The elastic potential U is k times the integral of x over the volume V
- *   that both have in common. As x is 0 on the carrier's part of V's surface, U changes with the
- *   pose of the other one, the visitor, by what its surface sweeps:
+ *   Drumwright, Sherman, Ruina 2019). The elastic potential U is k times the integral of x over the
+ *   volume V that both have in common. As x is 0 on the carrier's part of V's surface, U changes
+ *   with the pose of the other one, the visitor, by what its surface sweeps:
  *
  *       f = -k integral of x n dA,  m = -k integral of r x n dA  over the visitor's surface in V
  *
