@@ -2,6 +2,7 @@
 /* Runs cases of a plan, and writes and reads their results. */
 #include "app/sweep/plan.h"
 
+#include "base/hash.h"
 #include "base/whole_file.h"
 #include "contact/mesh/solid_store.h"
 
@@ -64,6 +65,17 @@ static void plan_find_binary(char id[64])
 }
 
 /* ---- results ---- */
+
+void plan_hash_case(const struct scenario *scenario, uint64_t rig_hash, uint64_t seed,
+                    const char *program, char hash[PLAN_HASH])
+{
+    uint64_t sum = hash_bytes(HASH_START, &scenario->text_hash, sizeof scenario->text_hash);
+
+    sum = hash_bytes(sum, &rig_hash, sizeof rig_hash);
+    sum = hash_bytes(sum, &seed, sizeof seed);
+    sum = program ? hash_bytes(sum, program, strlen(program)) : sum;
+    snprintf(hash, PLAN_HASH, "%016" PRIx64, sum);
+}
 
 void plan_results_folder(const struct plan *plan, char path[PATH_MAX])
 {

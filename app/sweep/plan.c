@@ -35,17 +35,6 @@ static enum error_code plan_no_memory(struct error *error)
     return error_set(error, ERROR_MEMORY, "no memory left for a plan");
 }
 
-void plan_hash_case(const struct scenario *scenario, uint64_t rig_hash, uint64_t seed,
-                    const char *program, char hash[PLAN_HASH])
-{
-    uint64_t sum = hash_bytes(HASH_START, &scenario->text_hash, sizeof scenario->text_hash);
-
-    sum = hash_bytes(sum, &rig_hash, sizeof rig_hash);
-    sum = hash_bytes(sum, &seed, sizeof seed);
-    sum = program ? hash_bytes(sum, program, strlen(program)) : sum;
-    snprintf(hash, PLAN_HASH, "%016" PRIx64, sum);
-}
-
 /* ---- writing ---- */
 
 /* Writes the path of a file relative to the plan's folder. */
