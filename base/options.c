@@ -249,15 +249,16 @@ enum error_code options_parse(const struct command_spec *spec, int argc, char **
 
 void options_wrap(const char *text, int used, int indent, FILE *out)
 {
-    int column = used;
+    int column = used, hang = indent; /* where a line goes on */
     bool start = true;
 
     while (*text) {
-        int n = (int)strcspn(text, " \n");
+        int n = (int)strcspn(text, " \n"), inset = start ? (int)strspn(text, " ") : 0;
 
+        hang = start ? indent + inset + (inset > 0 ? 2 : 0) : hang;
         if (!start && column + 1 + n > WIDTH) {
-            fprintf(out, "\n%*s", indent, "");
-            column = indent;
+            fprintf(out, "\n%*s", hang, "");
+            column = hang;
         } else if (!start) {
             putc(' ', out);
             column++;

@@ -125,8 +125,9 @@ int options_end(const struct command_spec *spec, enum error_code code, const str
  * pipe must not look like success. */
 int options_flush_output(int status);
 
-/* Prints text wrapped at 80 columns, every line but the first indented; used is the column that the
- * first line starts in. */
+/* Prints text wrapped at 80 columns, every line but the first indented, and what goes on a line
+ * that begins with spaces by these and two more; used is the column that the first line starts
+ * in. */
 void options_wrap(const char *text, int used, int indent, FILE *out);
 
 #endif

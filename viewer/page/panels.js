@@ -214,7 +214,7 @@ export class Actions {
         this.#do('fault', { name: fault.name, on: !this.active?.[this.hello.faults.indexOf(fault)] });
       } });
       const element = h('label', { class: 'fault', 'data-fault': fault.name }, box, h('span', {}, h('b', {},
-        fault.name), h('span', { class: 'muted' }, fault.text)));
+        fault.name), h('span', { class: 'muted' }, fault.text.replace(`${fault.name}: `, ''))));
       return { box, element };
     });
     return h('fieldset', { disabled: !this.can, id: 'faults' }, h('legend', {}, 'Faults'),

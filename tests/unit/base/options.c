@@ -26,7 +26,9 @@ static const struct command_spec spec = {
     .noperand = 2,
     .manual =
         "A paragraph that is long enough to be wrapped, because it goes on and on until it has "
-        "passed the eightieth column.\n\nAnother paragraph.",
+        "passed the eightieth column.\n\nAnother paragraph.\n"
+        "  A line that begins with two spaces goes on four spaces from the left, so that it is "
+        "seen",
 };
 
 static int reset(void **state)
@@ -253,7 +255,10 @@ static void the_manual_lists_everything_within_eighty_columns(void **state)
         assert_non_null(strstr(text, spec.option[i].help));
     }
     assert_non_null(strstr(text, "\n  -r, --record DIR"));
-    assert_non_null(strstr(text, "column.\n\nAnother paragraph.\n"));
+    assert_non_null(
+        strstr(text, "column.\n\nAnother paragraph.\n"
+                     "  A line that begins with two spaces goes on four spaces from the left, so\n"
+                     "    that it is seen\n"));
     for (const char *line = text; *line; line += strcspn(line, "\n") + 1) {
         assert_true(strcspn(line, "\n") <= 80);
     }
