@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The play of an anchor: what rocks moves the centroid of its area and its mean normal to and fro,
- * and comes back with both; the anchor, which stays, turns that into no motion at all. The state is
- * the radius times point and axis: one that fades keeps its place, one that begins is at once where
- * the area is.
+ * The anchor of sticking friction and its play (a play operator: it is dragged along only by what
+ * goes beyond a distance). A body that rocks moves the centroid of its contact area and the mean
+ * normal to and fro; as the anchor stays meanwhile, this is no sliding. The state is the radius
+ * times point and axis, so that an anchor that fades keeps its place, and one that begins is at
+ * once where the area is.
  */
 #include "contact/native/anchor.h"
 
@@ -12,9 +13,9 @@
 #include <float.h>
 #include <math.h>
 
-#define RADIUS_MOST 1.25       /* the anchor's over that of the area */
-#define HEIGHT_MOST (1.0 / 64) /* along the normal over the radius: friction is in the surface */
-#define TILT_MOST (1.0 / 16)   /* rad */
+#define RADIUS_MOST 1.25       /* the anchor's radius over that of the area, at most */
+#define HEIGHT_MOST (1.0 / 64) /* height over the radius: friction acts in the surface */
+#define TILT_MOST (1.0 / 16)   /* sine of the angle between axis and normal */
 
 bool native_anchor_read(const double y[CONTACT_BRISTLE], struct native_anchor *anchor)
 {
@@ -39,7 +40,7 @@ void native_anchor_write(const struct native_anchor *anchor, double y[CONTACT_BR
     }
 }
 
-/* Drags the axis to within TILT_MOST of the normal n. */
+/* Drags the axis to within TILT_MOST of the normal n. Returns whether it had to be moved. */
 static bool drag_axis(const double n[3], double axis[3])
 {
     const double along = vec3_dot(n, axis);
@@ -57,8 +58,8 @@ static bool drag_axis(const double n[3], double axis[3])
     return true;
 }
 
-/* Drags the point to within the area's radius of its centroid c across the normal n, and to a part
- * of that along it. */
+/* Drags the point to within a distance of radius from the area's centroid c across the normal n,
+ * and of radius times HEIGHT_MOST along it. Returns whether it had to be moved. */
 static bool drag_point(const double c[3], const double n[3], double radius, double point[3])
 {
     const double most = radius * HEIGHT_MOST;

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The anchor of a pair's bristles (contact.h): a point and an axis that are fixed in one of its
- * surfaces, and a radius. They stay while the patch that touches rocks about them, and are dragged
- * along by one that rolls on. Frames as said; SI units. Pure functions; nothing fails; RT-safe.
+ * The anchor of a pair's bristles, for sticking friction (contact.h): a point and an axis that are
+ * fixed in one of its surfaces, and a radius. They stay while the contact patch rocks about them,
+ * and are dragged along by one that rolls on. Frames as said; SI units. Pure functions; nothing
+ * fails; RT-safe.
  */
 #ifndef CONTACT_NATIVE_ANCHOR_H
 #define CONTACT_NATIVE_ANCHOR_H
@@ -12,19 +13,19 @@
 #include <stdbool.h>
 
 struct native_anchor {
-    double point[3], axis[3]; /* m; of length 1 */
+    double point[3], axis[3]; /* point, m; unit vector */
     double radius;            /* m; 0 where the patch is a point: then there is no anchor */
 };
 
-/* Reads the anchor that a pair's bristles have kept, in the frame that it is kept in. Returns
- * whether there is one. */
+/* Reads the anchor from a pair's bristle state, in the frame of the surface that it is fixed in.
+ * Returns false when the state has none. */
 bool native_anchor_read(const double y[CONTACT_BRISTLE], struct native_anchor *anchor);
 
-/* Writes it behind those that bend. */
+/* Writes the anchor to a bristle state, behind shear and twist, which it leaves alone. */
 void native_anchor_write(const struct native_anchor *anchor, double y[CONTACT_BRISTLE]);
 
-/* Drags an anchor to where it is within its play about that of the area in touch (centroid, mean
- * normal and RMS radius, same frame). Returns whether it was not. */
+/* Drags an anchor to within its play about the area in touch (centroid, mean normal and RMS radius,
+ * same frame). Returns whether it had to be moved. */
 bool native_anchor_drag(const struct native_anchor *touch, struct native_anchor *anchor);
 
 #endif

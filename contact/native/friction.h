@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Friction of contact.h's law at as many springs at a time as there are lanes: the one place where
- * the native engine computes it. SI units. Pure functions; RT-safe.
+ * The friction law of contact.h at as many springs at a time as there are lanes: coefficient of
+ * friction with its fall from static to dynamic (Stribeck), regularized friction, and the Coulomb
+ * limit of bristles that stick. The native engine computes friction of springs here alone. SI
+ * units. Pure functions; RT-safe.
  */
 #ifndef CONTACT_NATIVE_FRICTION_H
 #define CONTACT_NATIVE_FRICTION_H
@@ -13,14 +15,15 @@
 
 #include <float.h>
 
-/* 10 x^3 - 15 x^4 + 6 x^5 over x^2 */
+/* Returns S(x)/x^2 of contact.h's smooth step S(x) = 10 x^3 - 15 x^4 + 6 x^5. */
 LANES_INLINE lanes friction_step_over_square(lanes x)
 {
     return x * (10 - x * (15 - 6 * x));
 }
 
-/* Static friction that has fallen to dynamic friction at three times the transition velocity, from
- * it on; u: the velocity over it. */
+/* Returns the coefficient of friction without its viscous part: static up to the transition
+ * velocity, then falling to dynamic at three times it. u: sliding speed over the transition
+ * velocity. */
 LANES_INLINE lanes friction_fall(lanes u, const struct native_law *law)
 {
     lanes t = (u - 1) * 0.5;
@@ -31,7 +34,8 @@ LANES_INLINE lanes friction_fall(lanes u, const struct native_law *law)
     return law->us - (law->us - law->ud) * (t * t * friction_step_over_square(t));
 }
 
-/* The coefficient of friction over the sliding velocity v, finite at rest. */
+/* Returns the regularized coefficient of friction over the sliding speed v (m/s), which is finite
+ * at rest: times the normal force and the velocity it is the friction force. */
 LANES_INLINE lanes friction_over_speed(lanes v, const struct native_law *law)
 {
     lanes u = v * law->transition_inverse;
@@ -42,7 +46,8 @@ LANES_INLINE lanes friction_over_speed(lanes v, const struct native_law *law)
     return lanes_pick(lanes_less(u, one), sticking, sliding) + law->uv;
 }
 
-/* The slope of the static friction's share over us/v_t, bounded as by contact_friction_damping. */
+/* Returns the slope of regularized friction against the speed v over us/v_t, without the viscous
+ * part, bounded from above as by contact_friction_damping. */
 LANES_INLINE lanes friction_slope_bound(lanes v, const struct native_law *law)
 {
     const lanes zero = {0}, half = zero + 0.5, one = zero + 1;
@@ -55,14 +60,16 @@ LANES_INLINE lanes friction_slope_bound(lanes v, const struct native_law *law)
 
 /* ---- sticking friction ---- */
 
-/* Springs as they move. */
+/* Springs with the relative velocity of the surfaces at them. */
 struct friction_spring {
-    lanes p[3], d[3], u[3]; /* u: the first body's velocity against the second's, less leaving */
-    lanes leaving;          /* its part along d */
-    lanes force, normal;    /* without and with dissipation, which is never negative */
-    lanes rate;             /* of the force with the depth */
+    lanes p[3], d[3], u[3]; /* point, normal, sliding velocity of the first body */
+    lanes leaving;          /* velocity along d, at which the surfaces part */
+    lanes force, normal;    /* elastic; with dissipation, never negative */
+    lanes rate;             /* stiffness: of the force with the depth, N/m */
 };
 
+/* Loads the springs from i on from the batch and computes their sliding velocity and normal
+ * force. */
 LANES_INLINE void friction_load_spring(const struct native_batch *b, size_t i,
                                        const struct native_law *law,
                                        const struct native_relative *relative,
@@ -90,15 +97,17 @@ LANES_INLINE void friction_load_spring(const struct native_batch *b, size_t i,
     s->normal = lanes_pick(lanes_less(zero, s->normal), s->normal, zero);
 }
 
-/* Bristles at the springs. */
+/* Bristles at the springs: how far they are bent, and the friction that they bear. */
 struct friction_bend {
     lanes e[3];      /* g + sqrt(s) t_d v of contact.h */
     lanes square;    /* |g|^2 */
-    lanes share;     /* alpha */
-    lanes limit;     /* l */
-    lanes stiffness; /* the force is this times e */
+    lanes share;     /* alpha: the spring's share of the area */
+    lanes limit;     /* l: Coulomb limit mu f_n/sqrt(s) */
+    lanes stiffness; /* the friction force is minus this times e */
 };
 
+/* Computes the bend of the bristles at the springs and the stiffness by which they hold: alpha
+ * sqrt(s) while they stick, and less where the spring is at its Coulomb limit and slides. */
 LANES_INLINE void friction_find_bend(const struct friction_spring *s, const struct native_law *law,
                                      const struct native_grip *grip, struct friction_bend *out)
 {
@@ -107,7 +116,7 @@ LANES_INLINE void friction_find_bend(const struct friction_spring *s, const stru
     const double retarded = grip->delay_s * grip->root;
     lanes arm[3], g[3], size, speed, along, part;
 
-    /* One rigid motion of all, across each spring */
+    /* Bend g = y_s + y_n n x (p - c)/r: one rigid motion for all, less its part along the spring */
     for (int k = 0; k < 3; k++) {
         arm[k] = s->p[k] - c[k];
     }
@@ -121,7 +130,7 @@ LANES_INLINE void friction_find_bend(const struct friction_spring *s, const stru
     }
     out->square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];
 
-    /* No more than friction can bear */
+    /* Friction min(alpha, l/|e|) sqrt(s) e: no more than the limit mu(v) f_n */
     speed = lanes_root(s->u[0] * s->u[0] + s->u[1] * s->u[1] + s->u[2] * s->u[2]);
     out->share = s->rate * grip->inverse_area;
     out->limit = (friction_fall(speed * law->transition_inverse, law) + law->uv * speed) *

@@ -1,5 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The contact law, as many springs at a time as there are lanes. */
+/*
+ * The contact law of contact.h over the springs of a pair, as many at a time as there are lanes:
+ * normal force with dissipation (penalty method), regularized friction, stored and dissipated
+ * energy, and the tangents (stiffness and damping matrices) for implicit integration. Sticking
+ * friction (stiction) is in stick_law.c and stick_sums.c.
+ */
 #include "contact/native/law.h"
 
 #include "contact/lanes.h"
@@ -8,7 +13,7 @@
 #include "contact/native/weigh.h"
 #include "base/vec3.h"
 
-/* Springs that do nothing, up to a full set of lanes. */
+/* Pads the batch to a full set of lanes with springs that exert no force. */
 static void batch_pad(struct native_batch *b)
 {
     for (; b->n % LANES; ++b->n) {
@@ -19,6 +24,8 @@ static void batch_pad(struct native_batch *b)
     }
 }
 
+/* Computes normal force and regularized friction of each spring (contact.h) and adds force, moment
+ * about the frame's origin, sums for the center of pressure, and energies to sum. */
 static void law_add_forces(const struct native_batch *batch, const struct native_law *law,
                            const struct native_relative *relative, struct native_sum *sum)
 {
@@ -33,19 +40,20 @@ static void law_add_forces(const struct native_batch *batch, const struct native
               dz = lanes_load(batch->d[2] + i);
         lanes f = lanes_load(batch->force + i), depth = lanes_load(batch->depth + i);
 
-        /* The first body's velocity against the second's, and its part along the normal */
+        /* Relative velocity of the first body against the second at the spring, and its part
+         * along the normal: the rate x' of the penetration depth is -leaving */
         lanes ux = v[0] + (w[1] * pz - w[2] * py);
         lanes uy = v[1] + (w[2] * px - w[0] * pz);
         lanes uz = v[2] + (w[0] * py - w[1] * px);
         lanes leaving = ux * dx + uy * dy + uz * dz;
 
-        /* Normal force: elastic, damped, never pulling */
+        /* Normal force f (1 + c x'): elastic, damped, never pulling */
         lanes fn = f * (1 - law->dissipation * leaving);
         lanes_mask pushes = lanes_less(zero, fn);
 
         fn = lanes_pick(pushes, fn, zero);
 
-        /* Friction against what is left of the velocity across the normal */
+        /* Friction force against the sliding velocity, the part across the normal */
         ux -= leaving * dx;
         uy -= leaving * dy;
         uz -= leaving * dz;
@@ -56,7 +64,8 @@ static void law_add_forces(const struct native_batch *batch, const struct native
         lanes fy = fn * dy - drag * uy;
         lanes fz = fn * dz - drag * uz;
 
-        /* What it does to the body, and the energies */
+        /* Sums: force, moment p x f, center of pressure (lever over normal), stored and dissipated
+         * energy */
         force[0] += fx;
         force[1] += fy;
         force[2] += fz;
@@ -71,6 +80,7 @@ static void law_add_forces(const struct native_batch *batch, const struct native
         power += (f - fn) * leaving + drag * v2;
     }
 
+    /* Adds up the lanes; half of force times depth is stored */
     for (int k = 0; k < 3; k++) {
         sum->force[k] += lanes_sum(force[k]);
         sum->moment[k] += lanes_sum(moment[k]);
@@ -85,24 +95,27 @@ static void law_add_forces(const struct native_batch *batch, const struct native
 
 #define RESISTANCE_MAX 136 /* springs at a time; no large power of two, as BATCH_MAX */
 
-/* What springs add to a tangent, and where, in the world's directions. */
+/* Stiffness and damping that springs add to a tangent, and where they act, along the axes of the
+ * world frame. */
 struct resistance {
     size_t n;
-    _Alignas(64) double arm[3][RESISTANCE_MAX]; /* from the tangent's center */
-    _Alignas(64) double stiffness[RESISTANCE_MAX];
-    _Alignas(64) double damping[RESISTANCE_MAX];  /* along the normal, less regularized friction */
-    _Alignas(64) double friction[RESISTANCE_MAX]; /* in all directions */
-    /* The normal, and its moment: of springs that have normals of their own */
+    _Alignas(64) double arm[3][RESISTANCE_MAX];    /* from the tangent's center, m */
+    _Alignas(64) double stiffness[RESISTANCE_MAX]; /* along the normal, N/m */
+    _Alignas(64) double damping
+        [RESISTANCE_MAX]; /* along the normal, less regularized friction's, N s/m */
+    _Alignas(64) double friction[RESISTANCE_MAX]; /* damping in all directions, N s/m */
+    /* The normal n and its moment arm x n, for springs that push in directions of their own */
     _Alignas(64) double along[CONTACT_AXES][RESISTANCE_MAX];
 };
 
-/* The product of a matrix's row and a vector. */
+/* Returns the product of one row of a rotation matrix and a vector. */
 LANES_INLINE lanes lanes_turn(const double row[3], const lanes v[3])
 {
     return row[0] * v[0] + row[1] * v[1] + row[2] * v[2];
 }
 
-/* What bristles hold by at springs: as kept with their force, or found anew when the batch had no
+/* Returns the stiffness over bend of the bristles at springs from `from` on: friction force over e
+ * of contact.h. It was kept in the batch with the force, or is computed again when the batch had no
  * room. */
 LANES_INLINE lanes bristle_stiffness(const struct native_batch *b, size_t from,
                                      const struct native_law *law,
@@ -120,8 +133,9 @@ LANES_INLINE lanes bristle_stiffness(const struct native_batch *b, size_t from,
     return bend.stiffness;
 }
 
-/* Of the springs from start on, as many as there is room for. The friction's damping is that of
- * contact_friction_damping. */
+/* Computes stiffness and damping of the springs from start on, as many as there is room for, and
+ * where they act. Damping of regularized friction is that of contact_friction_damping, of bristles
+ * their stiffness times the time by which they follow the velocity. */
 static void law_find_resistance(const struct native_batch *b, size_t start,
                                 const struct native_law *law,
                                 const struct native_relative *relative,
@@ -131,7 +145,7 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
     const double scale = law->us * law->transition_inverse;
     const lanes zero = {0};
     const double apart =
-        sum->grip ? 1 - sum->grip->whole : 0; /* what each spring holds by itself */
+        sum->grip ? 1 - sum->grip->whole : 0; /* share that each spring holds by itself */
     const double follow = sum->grip ? apart * sum->grip->root * sum->grip->follow_s : 0;
 
     out->n = b->n - start < RESISTANCE_MAX ? b->n - start : RESISTANCE_MAX;
@@ -145,13 +159,14 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
             d[k] = lanes_load(b->d[k] + from);
         }
 
-        /* The first body's velocity against the second's along the normal */
+        /* Relative velocity of the first body against the second along the normal */
         u[0] = v[0] + (w[1] * p[2] - w[2] * p[1]);
         u[1] = v[1] + (w[2] * p[0] - w[0] * p[2]);
         u[2] = v[2] + (w[0] * p[1] - w[1] * p[0]);
         lanes leaving = u[0] * d[0] + u[1] * d[1] + u[2] * d[2];
 
-        /* The damped spring's share of its elastic force, and the damping of friction */
+        /* Share of the elastic force that is left with dissipation, 0 where the surfaces part fast,
+         * and the damping of friction: none, or bristles', or regularized */
         pushes = 1 - law->dissipation * leaving;
         pushes = lanes_pick(lanes_less(zero, pushes), pushes, zero);
         if (sum->grip && !(apart > 0)) {
@@ -166,13 +181,15 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
             friction = (slope * scale + law->uv) * (force * pushes);
         }
 
+        /* Friction damps in all directions, so its part along the normal is taken off again; that
+         * of bristles is taken off by tangent_add_bristles */
         lanes_store(lanes_load(b->rate + from) * pushes, out->stiffness + i);
         lanes_store(friction, out->friction + i);
         lanes_store(lanes_pick(lanes_less(zero, pushes), law->dissipation * force, zero) -
                         (sum->grip ? zero : friction),
                     out->damping + i);
 
-        /* Where it acts, in the world's directions about the tangent's center */
+        /* Arm from the tangent's center, turned into the world frame */
         for (int k = 0; k < 3; k++) {
             p[k] -= center[k];
         }
@@ -184,6 +201,8 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
 
 /* ---- springs that push in directions of their own ---- */
 
+/* Computes each spring's direction in the world frame and the moment of a unit force along it about
+ * the tangent's center (m). */
 static void law_find_directions(const struct native_batch *b, size_t start,
                                 const struct native_sum *sum, struct resistance *out)
 {
@@ -204,7 +223,8 @@ static void law_find_directions(const struct native_batch *b, size_t start,
     }
 }
 
-/* One row of the upper triangle of K and D: few enough sums at a time to stay in registers. */
+/* Adds one row of the upper triangles of K and D: springs' stiffness and damping times the outer
+ * product of (n, arm x n). One row at a time has few enough sums to stay in registers. */
 LANES_INLINE void tangent_add_row(const struct resistance *by, const int row,
                                   struct contact_tangent *tangent)
 {
@@ -228,7 +248,8 @@ LANES_INLINE void tangent_add_row(const struct resistance *by, const int row,
     }
 }
 
-/* Takes off along each spring's normal what friction adds in all directions. */
+/* Subtracts from D, along each spring's own normal, the damping that friction adds in all
+ * directions. */
 static void tangent_take_along(const struct resistance *by, double D[CONTACT_TANGENT_SIZE])
 {
     for (int row = 0; row < CONTACT_AXES; row++) {
@@ -246,6 +267,8 @@ static void tangent_take_along(const struct resistance *by, double D[CONTACT_TAN
 
 /* ---- springs by their moments ---- */
 
+/* Computes the zeroth, first and second moments of a weight over the springs, about the tangent's
+ * center. */
 static void find_moments(const struct resistance *by, const double *weight, struct moments *m)
 {
     const double *const arm[3] = {by->arm[0], by->arm[1], by->arm[2]};
@@ -254,7 +277,8 @@ static void find_moments(const struct resistance *by, const double *weight, stru
     moments_add_springs(arm, weight, by->n, m);
 }
 
-/* Of springs that all push along d, in the world. */
+/* Adds stiffness and damping of springs that all push along the unit vector d (world frame) to K
+ * and D, by their moments. */
 static void tangent_add_one_way(const struct resistance *by, const double d[3],
                                 struct contact_tangent *tangent)
 {
@@ -266,7 +290,9 @@ static void tangent_add_one_way(const struct resistance *by, const double d[3],
     tangent_add_along(1, &damping, d, tangent->D);
 }
 
-/* Friction of bristles that each spring holds by itself. direction: of those that push one way. */
+/* Adds the damping of sticking friction that each spring holds by itself to friction_D: in all
+ * directions, less the part along the normals. direction: the normal of springs that push one way
+ * (world frame). */
 static void tangent_add_bristles(const struct resistance *by, bool one_way,
                                  const double direction[3], struct contact_tangent *tangent)
 {
@@ -281,6 +307,8 @@ static void tangent_add_bristles(const struct resistance *by, bool one_way,
     }
 }
 
+/* Adds the springs of the pair at work to the tangent, RESISTANCE_MAX of them at a time: normal
+ * stiffness and damping by moments where all push one way, else row by row, then friction. */
 static void law_add_tangents(const struct native_batch *b, const struct native_law *law,
                              const struct native_relative *relative, const struct native_sum *sum)
 {
@@ -304,6 +332,9 @@ static void law_add_tangents(const struct native_batch *b, const struct native_l
             tangent_add_row(&by, CONTACT_TURN_Y, sum->tangent);
             tangent_add_row(&by, CONTACT_TURN_Z, sum->tangent);
         }
+
+        /* Damping of regularized friction, or of bristles that springs hold one by one; a patch
+         * that holds as a whole is native_bristle_resist's */
         if (!sum->grip) {
             find_moments(&by, by.friction, &friction);
             tangent_add_across(&friction, sum->tangent->D);

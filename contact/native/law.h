@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The law of contact.h at many springs at once, for the native engine. What a pair of surfaces has
- * in common is integrated in the frame of its first surface; forces are those on the first one. SI
- * units. All memory is the caller's; nothing fails; all is RT-safe.
+ * The law of contact.h (normal force, dissipation, friction) at many springs at once, for the
+ * native engine. The penetration volume of a pair of surfaces is integrated in the frame of its
+ * first surface; forces are those on the first one. SI units. All memory is the caller's; nothing
+ * fails; all is RT-safe.
  */
 #ifndef CONTACT_NATIVE_LAW_H
 #define CONTACT_NATIVE_LAW_H
@@ -22,43 +23,45 @@
 struct native_law {
     double stiffness;          /* k, Pa/m */
     double dissipation;        /* c, s/m; 1.5 c with Hertz's shares */
-    double share[2];           /* of the depth that each surface gives */
-    double us, ud, uv;         /* friction; uv in s/m */
-    double transition_inverse; /* 1/v_t */
+    double share[2];           /* s1, s2: of the penetration depth that each surface gives */
+    double us, ud, uv;         /* static, dynamic, viscous friction; uv in s/m */
+    double transition_inverse; /* 1/v_t of the friction law, s/m */
     double hertz, hertz_share; /* E (two spheres, sphere and half-space), share of the first */
     double layers, backing;    /* depth at which the layers end, m; what pushes too from there on,
                                 * Pa/m, 0 = nothing */
     double shear_root;         /* root of the bristles' stiffness s, (N/m)^0.5 */
 };
 
-/* Pose and velocity of the second surface, seen from the first. */
+/* Relative pose and velocity of a pair, in the frame of the first surface. */
 struct native_relative {
-    double R[9], p[3]; /* frame of the second in that of the first */
-    double w[3], v[3]; /* the first body's velocity against the second's; v at the first's origin */
+    double R[9], p[3]; /* rotation and origin of the second surface's frame in it */
+    double w[3], v[3]; /* velocity of the first body against the second; v at the first's origin */
 };
 
-/* Springs of one pair after another. They stay until there is no more room, so that tangents
- * need not find them again. */
+/* Springs of one pair after another. They stay until there is no more room, so that tangents need
+ * not find them again. Points and directions are in the frame of the pair's first surface. */
 struct native_batch {
     size_t n;
     size_t start;                         /* the first of the pair at work */
     bool full;                            /* there was no room for all, earlier ones are gone */
     _Alignas(64) double p[3][BATCH_MAX];  /* where they act */
-    _Alignas(64) double d[3][BATCH_MAX];  /* the direction that they push the first body in */
-    _Alignas(64) double force[BATCH_MAX]; /* without dissipation, N */
-    _Alignas(64) double depth[BATCH_MAX]; /* m */
+    _Alignas(64) double d[3][BATCH_MAX];  /* unit normal: the way the first body is pushed */
+    _Alignas(64) double force[BATCH_MAX]; /* elastic, without dissipation, N */
+    _Alignas(64) double depth[BATCH_MAX]; /* penetration, m */
     _Alignas(64) double rate[BATCH_MAX];  /* of the force with the depth, N/m */
-    _Alignas(64) double held[BATCH_MAX];  /* what bristles hold by where friction sticks: the last
+    _Alignas(64) double held[BATCH_MAX];  /* stiffness of bristles where friction sticks: their last
                                            * force over the bend (struct friction_bend) */
 };
 
-/* What the springs of a pair do to the first body, about the origin of its frame. */
+/* Sums over the springs of a pair: the wrench on the first body about the origin of its surface's
+ * frame, and energies. */
 struct native_sum {
     double force[3], moment[3];
-    double normal;           /* sum of the springs' normal forces */
-    double lever[3];         /* sum of their normal forces times where they act */
+    double normal;           /* sum of the springs' normal forces, N */
+    double lever[3];         /* of their normal forces times where they act; over normal it is the
+                              * center of pressure */
     double potential, power; /* stored (J), dissipated (W) */
-    double area, depth;      /* in touch, deepest: kept by who makes the springs */
+    double area, depth; /* in touch (m2), deepest penetration (m): kept by who makes the springs */
     /* Wanted instead of all of the above when it is not NULL: in the world's directions, to which
      * turn is the rotation of the first's frame, but about a center in the first's frame. */
     struct contact_tangent *tangent;
@@ -70,13 +73,15 @@ struct native_sum {
     struct native_grip *grip;
 };
 
-/* Whether springs that are found to be this deep reach through the layers. */
+/* Returns whether a penetration of this depth reaches through the elastic layers to what backs
+ * them. */
 static inline bool native_law_is_backed(const struct native_law *law, double depth)
 {
     return law->backing > 0 && depth > law->layers;
 }
 
-/* The law of the springs of what backs the layers, by how much deeper than these they are. */
+/* Returns the law for the springs of what backs the layers, whose depth counts from the layers' end
+ * on. */
 static inline struct native_law native_law_of_backing(const struct native_law *law)
 {
     struct native_law backing = *law;
@@ -86,7 +91,8 @@ static inline struct native_law native_law_of_backing(const struct native_law *l
     return backing;
 }
 
-/* Adds a spring; there must be room. rate: of the force with the depth. */
+/* Appends a spring at p that pushes the first body along d; there must be room. rate: stiffness of
+ * the force with the depth, N/m; depth: penetration, m. */
 static inline void batch_add_spring(struct native_batch *b, const double p[3], const double d[3],
                                     double rate, double depth)
 {

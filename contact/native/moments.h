@@ -12,12 +12,12 @@
 
 #include <string.h>
 
-/* The sums of a weight w, of w r and of w r r over springs at r. */
+/* Moments of a weight w over springs at r: sums of w, of w r and of w r r. */
 struct moments {
     double zeroth, first[3], second[6]; /* xx xy xz yy yz zz */
 };
 
-/* The second moments about c instead of the origin. */
+/* Computes the second moments about c instead of the origin. */
 static inline void moments_shift_second(const struct moments *m, const double c[3],
                                         double second[6])
 {
@@ -32,7 +32,7 @@ static inline void moments_shift_second(const struct moments *m, const double c[
     second[5] = m->second[5] - c[2] * (s[2] + rest[2]);
 }
 
-/* Moments about the origin of a frame, taken about c and turned. */
+/* Computes the moments about c, along the axes that the rotation turn leads to. */
 static inline void moments_move(const struct moments *m, const double c[3], const double turn[9],
                                 struct moments *moved)
 {
@@ -47,7 +47,7 @@ static inline void moments_move(const struct moments *m, const double c[3], cons
     sym3_rotate(turn, moved->second);
 }
 
-/* y = A x of a symmetric matrix as of second moments. */
+/* Computes y = A x for a symmetric matrix A stored as second moments are. */
 static inline void moments_apply_second(const double A[6], const double x[3], double y[3])
 {
     y[0] = A[0] * x[0] + A[1] * x[1] + A[2] * x[2];
@@ -55,8 +55,8 @@ static inline void moments_apply_second(const double A[6], const double x[3], do
     y[2] = A[2] * x[0] + A[4] * x[1] + A[5] * x[2];
 }
 
-/* Against the velocity v + w x r at r, in all directions alike: the identity, the cross product
- * with r, and r^2 less the outer product of r. */
+/* Adds to T a resistance that is the same in all directions against the velocity v + w x r at r:
+ * the identity, the cross product with r, and r^2 less the outer product of r. */
 static inline void tangent_add_across(const struct moments *m, double T[CONTACT_TANGENT_SIZE])
 {
     const double s = m->zeroth, x = m->first[0], y = m->first[1], z = m->first[2];
@@ -70,8 +70,8 @@ static inline void tangent_add_across(const struct moments *m, double T[CONTACT_
     }
 }
 
-/* Along the direction d only, the same for all springs: scale times the outer product of
- * (d, r x d). */
+/* Adds to T a resistance along the direction d only, the same for all springs: scale times the
+ * outer product of (d, r x d). */
 static inline void tangent_add_along(double scale, const struct moments *m, const double d[3],
                                      double T[CONTACT_TANGENT_SIZE])
 {

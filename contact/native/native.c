@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Contact engine "native" at work: for each pair it finds where the second surface is and how it
- * moves seen from the first, lets contact/native/pairs.h find the force, and brings it back to the
- * world.
+ * Contact engine "native", evaluation: for each pair that the broad phase finds near it computes
+ * the relative pose and velocity of its surfaces, lets contact/native/pairs.h find penetration and
+ * force, adds sticking friction (stick_law.c), and transforms the wrench to the world frame.
  */
 #include "contact/native/private.h"
 #include "base/vec3.h"
@@ -11,16 +11,17 @@
 #include <stdio.h>
 #include <string.h>
 
-#define BRISTLE_MOST 1e9 /* J^0.5 */
+#define BRISTLE_MOST 1e9 /* J^0.5, of a bristle state that is accepted */
 
 /* ---- where surfaces are ---- */
 
+/* Computes pose and velocity of a surface's frame in the world from its body's motion. */
 static void surface_place(const struct native_surface *s, const struct body_motion *m,
                           struct native_pose *pose)
 {
     double arm[3], turn[3];
 
-    /* Its frame */
+    /* Rotation and origin of its frame */
     for (int r = 0; r < 3; r++) {
         for (int c = 0; c < 3; c++) {
             pose->R[3 * r + c] = m->R[3 * r] * s->rotation[c] +
@@ -31,13 +32,13 @@ static void surface_place(const struct native_surface *s, const struct body_moti
     mat3_apply(m->R, s->position, arm);
     vec3_add_scaled(arm, 1, m->p, pose->p);
 
-    /* Its velocity */
+    /* Velocity of its origin: v + w x arm */
     vec3_cross(m->w, arm, turn);
     vec3_add_scaled(m->v, 1, turn, pose->v);
     memcpy(pose->w, m->w, sizeof pose->w);
 }
 
-/* The plane of a half-space, for the broad phase. */
+/* Updates the plane of a half-space for the broad phase: outward normal and minus its offset, m. */
 static void surface_place_plane(const struct native_engine *e, size_t index)
 {
     const struct native_pose *pose = &e->pose[index];
@@ -50,7 +51,8 @@ static void surface_place_plane(const struct native_engine *e, size_t index)
         -(pose->R[2] * pose->p[0] + pose->R[5] * pose->p[1] + pose->R[8] * pose->p[2]);
 }
 
-/* The ball and the capsule about a surface. */
+/* Updates center and axis of the bounding ball and capsule of a surface for the broad phase, in the
+ * world frame. */
 static void surface_place_ball(const struct native_engine *e, size_t index,
                                const struct body_motion *m)
 {
@@ -84,7 +86,7 @@ void native_place_fixed_surfaces(struct native_engine *e)
     }
 }
 
-/* Places the surfaces of a pair that the broad phase has found. */
+/* Computes the poses of a pair's two surfaces unless an earlier pair of this evaluation has. */
 static void pair_place_surfaces(struct native_engine *e, const struct native_pair *pair,
                                 const struct body_motion *motion)
 {
@@ -99,7 +101,7 @@ static void pair_place_surfaces(struct native_engine *e, const struct native_pai
     }
 }
 
-/* The second surface seen from the first. */
+/* Computes relative pose and velocity of surface b in the frame of surface a. */
 static void pose_relate(const struct native_pose *a, const struct native_pose *b,
                         struct native_relative *relative)
 {
@@ -114,7 +116,7 @@ static void pose_relate(const struct native_pose *a, const struct native_pose *b
     vec3_sub(b->p, a->p, arm);
     mat3_apply_transposed(a->R, arm, relative->p);
 
-    /* The first body's velocity less the second's at the first's origin */
+    /* Velocity of the first body less that of the second, both at the first surface's origin */
     vec3_cross(b->w, arm, turn);
     vec3_sub(a->v, b->v, v);
     vec3_add_scaled(v, 1, turn, v);
@@ -125,9 +127,9 @@ static void pose_relate(const struct native_pose *a, const struct native_pose *b
 
 /* ---- what a pair does ---- */
 
-/* Whether a capsule reaches through the plane of any facet of a mesh near it: it touches none
- * otherwise. Seen from the mesh, for which the capsule is a mesh too, up to 1.3 % wider than itself
- * (mesh_capsule). */
+/* Checks whether a capsule reaches through the plane of any facet of a mesh near it; where it does
+ * not, they do not touch. In the mesh's frame. A capsule is a mesh too for a mesh, up to 1.3 %
+ * wider than itself (mesh_capsule), hence 1.02. */
 static bool capsule_may_touch(const struct solid *mesh, const struct native_capsule *capsule,
                               const struct native_relative *relative)
 {
@@ -136,12 +138,15 @@ static bool capsule_may_touch(const struct solid *mesh, const struct native_caps
     const double radius = 1.02 * capsule->radius;
     struct box box;
 
+    /* Box about the capsule */
     for (int k = 0; k < 3; k++) {
         double reach = capsule->half * fabs(axis[k]) + radius;
 
         box.low[k] = relative->p[k] - reach;
         box.high[k] = relative->p[k] + reach;
     }
+
+    /* Distance of its center to the plane of each facet in the box, against its extent across */
     while (node != end) {
         if (!boxes_meet(&node->box, &box)) {
             node += node->size;
@@ -170,6 +175,7 @@ void native_pair_find_force(const struct native_engine *e, const struct native_p
     const struct native_kernels *kernels = pair->kernels;
     struct native_scratch *s = e->scratch;
 
+    /* Each kind of pair has its own geometry; all end in the same law (law.h) */
     switch (pair->kind) {
     case PAIR_HERTZ_SPHERES:
     case PAIR_HERTZ_HALF_SPACE:
@@ -199,7 +205,8 @@ void native_pair_find_force(const struct native_engine *e, const struct native_p
     }
 }
 
-/* Adds a force and a moment at a point to a surface's body, if it has one. */
+/* Adds sign times a force and a moment at the point `at` (world frame) to the wrench of a surface's
+ * body about its origin; nothing for a surface of the fixed world. */
 static void surface_add_wrench(const struct native_engine *e, int surface, const double force[3],
                                const double moment[3], const double at[3], double sign,
                                const struct body_motion *motion, struct contact_wrench *wrench)
@@ -217,7 +224,7 @@ static void surface_add_wrench(const struct native_engine *e, int surface, const
     vec3_add_scaled(wrench[body].moment, sign, turn, wrench[body].moment);
 }
 
-/* Adds what a pair in touch does to the wrenches of its bodies and to the patches. */
+/* Adds the wrench of a pair in touch to both of its bodies and appends its patch. */
 static void pair_add_patch(struct native_engine *e, size_t index, const struct native_sum *sum,
                            const struct body_motion *motion, struct contact_wrench *wrench)
 {
@@ -226,7 +233,8 @@ static void pair_add_patch(struct native_engine *e, size_t index, const struct n
     struct contact_patch *patch = &e->patch[e->npatch++];
     double center[3] = {0, 0, 0}, force[3], moment[3], about[3], turn[3];
 
-    /* About the center of pressure: nothing large is added to take off again */
+    /* Moment about the center of pressure, near which the bodies touch: a moment about a far
+     * origin would lose digits */
     if (sum->normal > 0) {
         vec3_add_scaled(center, 1 / sum->normal, sum->lever, center);
     }
@@ -239,10 +247,11 @@ static void pair_add_patch(struct native_engine *e, size_t index, const struct n
     mat3_apply(a->R, center, patch->center);
     vec3_add_scaled(patch->center, 1, a->p, patch->center);
 
-    /* On one body, and the opposite on the other */
+    /* On the first body, and the opposite on the second */
     surface_add_wrench(e, pair->surface[0], force, moment, patch->center, 1, motion, wrench);
     surface_add_wrench(e, pair->surface[1], force, moment, patch->center, -1, motion, wrench);
 
+    /* The patch gives the wrench on the configured pair's b */
     patch->pair = (int)index;
     for (int k = 0; k < 3; k++) {
         patch->force[k] = pair->sign * force[k];
@@ -254,7 +263,8 @@ static void pair_add_patch(struct native_engine *e, size_t index, const struct n
     patch->dissipation_w = sum->power;
 }
 
-/* Evaluates a pair, its springs behind those of the pairs before it in the batch. */
+/* Evaluates a pair: finds its springs, which go behind those of earlier pairs in the batch, sums
+ * their forces, and adds friction that sticks and the patch if there is a penetration. */
 static void pair_evaluate(struct native_engine *e, size_t index, const struct body_motion *motion,
                           struct contact_bristles *bristles, struct contact_wrench *wrench)
 {
@@ -267,6 +277,7 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
     struct native_sum sum = {.gather = e->grip ? &gather : NULL,
                              .one_way = native_pair_is_one_way(pair)};
 
+    /* full tells whether this pair's own springs are all in the batch, until it is done */
     batch->n = batch->start = from;
     batch->full = false;
     pair_place_surfaces(e, pair, motion);
@@ -285,7 +296,8 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
 
 /* ---- the calls of contact.h ---- */
 
-/* Balls where their bodies are; of surfaces only half-spaces, which the broad phase asks for. */
+/* Moves the bounding balls to where their bodies are. Poses are left to pair_place_surfaces but for
+ * those of half-spaces, which the broad phase needs. */
 static void surfaces_move(struct native_engine *e, const struct body_motion *motion)
 {
     for (size_t i = 0; i < e->nsurface; i++) {
@@ -304,6 +316,8 @@ static void surfaces_move(struct native_engine *e, const struct body_motion *mot
     }
 }
 
+/* Checks that the listed bristles are numbers within BRISTLE_MOST; otherwise ERROR_INPUT, and the
+ * failure names the pair. */
 static enum error_code bristles_check(struct native_engine *e,
                                       const struct contact_bristles *bristles)
 {
@@ -322,6 +336,7 @@ static enum error_code bristles_check(struct native_engine *e,
     return ERROR_NONE;
 }
 
+/* Evaluates contact and friction of all near pairs: struct contact_ops. */
 static enum error_code native_evaluate(struct contact_world *world,
                                        const struct body_motion *motion,
                                        struct contact_bristles *bristles,
@@ -336,7 +351,7 @@ static enum error_code native_evaluate(struct contact_world *world,
         return code;
     }
 
-    /* Nothing touches yet; all balls are where their bodies are */
+    /* Clears wrenches, patches and springs; updates the broad phase */
     for (size_t b = 0; b < e->nbody; b++) {
         wrench[b] = (struct contact_wrench){{0}, {0}};
     }
@@ -346,12 +361,12 @@ static enum error_code native_evaluate(struct contact_world *world,
     e->scratch->batch.full = false;
     e->scratch->visits = 0;
 
-    /* Bristles relax where nothing touches */
+    /* Rates of bristles whose pair does not touch: they relax; pairs that touch overwrite theirs */
     if (e->grip && bristles && bristles->rate) {
         native_bristle_relax(bristles);
     }
 
-    /* Pairs that may touch, in their order */
+    /* Pairs that may touch, in ascending order, so that sums are reproducible */
     e->find_near(&e->broad, e->near);
     for (size_t w = 0; w < e->broad.nword; w++) {
         for (uint64_t near = e->near[w]; near; near &= near - 1) {
@@ -362,6 +377,7 @@ static enum error_code native_evaluate(struct contact_world *world,
     return ERROR_NONE;
 }
 
+/* Copies at most max patches of the last evaluation; returns how many there are. */
 static size_t native_patches(struct contact_world *world, struct contact_patch *patch, size_t max)
 {
     const struct native_engine *e = (const struct native_engine *)world;
@@ -372,9 +388,9 @@ static size_t native_patches(struct contact_world *world, struct contact_patch *
     return e->npatch;
 }
 
-/* What the springs of a pair in touch add to a tangent: those of the last evaluation, or the same
- * found once more where the batch had no room for them all. center: in the first surface's frame,
- * as the springs are. */
+/* Adds stiffness and damping of a patch's springs to a tangent: of those of the last evaluation,
+ * or, where the batch had no room for all, of the same springs computed again. center: in the first
+ * surface's frame, as the springs are. */
 static void patch_add_springs(const struct native_engine *e, size_t patch, const double center[3],
                               struct contact_tangent *tangent)
 {
@@ -399,8 +415,9 @@ static void patch_add_springs(const struct native_engine *e, size_t patch, const
     }
 }
 
-/* Sets how a patch's bristles follow the motion and what they do to it, and adds their damping.
- * center: the tangent's, in the first surface's frame. */
+/* Sets how a patch's bristles follow the motion and the friction wrench that they exert, and adds
+ * their damping to D. center: the tangent's, in the first surface's frame; turn: rotation of that
+ * frame to the world. */
 static void tangent_set_bristles(const struct native_grip *grip, const double center[3],
                                  const double turn[9], double sign, struct contact_tangent *tangent)
 {
@@ -409,6 +426,8 @@ static void tangent_set_bristles(const struct native_grip *grip, const double ce
     for (int i = 0; i < CONTACT_TANGENT_SIZE; i++) {
         tangent->D[i] += tangent->friction_D[i];
     }
+
+    /* Friction wrench on b about the center, world frame */
     vec3_cross(center, grip->force, arm);
     vec3_sub(grip->moment, arm, about);
     mat3_apply(turn, grip->force, tangent->friction + CONTACT_MOVE_X);
@@ -417,8 +436,7 @@ static void tangent_set_bristles(const struct native_grip *grip, const double ce
         tangent->friction[k] *= sign;
     }
 
-    /* Where they stand */
-
+    /* The anchor that they stand on: arm from the center, normal and twist axis */
     vec3_sub(grip->center, center, arm);
     mat3_apply(turn, arm, tangent->bristle_arm);
     mat3_apply(turn, grip->normal, tangent->normal);
@@ -427,10 +445,14 @@ static void tangent_set_bristles(const struct native_grip *grip, const double ce
         tangent->normal[k] *= sign;
         tangent->bristle_axis[k] *= sign;
     }
+
+    /* How far they bend by a velocity, J^0.5 over m/s and rad/s */
     tangent->bristle_per_m_s = gain;
     tangent->bristle_per_rad_s = grip->inverse_radius > 0 ? gain / grip->inverse_radius : 0;
 }
 
+/* Computes at most max tangents (stiffness K, damping D) at the last evaluation; returns how many
+ * patches there are. */
 static size_t native_tangents(struct contact_world *world, struct contact_tangent *tangent,
                               size_t max)
 {
@@ -439,7 +461,7 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
     for (size_t i = 0; i < e->npatch && i < max; i++) {
         const struct native_pair *pair = &e->pair[e->patch[i].pair];
         const struct native_pose *a = &e->pose[pair->surface[0]];
-        bool turned = pair->sign > 0; /* the configured pair's a is our second */
+        bool turned = pair->sign > 0; /* the configured pair's a is the second surface */
         const struct native_grip *grip = e->grip ? &e->grip[i] : NULL;
         double arm[3], center[3]; /* in the first surface's frame */
 
@@ -449,7 +471,8 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
             .body_b = e->surface[pair->surface[!turned]].body,
         };
 
-        /* About the patch's center */
+        /* About the patch's center. A patch that sticks as a whole and pushes one way has the
+         * moments of its springs already */
         vec3_sub(e->patch[i].center, a->p, arm);
         mat3_apply_transposed(a->R, arm, center);
         if (grip && grip->whole == 1 && native_pair_is_one_way(pair)) {
@@ -473,7 +496,7 @@ static const char *native_failure(const struct contact_world *world)
     return ((const struct native_engine *)world)->failure;
 }
 
-/* Everything is the arena's. */
+/* Does nothing, as all memory is the arena's. */
 static void native_destroy(struct contact_world *world)
 {
     (void)world;

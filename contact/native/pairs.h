@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What two surfaces of the native engine do to each other, each pair of shapes in its own way. Each
- * function adds to sum in the frame of the first surface (contact/native/law.h) and leaves it alone
- * when nothing overlaps. SI units. RT-safe; nothing is kept from earlier calls; nothing fails.
+ * Penetration (overlap) of two surfaces in the native engine, for each pair of shapes: each
+ * function is the narrow phase of its pair. It finds where the surfaces overlap and how deep, puts
+ * springs there, adds up their forces to sum in the frame of the first surface
+ * (contact/native/law.h), and leaves sum alone when nothing overlaps. SI units. RT-safe; nothing is
+ * kept from earlier calls; nothing fails.
  */
 #ifndef CONTACT_NATIVE_PAIRS_H
 #define CONTACT_NATIVE_PAIRS_H
@@ -10,13 +12,14 @@
 #include "contact/native/law.h"
 #include "contact/mesh/field.h"
 
-/* How deep the middle of a spring lies in both bodies, over half its length: below DEPTH_NONE
- * the spring runs along the overlap instead of across it, and does not count; from DEPTH_FULL on
- * it counts in full. */
+/* Limits for a spring's weight: the distance of its middle to the nearest point of either body's
+ * surface, over half its length. Below DEPTH_NONE the spring runs along the overlap instead of
+ * across it, and does not count; from DEPTH_FULL on it counts in full. */
 #define DEPTH_NONE 0.25
 #define DEPTH_FULL 0.5
 
-/* Facets of the second surface in the first's frame; padded for the lanes. */
+/* Facets of the second surface transformed into the first's frame; arrays are padded for the
+ * lanes. */
 struct native_view {
     double *normal[3], *center[3], *radius;
     int *ring;           /* first corner of each in corner, -1 before it is needed */
@@ -24,7 +27,7 @@ struct native_view {
     int ncorner;
 };
 
-/* Memory that an evaluation works in. Of what is in it only the springs outlive the call. */
+/* Working memory of an evaluation. Only the springs in it outlive the call, for tangents. */
 struct native_scratch {
     struct native_batch batch;
     int *list[2];            /* of facets; as many as the largest mesh has faces, each */
@@ -32,13 +35,13 @@ struct native_scratch {
     size_t visits; /* pairs of a facet and a cell of a field that an evaluation has looked at */
 };
 
-/* A capsule, or a sphere: then without length. */
+/* A capsule, or a sphere: a capsule without length. */
 struct native_capsule {
     double radius;
     double half; /* of the length of its axis, which is the frame's z, through its origin */
 };
 
-/* 0 up to a, 1 from b on, smooth between them. */
+/* Returns a smooth step: 0 for x up to a, 1 from b on, a cubic between them. */
 static inline double native_ramp(double x, double a, double b)
 {
     double t = (x - a) / (b - a);
@@ -47,22 +50,22 @@ static inline double native_ramp(double x, double a, double b)
     return t * t * (3 - 2 * t);
 }
 
-/* A mesh on a half-space: its facets below the plane, exactly clipped, on springs along the plane's
- * normal that stand side by side on the plane. A facet that is turned away does nothing.
- * half_space.c. */
+/* A mesh on a half-space: its facets are clipped at the plane, and what is below stands on springs
+ * along the plane's normal that stand side by side on the plane, as long as the penetration is deep
+ * there. A facet that is turned away does nothing. half_space.c. */
 void native_overlap_half_space(const struct solid *solid, const struct native_law *law,
                                const struct native_relative *relative,
                                struct native_scratch *scratch, struct native_sum *sum);
 
 /* A mesh and a sphere: over each facet the springs stand along its normal, from the facet to the
- * sphere's far side. sphere.c. */
+ * far side of the sphere. sphere.c. */
 void native_overlap_sphere(const struct solid *solid, double radius, const struct native_law *law,
                            const struct native_relative *relative, struct native_scratch *scratch,
                            struct native_sum *sum);
 
-/* Two meshes by the pressure field of the first: what the second's facets feel in it, and what the
- * first's feel in that of the second where it is deeper than the first's is anywhere, which
- * without that field (NULL) is nowhere. fields.c. */
+/* Two meshes by the pressure field of the first: the pressure of its depth on the second's facets
+ * inside it, and that of the second's field on the first's facets where it is deeper than the
+ * first's is anywhere. second_field: NULL when it is nowhere so deep. fields.c. */
 void native_overlap_fields(const struct field *first, const struct solid *second,
                            const struct field *second_field, const struct native_law *law,
                            const struct native_relative *relative, struct native_scratch *scratch,
@@ -82,13 +85,13 @@ void native_hertz(const double radius[2], const struct native_law *law,
                   struct native_sum *sum);
 
 /* A capsule on a half-space: slices across the axis, each a segment of a disc below the plane, on
- * springs along the plane's normal. capsule.c. */
+ * springs along the plane's normal. capsule_half_space.c. */
 void native_capsule_half_space(const struct native_capsule *capsule, const struct native_law *law,
                                const struct native_relative *relative,
                                struct native_scratch *scratch, struct native_sum *sum);
 
-/* Two capsules, or a capsule and a sphere: springs along the shortest way from points of either
- * axis to the other. capsule.c. */
+/* Two capsules, or a capsule and a sphere: springs along the shortest distance from points of
+ * either axis to the nearest point of the other. capsule.c. */
 void native_capsules(const struct native_capsule *first, const struct native_capsule *second,
                      const struct native_law *law, const struct native_relative *relative,
                      struct native_scratch *scratch, struct native_sum *sum);

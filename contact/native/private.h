@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Private to the engine "native" (native.c, create.c): the world that it makes of a
+ * Private to the engine "native" (native.c, create.c, stick_law.c): the world that it makes of a
  * configuration, and works in. All memory is the arena's that it was created in. SI units; frames
  * as said. The calls below are RT-safe.
  */
@@ -12,22 +12,24 @@
 #include "contact/native/kernels.h"
 #include "contact/native/stick.h"
 
+/* A surface ready for contact: shape, place on its body, bounding volumes, mesh and field. */
 struct native_surface {
     int body;
     enum contact_shape shape;
     double position[3], rotation[9]; /* in the body */
     struct native_capsule capsule;   /* or sphere */
-    double center[3], reach;         /* a ball about all of it, in the body */
-    struct broad_capsule about;      /* a capsule, with the same center and also in the body */
-    const struct solid *solid;       /* box and mesh; capsule, if it may touch one of them */
-    const struct field *field;       /* of one that has a pair with its like, or NULL */
+    double center[3], reach;         /* bounding ball, in the body's frame, m */
+    struct broad_capsule about; /* bounding capsule about the same center, in the body's frame */
+    const struct solid *solid;  /* box and mesh; capsule, if it may touch one of them */
+    const struct field *field;  /* pressure field, of a mesh that has a pair with a mesh, or NULL */
 };
 
-/* A surface's pose and velocity in the world. */
+/* Pose and velocity of a surface's frame in the world frame. */
 struct native_pose {
     double R[9], p[3], w[3], v[3];
 };
 
+/* Kinds of pairs by their shapes: each has a function of contact/native/pairs.h. */
 enum native_pair_kind {
     PAIR_HERTZ_SPHERES,
     PAIR_HERTZ_HALF_SPACE,
@@ -39,6 +41,7 @@ enum native_pair_kind {
     PAIR_CAPSULES, /* of which one may be a sphere */
 };
 
+/* A configured pair, ready to be evaluated. */
 struct native_pair {
     enum native_pair_kind kind;
     int surface[2]; /* in the order in which contact/native/pairs.h takes them */
@@ -51,7 +54,7 @@ struct native_pair {
     struct native_law law;
 };
 
-/* Which springs of the batch are those of a patch. */
+/* Range of a patch's springs in the batch: from `from` up to but without `to`. */
 struct native_springs {
     size_t from, to;
 };
@@ -75,36 +78,41 @@ struct native_engine {
 
 extern const struct contact_ops native_ops;
 
-/* The poses and balls of the surfaces that are fixed in the world. */
+/* Computes poses and bounding volumes of the surfaces that are fixed in the world, and the radii of
+ * all bounding volumes, which do not change. */
 void native_place_fixed_surfaces(struct native_engine *e);
 
-/* Finds the springs of a pair and adds what sum wants of them. */
+/* Narrow phase: finds where a pair's surfaces penetrate each other, puts springs there and adds to
+ * sum what it asks for (force, tangent, or sums for friction that sticks). */
 void native_pair_find_force(const struct native_engine *e, const struct native_pair *pair,
                             const struct native_relative *relative, struct native_sum *sum);
 
-/* Whether all springs of a pair push in one direction: on a half-space. */
+/* Returns whether all springs of a pair push in one direction, as on a half-space. */
 static inline bool native_pair_is_one_way(const struct native_pair *pair)
 {
     return pair->kind == PAIR_MESH_HALF_SPACE || pair->kind == PAIR_CAPSULE_HALF_SPACE;
 }
 
-/* Adds the damping of a grip that holds as a whole, or of the share of it that does, to a tangent
- * about a center, in the first surface's frame turned by turn. */
+/* Adds the damping of friction of a patch that holds as a whole, or of the share of it that does,
+ * to a tangent. center: the tangent's, in the first surface's frame; turn: rotation of that frame
+ * to the world. */
 void native_bristle_resist(const struct native_grip *grip, const double center[3],
                            const double turn[9], struct contact_tangent *tangent);
 
-/* The same of what its springs resist by along the normal; springs that all push one way. */
+/* Adds stiffness and damping of its springs along the normal likewise, from the moments gathered;
+ * for springs that all push one way. */
 void native_bristle_press(const struct native_grip *grip, const double center[3],
                           const double turn[9], struct contact_tangent *tangent);
 
-/* Sticking friction: adds that of a pair in touch to sum, which has gathered the rest, and fills
- * the next patch's grip and the bristles' rates. The pair's springs are in the batch, or lost,
- * because there was no room. bristles: may be NULL (all relaxed). */
+/* Adds the sticking friction (stiction) of a pair in touch to sum, which has its normal force and
+ * the sums gathered for it, and fills the next patch's grip and the bristles' rates. The pair's
+ * springs are in the batch, or lost, because there was no room. bristles: may be NULL (all
+ * relaxed). */
 void native_bristle_hold(struct native_engine *e, size_t index,
                          const struct native_relative *relative, struct native_springs at,
                          bool lost, struct contact_bristles *bristles, struct native_sum *sum);
 
-/* The rates of the listed bristles as if they did not touch anything; they are wanted. */
+/* Computes the rates at which the listed bristles relax without contact; rate must not be NULL. */
 void native_bristle_relax(const struct contact_bristles *bristles);
 
 #endif

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Sticking friction of contact.h at the springs of one pair, for the native engine's kernels. In
- * the frame of the first surface, as contact/native/law.h; bristles are bent by the first body's
- * motion against the second's, in J^0.5. SI units. RT-safe; nothing fails.
+ * Sticking friction (stiction) of contact.h at the springs of one pair, for the native engine's
+ * kernels. In the frame of the first surface, as contact/native/law.h; bristles are bent by the
+ * first body's motion against the second's, in J^0.5. SI units. RT-safe; nothing fails.
  */
 #ifndef CONTACT_NATIVE_STICK_H
 #define CONTACT_NATIVE_STICK_H
@@ -10,21 +10,22 @@
 #include "contact/native/law.h"
 #include "contact/native/moments.h"
 
-/* Sums over the springs of a patch, by which its bristles are found. f: normal force, p: where it
- * acts. */
+/* Sums over the springs of a patch, from which its normal, center of pressure and anchor are
+ * computed. f: normal force, p: where it acts. */
 struct native_gather {
     double along[3];     /* f times its direction */
     double second[6];    /* f p p: xx, xy, xz, yy, yz, zz */
-    struct moments area; /* of the springs' stiffness, which is as their area, about the origin */
-    double elastic;      /* their elastic forces */
-    /* Only of springs that push one way: what is needed for their tangent, about the frame's
-     * origin */
+    struct moments area; /* of the springs' stiffness, so of their area; about the origin */
+    double elastic;      /* sum of the elastic forces, N */
+    /* Only of springs that push one way: moments of stiffness and damping along the normal, for
+     * their tangent, about the frame's origin */
     struct moments stiffness, damping;
 };
 
-/* The bristles of a patch: where they stand, and what they bear. */
+/* The bristles of a patch: the anchor where they stand, how far they are bent, and the friction
+ * force that they bear. */
 struct native_grip {
-    double normal[3];               /* mean */
+    double normal[3];               /* mean, unit: the way the first body is pushed */
     double center[3];               /* where the bristles stand: the anchor's point c */
     double axis[3];                 /* that their twist turns about */
     double inverse_radius;          /* 1/r of the anchor; 0 for a point */
@@ -34,26 +35,28 @@ struct native_grip {
     double inverse_area;            /* of the sum of the springs' rates */
     double root;                    /* sqrt(s) */
     double reach;                   /* N/sqrt(s) */
-    double bristle[BRISTLE_BENT];
-    double delay_s;  /* of the retardation that counts in the force */
-    double follow_s; /* by which the force follows the velocity, and */
-    double bend_s;   /* the bristles do: for tangents */
-    double whole; /* share of the force that the patch bears as a whole, by its springs' area; the
-                      * rest is what each spring bears by its pressure */
+    double bristle[BRISTLE_BENT];   /* shear y_s and twist y_n, J^0.5 */
+    double delay_s;                 /* t_d: retardation (damping) that counts in the force */
+    double follow_s;                /* for tangents: damping over stiffness of the force, */
+    double bend_s;                  /* and how long the bristles bend at the velocity */
+    double whole; /* share of the friction that the patch bears as a whole; the rest is what each
+                   * spring (element) bears up to its own limit */
     double force[3], moment[3]; /* of friction, on the first body about the frame's origin */
     /* Found with the force: power of friction (W); sums over the springs of min(alpha |g|, l)|g|,
      * of l |g|, and of alpha |g|^2 where alpha |g| < l, when whole < 1 */
     double power, held, most, open;
-    bool keeps;                        /* what springs resist is kept in the batch, for tangents */
+    bool keeps; /* the springs' stiffness is kept in the batch, for tangents */
     struct moments stiffness, damping; /* those of struct native_gather, when whole is 1 */
 };
 
-/* Adds the springs from start on to the normal force, its energies and what sum->gather wants. Of
- * springs that push one way by their moments alone. */
+/* Adds normal force and energies, without friction, of the springs from start on to sum, and the
+ * sums that sticking friction needs to sum->gather. For springs that push one way it uses their
+ * moments alone. */
 void native_stick_gather(const struct native_batch *batch, const struct native_law *law,
                          const struct native_relative *relative, struct native_sum *sum);
 
-/* Adds their friction to the force and to what is found in sum->grip. */
+/* Adds the sticking friction of the same springs, each up to its Coulomb limit, to force and
+ * moment, and power, held, most and open to sum->grip. */
 void native_stick_hold(struct native_batch *batch, const struct native_law *law,
                        const struct native_relative *relative, struct native_sum *sum);
 

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Sticking friction of a pair in the native engine: from the sums over its springs to what bends
- * its bristles and what makes them yield (contact.h), in the frame of the first surface. The
- * bristles' state goes by b against a of the configured pair in the world frame; the twist is the
- * same from both sides.
+ * Sticking friction (stiction) of a pair in the native engine, by the bristle law of contact.h:
+ * computes anchor, normal and center of pressure from the sums over the springs, then the friction
+ * force, and the rates at which the bristles bend, yield and relax. In the frame of the first
+ * surface. The bristles' state is that of b against a of the configured pair in the world frame;
+ * the twist is the same from both sides. docs/contact.md explains the law.
  */
 #include "contact/native/anchor.h"
 #include "contact/native/moments.h"
@@ -14,27 +15,28 @@
 #include <math.h>
 #include <string.h>
 
-#define DELAY_S 0.5e-3      /* t_d */
-#define YIELD_S 0.5e-3      /* t_y */
-#define YIELD_FROM 0.998    /* of what sliding that way would give */
-#define ALIGN_S 10e-3       /* in which the shear turns into a patch's plane that has tilted */
+#define DELAY_S 0.5e-3   /* t_d, retardation: damping over stiffness of the bristles */
+#define YIELD_S 0.5e-3   /* t_y, time constant of yielding and of relaxing */
+#define YIELD_FROM 0.998 /* of the friction that sliding in that direction would give */
+#define ALIGN_S 10e-3 /* time constant in which the shear turns into the plane of a tilted patch */
 enum { SCALE_STEPS = 6 };   /* to find the scale at which bristles begin to yield */
 #define SCALE_ACCURATE 1e-3 /* of YIELD_FROM */
 
-/* Shares of what friction can bear between which a patch goes over from holding as a whole to what
- * each of its springs holds. */
+/* Demand over the friction limit between which the force passes from that of the patch as a whole
+ * to that of its springs, each with its own limit. */
 #define WHOLE_UNTIL 0.80
 #define WHOLE_NEVER 0.95
 
-/* How the motion moves the surfaces past each other where a patch's bristles stand. */
+/* Sliding velocity of the surfaces at a patch's anchor. */
 struct slide {
-    double velocity[3], spin;  /* across the normal, about the twist's axis */
+    double velocity[3], spin;  /* across the normal, m/s; about the twist's axis, rad/s */
     double rate[BRISTLE_BENT]; /* of bristles that do not yield, J^0.5/s */
 };
 
 /* ---- sums over the springs of a pair ---- */
 
-/* The springs of a pair: in the batch, or there was no room for all and they are found anew. */
+/* The springs of a pair: those in the batch, or, if there was no room for all (lost), computed
+ * again. */
 struct springs {
     struct native_engine *e;
     const struct native_pair *pair;
@@ -43,11 +45,12 @@ struct springs {
     bool lost;
 };
 
-/* Adds to the sum what it wants of all springs. */
+/* Runs the sums that sum asks for over all springs of the pair. */
 static void springs_add(const struct springs *s, struct native_sum *sum)
 {
     struct native_batch *batch = &s->e->scratch->batch;
 
+    /* Area and depth are in the sum already */
     if (s->lost) {
         double area = sum->area, depth = sum->depth;
 
@@ -62,7 +65,8 @@ static void springs_add(const struct springs *s, struct native_sum *sum)
     s->pair->kernels->sum(batch, &s->pair->law, s->relative, sum);
 }
 
-/* Friction of the grip's bristles, added to sum, or only what is found in the grip. */
+/* Computes the friction that each spring's bristles hold, up to its limit: adds it to sum, or, if
+ * sum is NULL, only fills power, held, most and open of the grip. */
 static void springs_hold(const struct springs *s, struct native_grip *grip, struct native_sum *sum)
 {
     struct native_sum unused = {.depth = 0};
@@ -77,7 +81,8 @@ static void springs_hold(const struct springs *s, struct native_grip *grip, stru
 
 /* ---- the patch ---- */
 
-/* The RMS distance of what weighs m from the axis through c along n; 0 for what weighs nothing. */
+/* Returns the RMS distance of a weight with moments m from the axis through c along n, m; 0 where
+ * nothing weighs, or it is a point to rounding. */
 static double moments_find_radius(const struct moments *m, const double c[3], const double n[3])
 {
     double second[6], along[3], square;
@@ -91,8 +96,8 @@ static double moments_find_radius(const struct moments *m, const double c[3], co
     return square > 1e-12 * vec3_dot(c, c) + DBL_MIN ? sqrt(square) : 0;
 }
 
-/* Finds what presses on a patch and where, and the area that touches: what a new anchor would
- * be. */
+/* Computes mean normal, center of pressure and stiffness of a patch (grip), and centroid, normal
+ * and RMS radius of the area in touch (touch): the anchor that it would be given now. */
 static void grip_find(const struct springs *s, const struct native_sum *sum,
                       struct native_grip *grip, struct native_anchor *touch)
 {
@@ -111,25 +116,30 @@ static void grip_find(const struct springs *s, const struct native_sum *sum,
         touch->point[k] = area->zeroth > 0 ? area->first[k] / area->zeroth : grip->pressure[k];
     }
     memcpy(touch->axis, n, sizeof touch->axis);
+
+    /* Constant stiffness s of the pair; the reach is the bend at the load, J^0.5, with a
+     * coefficient of friction of 1 */
     grip->root = s->pair->law.shear_root;
     grip->reach = sum->normal / grip->root;
 
-    /* Their radii */
+    /* RMS radii of area and pressure about their centers; the latter for the friction moment */
     touch->radius = moments_find_radius(area, touch->point, n);
     memcpy(pressure.first, sum->lever, sizeof pressure.first);
     memcpy(pressure.second, gather->second, sizeof pressure.second);
     radius = moments_find_radius(&pressure, grip->pressure, n);
     grip->inverse_pressure_radius = radius > 0 ? 1 / radius : 0;
 
-    /* Springs act between the surfaces. What rocks on the other without sliding is a point of the
-     * surface that the normals do not belong to */
+    /* Springs act between the surfaces. The point that does not slide while one surface rocks on
+     * the other is one of the surface that the normals do not belong to, so the centroid is moved
+     * there by a share of the mean depth */
     if (area->zeroth > 0) {
         vec3_add_scaled(touch->point, s->pair->onto * gather->elastic / area->zeroth, n,
                         touch->point);
     }
 }
 
-/* An anchor, which is in the first surface's frame, in that of the surface that it is fixed in. */
+/* Transforms an anchor from the first surface's frame into that of the surface that it is fixed
+ * in. */
 static void anchor_enter(const struct springs *s, struct native_anchor *anchor)
 {
     double from[3], axis[3];
@@ -142,7 +152,8 @@ static void anchor_enter(const struct springs *s, struct native_anchor *anchor)
     }
 }
 
-/* The other way. */
+/* Transforms an anchor from the frame of the surface that it is fixed in into the first
+ * surface's. */
 static void anchor_leave(const struct springs *s, struct native_anchor *anchor)
 {
     double point[3], axis[3];
@@ -156,9 +167,9 @@ static void anchor_leave(const struct springs *s, struct native_anchor *anchor)
     }
 }
 
-/* Stands the grip's bristles on the anchor that given has kept, dragged to the area that touches if
- * it is too far off, or on a new one. Fills the state of that anchor (kept) and of a new one
- * (anew). */
+/* Places the grip's bristles on the anchor in the state given, dragged along with the area in touch
+ * where it is out of its play, or on a new one where there is none. Fills the state that this
+ * anchor (kept) and a new one (anew) have. */
 static void grip_stand(const struct springs *s, struct native_anchor touch,
                        const double given[CONTACT_BRISTLE], struct native_grip *grip,
                        double kept[CONTACT_BRISTLE], double anew[CONTACT_BRISTLE])
@@ -166,7 +177,7 @@ static void grip_stand(const struct springs *s, struct native_anchor touch,
     struct native_anchor anchor;
     double aligned;
 
-    /* In the frame of the surface that it is fixed in */
+    /* Finds the anchor, in the frame of the surface that it is fixed in */
     anchor_enter(s, &touch);
     native_anchor_write(&touch, anew);
     memcpy(kept, given, CONTACT_BRISTLE * sizeof *kept);
@@ -177,8 +188,9 @@ static void grip_stand(const struct springs *s, struct native_anchor touch,
         native_anchor_write(&anchor, kept);
     }
 
-    /* In the first surface's. The twist turns about an axis between that of the anchor and the
-     * normal, each fixed in one of the surfaces: its integral depends on how they stand alone */
+    /* Twist axis (n + u)/(1 + n . u) in the first surface's frame, between the anchor's axis u and
+     * the normal n, each fixed in one of the surfaces: so the integral of the twist rate depends on
+     * their relative rotation alone */
     anchor_leave(s, &anchor);
     aligned = 1 / (1 + vec3_dot(anchor.axis, grip->normal));
     for (int k = 0; k < 3; k++) {
@@ -188,8 +200,8 @@ static void grip_stand(const struct springs *s, struct native_anchor touch,
     grip->inverse_radius = anchor.radius > 0 ? 1 / anchor.radius : 0;
 }
 
-/* Finds how the motion slides the surfaces past each other where a grip's bristles stand, and bends
- * these. */
+/* Computes the sliding velocity of the first body against the second at the anchor and about the
+ * twist axis, and the rates at which it bends the bristles: sqrt(s) v and sqrt(s) r w_n. */
 static void slide_find(const struct springs *s, const struct native_grip *grip, struct slide *slide)
 {
     const struct native_relative *relative = s->relative;
@@ -207,7 +219,8 @@ static void slide_find(const struct springs *s, const struct native_grip *grip, 
         grip->inverse_radius > 0 ? grip->root * slide->spin / grip->inverse_radius : 0;
 }
 
-/* The shear into the plane across n, keeping its length. */
+/* Turns the shear into the plane across the normal n and keeps its length, as a patch that tilts
+ * keeps its energy. */
 static void shear_align(const double n[3], double y[BRISTLE_BENT])
 {
     double length = vec3_norm(y), along = vec3_dot(n, y), left;
@@ -219,18 +232,21 @@ static void shear_align(const double n[3], double y[BRISTLE_BENT])
     }
 }
 
+/* Returns |y|^2 of shear and twist, twice the energy stored in the bristles, J. */
 static double bristle_square(const double y[BRISTLE_BENT])
 {
     return y[0] * y[0] + y[1] * y[1] + y[2] * y[2] + y[3] * y[3];
 }
 
-/* The scale, up to 1, at which the grip's bristles begin to yield, after their springs_hold:
- * Newton's method from below on a function that is concave and piecewise linear. */
+/* Returns the scale b of contact.h, up to 1, at which the grip's bristles begin to yield; to be
+ * called after springs_hold. Newton's method from below on a function that is concave and piecewise
+ * linear, so it does not overshoot. */
 static double grip_find_yield(const struct springs *s, const struct native_grip *grip)
 {
     struct native_grip scaled = *grip;
     double scale = 0, part = 0, slope;
 
+    /* Where friction can bear nothing no bend holds; within the limit nothing yields */
     if (!(grip->most > 0)) {
         return bristle_square(grip->bristle) > 0 ? 0 : 1;
     }
@@ -238,8 +254,8 @@ static double grip_find_yield(const struct springs *s, const struct native_grip 
         return 1;
     }
 
-    /* The part of what sliding would give: none at scale 0, with the slope of bristles of which
-     * none is at its limit */
+    /* part: held over most, the ratio of the friction at this scale to that of sliding; 0 at scale
+     * 0, with the slope of bristles of which none is at its limit */
     slope = bristle_square(grip->bristle) / grip->most;
     for (int step = 0; step < SCALE_STEPS; step++) {
         scale += (YIELD_FROM - part) / slope;
@@ -261,7 +277,8 @@ static double grip_find_yield(const struct springs *s, const struct native_grip 
 
 /* ---- patches that hold as a whole ---- */
 
-/* The coefficient of friction at a sliding velocity; as friction_fall of friction.h. */
+/* Returns the coefficient of friction at a sliding speed, m/s, static at rest; as friction_fall of
+ * friction.h with the viscous part. */
 static double law_find_coefficient(const struct native_law *law, double speed)
 {
     double t = fmin(1, fmax(0, (speed * law->transition_inverse - 1) / 2));
@@ -269,9 +286,10 @@ static double law_find_coefficient(const struct native_law *law, double speed)
     return law->us - (law->us - law->ud) * (t * t * t * (10 - t * (15 - 6 * t))) + law->uv * speed;
 }
 
-/* How much of what friction can bear the bristles e ask for: 1 at an ellipsoid that stands for the
- * surface of all forces and moments with which the patch slides (Howe, Cutkosky, Int. J. Robotics
- * Research 15, 1996). */
+/* Returns the demand of contact.h: how much of the friction limit the bristles e ask for, 1 on an
+ * ellipsoid that stands for the limit surface, all forces and moments with which the patch slides
+ * (Howe, Cutkosky, Int. J. Robotics Research 15, 1996). INFINITY for a twist that a point cannot
+ * bear. */
 static double grip_find_demand(const struct springs *s, const struct native_grip *grip,
                                const struct slide *slide, const double e[BRISTLE_BENT])
 {
@@ -279,7 +297,7 @@ static double grip_find_demand(const struct springs *s, const struct native_grip
         grip->reach * law_find_coefficient(&s->pair->law, vec3_norm(slide->velocity));
     double arm[3], turn[3], moment, square = vec3_dot(e, e);
 
-    /* The moment about the center of pressure */
+    /* Moment about the center of pressure: of the shear at the anchor, and the twist */
     vec3_sub(grip->center, grip->pressure, arm);
     vec3_cross(arm, e, turn);
     moment = vec3_dot(grip->normal, turn);
@@ -292,8 +310,9 @@ static double grip_find_demand(const struct springs *s, const struct native_grip
     return sqrt(square) / (limit + DBL_MIN);
 }
 
-/* Adds a share of the friction of bristles e that hold as a whole: at the centroid of the area, and
- * about it. Returns its power, which is what bends them and what their retardation takes. */
+/* Adds a share of the friction force and moment of bristles e that hold as a whole: force at the
+ * anchor's point c, moment about the twist axis. Returns their power, W, which bends them and is
+ * damped by their retardation. */
 static double grip_add_whole(const struct native_grip *grip, const struct slide *slide,
                              const double e[BRISTLE_BENT], double share, struct native_sum *sum)
 {
@@ -310,8 +329,8 @@ static double grip_add_whole(const struct native_grip *grip, const struct slide 
     return share * grip->root * (vec3_dot(e, slide->velocity) + twist * slide->spin);
 }
 
-/* Adds the friction of the grip's bristles to sum: of the patch as a whole well inside of what
- * friction can bear, else that of each spring. */
+/* Computes the friction of the grip's bristles and adds it to sum: of the patch as a whole for a
+ * demand well inside the friction limit, else of each spring, and blended between them. */
 static void grip_hold(const struct springs *s, const struct slide *slide, struct native_grip *grip,
                       struct native_sum *sum)
 {
@@ -321,6 +340,8 @@ static void grip_hold(const struct springs *s, const struct slide *slide, struct
     for (int k = 0; k < BRISTLE_BENT; k++) {
         e[k] = grip->bristle[k] + grip->delay_s * slide->rate[k];
     }
+
+    /* Demand of the bristles with and without their damping, whichever is nearer to the limit */
     demand =
         fmax(grip_find_demand(s, grip, slide, e), grip_find_demand(s, grip, slide, grip->bristle));
     grip->whole = 1 - native_ramp(demand, WHOLE_UNTIL, WHOLE_NEVER);
@@ -333,6 +354,7 @@ static void grip_hold(const struct springs *s, const struct slide *slide, struct
         vec3_add_scaled(sum->force, 1 - grip->whole, apart.force, sum->force);
         vec3_add_scaled(sum->moment, 1 - grip->whole, apart.moment, sum->moment);
     } else {
+        /* The tangent of a patch that holds as a whole is that of the moments gathered */
         grip->stiffness = sum->gather->stiffness;
         grip->damping = sum->gather->damping;
         grip->held = grip->most = grip->open = 0;
@@ -340,7 +362,8 @@ static void grip_hold(const struct springs *s, const struct slide *slide, struct
     grip->power = power;
 }
 
-/* Whether the grip's bristles bear less than they yield at, after grip_hold. */
+/* Returns whether the grip's bristles bear less friction than they yield at; to be called after
+ * grip_hold. */
 static bool grip_is_firm(const struct native_grip *grip)
 {
     return grip->whole == 1 || grip->held <= YIELD_FROM * grip->most;
@@ -355,7 +378,8 @@ void native_bristle_resist(const struct native_grip *grip, const double center[3
     double normal[3], arm[3], to[3];
     int at = 0;
 
-    /* As of springs about the centroid in the plane across the normal */
+    /* Damping as of springs in the plane across the normal with the anchor's radius about its
+     * point */
     mat3_apply(turn, grip->normal, normal);
     vec3_sub(grip->center, center, arm);
     mat3_apply(turn, arm, to);
@@ -366,6 +390,8 @@ void native_bristle_resist(const struct native_grip *grip, const double center[3
                 each * (to[i] * to[j] + radius * radius / 2 * ((i == j) - normal[i] * normal[j]));
         }
     }
+
+    /* Friction resists in all directions but along the normal */
     tangent_add_across(&friction, tangent->friction_D);
     tangent_add_along(-1, &friction, normal, tangent->friction_D);
 }
@@ -385,7 +411,8 @@ void native_bristle_press(const struct native_grip *grip, const double center[3]
 
 /* ---- the state ---- */
 
-/* Between the world and the first surface's frame: those that bend. */
+/* Transforms shear and twist from the world frame, b against a, into the first surface's frame,
+ * first against second. */
 static void bristle_enter(const struct native_engine *e, const struct native_pair *pair,
                           const double *world, double y[BRISTLE_BENT])
 {
@@ -396,6 +423,7 @@ static void bristle_enter(const struct native_engine *e, const struct native_pai
     y[BRISTLE_TWIST] = world[BRISTLE_TWIST];
 }
 
+/* Transforms shear and twist back into the world frame: the inverse of bristle_enter. */
 static void bristle_leave(const struct native_engine *e, const struct native_pair *pair,
                           const double y[BRISTLE_BENT], double *world)
 {
@@ -419,7 +447,7 @@ void native_bristle_relax(const struct contact_bristles *bristles)
     }
 }
 
-/* A pair that touches is listed. */
+/* Appends a pair to the listed ones unless it is there. */
 static void bristle_list(struct contact_bristles *bristles, size_t pair)
 {
     for (size_t i = 0; i < bristles->npair; i++) {
@@ -430,8 +458,9 @@ static void bristle_list(struct contact_bristles *bristles, size_t pair)
     bristles->pair[bristles->npair++] = (int)pair;
 }
 
-/* The rates of the sliding motion, y the bristles in the patch's plane: by it and carried along
- * with the spin of the surface that the normals belong to, from which an anchor's place is seen. */
+/* Computes the rates of bristles y in the patch's plane that do not yield: the sliding velocity's,
+ * and W x y_s, the turn with the spin about the normal of the surface that the normals belong to,
+ * from which an anchor's place is seen. */
 static void bend_bristles(const struct native_engine *e, const struct native_pair *pair,
                           const struct native_grip *grip, const struct slide *slide,
                           const double y[BRISTLE_BENT], double rate[BRISTLE_BENT])
@@ -446,8 +475,8 @@ static void bend_bristles(const struct native_engine *e, const struct native_pai
     vec3_add_scaled(rate, vec3_dot(grip->normal, spin), turn, rate);
 }
 
-/* Friction of the bristles y, in the patch's plane, as they are; fills their rate. Returns how fast
- * they yield, 1/s. */
+/* Computes friction and rates of the bristles y, in the patch's plane, at this moment (explicit
+ * integration). Returns the rate at which they yield, 1/s. */
 static double hold_now(const struct springs *s, const struct slide *slide,
                        const double y[BRISTLE_BENT], struct native_grip *grip,
                        struct native_sum *sum, double rate[BRISTLE_BENT])
@@ -458,7 +487,8 @@ static double hold_now(const struct springs *s, const struct slide *slide,
     grip->delay_s = grip->follow_s = DELAY_S;
     grip_hold(s, slide, grip, sum);
 
-    /* They yield beyond their limit, and to what would store more than friction takes */
+    /* Yield is q of contact.h: beyond the friction limit (q_1), and where more would be stored than
+     * friction takes from the motion (q_2) */
     bend_bristles(s->e, s->pair, grip, slide, y, rate);
     gain = vec3_dot(y, rate) + y[BRISTLE_TWIST] * rate[BRISTLE_TWIST];
     if (grip->whole < 1) {
@@ -468,14 +498,16 @@ static double hold_now(const struct springs *s, const struct slide *slide,
     for (int k = 0; k < BRISTLE_BENT; k++) {
         rate[k] -= yield * y[k];
     }
+
+    /* Of friction's power what is not stored is dissipated */
     sum->potential += square / 2;
     sum->power += fmax(0, grip->power - gain + yield * square);
     return yield;
 }
 
-/* Friction of the bristles that y becomes in h seconds; fills their mean rate. The power of
- * friction that bounds what they store is that of the bristles before they yield. Returns how fast
- * they yield, 1/s. */
+/* Computes friction of the bristles as y becomes in h seconds (implicit integration), and their
+ * mean rate. The power of friction that bounds the stored energy is that of the bristles before
+ * they yield. Returns the rate at which they yield, 1/s. */
 static double hold_ahead(const struct springs *s, const struct slide *slide, double h,
                          const double y[BRISTLE_BENT], struct native_grip *grip,
                          struct native_sum *sum, double rate[BRISTLE_BENT])
@@ -483,7 +515,7 @@ static double hold_ahead(const struct springs *s, const struct slide *slide, dou
     struct native_sum unyielding = *sum;
     double before = bristle_square(y), after, most, scale = 1;
 
-    /* All the way */
+    /* Bends them all the way, as if nothing yielded */
     bend_bristles(s->e, s->pair, grip, slide, y, rate);
     for (int k = 0; k < BRISTLE_BENT; k++) {
         grip->bristle[k] = y[k] + h * rate[k];
@@ -493,12 +525,15 @@ static double hold_ahead(const struct springs *s, const struct slide *slide, dou
     grip->bend_s = h;
     after = bristle_square(grip->bristle);
     grip_hold(s, slide, grip, &unyielding);
+
+    /* |y|^2 may grow by no more than twice the work of friction */
     most = fmax(0, before + 2 * h * grip->power);
 
     if (grip->whole == 1 || (grip_is_firm(grip) && after <= most)) {
         *sum = unyielding;
     } else {
-        /* Back to what they can bear and to what the work on them allows */
+        /* Scales them back to the friction limit, by an implicit step of the yield q_1, and to the
+         * energy that the work of friction allows */
         scale = (1 + h / YIELD_S * grip_find_yield(s, grip)) / (1 + h / YIELD_S);
         scale = after > most ? fmin(scale, sqrt(most / after)) : scale;
         for (int k = 0; k < BRISTLE_BENT; k++) {
@@ -515,8 +550,8 @@ static double hold_ahead(const struct springs *s, const struct slide *slide, dou
     return (1 - scale) / h;
 }
 
-/* The rates that lead an anchor's state from given to kept, and as far as the bristles yield to
- * that of a new one. */
+/* Computes the rates that lead an anchor's state from given to kept, and, as far as the bristles
+ * yield, on to that of a new anchor (anew). yield: 1/s. */
 static void anchor_follow(const double given[CONTACT_BRISTLE], const double kept[CONTACT_BRISTLE],
                           const double anew[CONTACT_BRISTLE], double h, double yield,
                           double rate[CONTACT_BRISTLE])
@@ -544,7 +579,8 @@ void native_bristle_hold(struct native_engine *e, size_t index,
     struct native_anchor touch;
     struct slide slide;
 
-    /* Springs that all pull bear nothing, and what was bent relaxes */
+    /* Without a normal force there is no friction, and the bristles relax: their rates are those of
+     * native_bristle_relax already */
     if (!(sum->normal > 0)) {
         double square = bristle_square(given);
 
@@ -554,6 +590,8 @@ void native_bristle_hold(struct native_engine *e, size_t index,
         return;
     }
 
+    /* Patch, anchor and sliding velocity; bristles turned into the first surface's frame and the
+     * patch's plane */
     grip_find(&springs, sum, grip, &touch);
     grip_stand(&springs, touch, given, grip, kept, anew);
     slide_find(&springs, grip, &slide);
@@ -562,18 +600,22 @@ void native_bristle_hold(struct native_engine *e, size_t index,
     memcpy(force, sum->force, sizeof force);
     memcpy(moment, sum->moment, sizeof moment);
     shear_align(grip->normal, y);
+
+    /* Friction, now or after the time ahead; its own wrench is the difference it makes */
     h = bristles ? bristles->ahead_s : 0;
     yield = h > 0 ? hold_ahead(&springs, &slide, h, y, grip, sum, rate)
                   : hold_now(&springs, &slide, y, grip, sum, rate);
     vec3_sub(sum->force, force, grip->force);
     vec3_sub(sum->moment, moment, grip->moment);
 
-    /* The state turns into the plane too: until the end of the time ahead, or in a while */
+    /* The state itself turns into the plane too: within the time ahead, or in ALIGN_S */
     along = vec3_dot(start, start);
     along = h > 0 || along < DBL_MIN ? 1 : vec3_dot(y, start) / along;
     for (int k = 0; k < 3; k++) {
         rate[k] += (y[k] - along * start[k]) / (h > 0 ? h : ALIGN_S);
     }
+
+    /* Rates of bristles and anchor, in the frames of the state */
     if (bristles && bristles->rate) {
         double *out = bristles->rate + CONTACT_BRISTLE * index;
 

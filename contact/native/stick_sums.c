@@ -1,11 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Sticking friction, as many springs at a time as there are lanes. */
+/*
+ * Sums over springs for sticking friction (stiction), as many at a time as there are lanes: those
+ * without friction that a patch's normal, center of pressure and anchor come from, and the friction
+ * that each spring's bristles hold.
+ */
 #include "contact/native/stick.h"
 
 #include "contact/native/friction.h"
 #include "contact/native/weigh.h"
 #include "base/vec3.h"
 
+/* Adds normal force, moment, energies and the sums of struct native_gather over springs that push
+ * in directions of their own. */
 static void gather_springs(const struct native_batch *b, const struct native_law *law,
                            const struct native_relative *relative, struct native_sum *sum)
 {
@@ -20,6 +26,7 @@ static void gather_springs(const struct native_batch *b, const struct native_law
         struct friction_spring s;
         lanes f[3], fp[3], depth = lanes_load(b->depth + i);
 
+        /* Normal force, its moment p x f, and its first and second moments f p, f p p */
         friction_load_spring(b, i, law, relative, &s);
         for (int k = 0; k < 3; k++) {
             f[k] = s.normal * s.d[k];
@@ -36,12 +43,15 @@ static void gather_springs(const struct native_batch *b, const struct native_law
         second[3] += fp[1] * s.p[1];
         second[4] += fp[1] * s.p[2];
         second[5] += fp[2] * s.p[2];
+
+        /* Stored energy (twice) and power of dissipation */
         normal += s.normal;
         elastic += s.force;
         potential += s.force * depth;
         power += (s.force - s.normal) * s.leaving;
     }
 
+    /* Adds up the lanes; the stiffness weighs as the area does */
     for (int k = 0; k < 3; k++) {
         double push = lanes_sum(along[k]);
 
@@ -64,14 +74,16 @@ static void gather_springs(const struct native_batch *b, const struct native_law
 
 enum { WEIGHTS_MAX = 136 }; /* springs at a time; no large power of two, as BATCH_MAX */
 
-/* What a spring weighs: its normal force, and what it resists by along the normal. */
+/* Weights of springs for their moments: normal force (N), stiffness (N/m) and damping (N s/m) along
+ * the normal. */
 struct weights {
     _Alignas(64) double normal[WEIGHTS_MAX];
     _Alignas(64) double stiffness[WEIGHTS_MAX];
     _Alignas(64) double damping[WEIGHTS_MAX];
 };
 
-/* Of n springs from start on, which all push along d; adds their energies. */
+/* Computes the weights of n springs from start on, which all push along d, and adds their energies
+ * to sum. */
 static void find_weights(const struct native_batch *b, size_t start, size_t n, const double d[3],
                          const struct native_law *law, const struct native_relative *relative,
                          struct weights *out, struct native_sum *sum)
@@ -81,6 +93,7 @@ static void find_weights(const struct native_batch *b, size_t start, size_t n, c
     lanes potential = zero, power = zero, elastic = zero;
     double slope[3]; /* of the leaving velocity */
 
+    /* The leaving velocity (v + w x p) . d = v . d + (d x w) . p is linear in the place p */
     vec3_cross(d, relative->w, slope);
     for (size_t i = 0; i < n; i += LANES) {
         const size_t at = start + i;
@@ -88,7 +101,7 @@ static void find_weights(const struct native_batch *b, size_t start, size_t n, c
         lanes leaving = leaving_at_0 +
                         (slope[0] * lanes_load(b->p[0] + at) + slope[1] * lanes_load(b->p[1] + at) +
                          slope[2] * lanes_load(b->p[2] + at));
-        lanes share = 1 - c * leaving; /* of the elastic force: never pulling */
+        lanes share = 1 - c * leaving; /* of the elastic force; never pulling */
         lanes_mask pushes = lanes_less(zero, share);
         lanes normal;
 
@@ -106,7 +119,8 @@ static void find_weights(const struct native_batch *b, size_t start, size_t n, c
     sum->power += lanes_sum(power);
 }
 
-/* Adds to the sum what springs that push along d do, by the moments f of their normal forces. */
+/* Adds force, moment and the sums of struct native_gather of springs that all push along d, from
+ * the moments f of their normal forces. */
 static void add_moments(const struct moments *f, const double d[3], struct native_sum *sum)
 {
     struct native_gather *out = sum->gather;
@@ -125,6 +139,8 @@ static void add_moments(const struct moments *f, const double d[3], struct nativ
     }
 }
 
+/* Does the same as gather_springs for springs that all push along one direction, by moments alone,
+ * and adds the moments of their stiffness and damping. */
 static void gather_one_way(const struct native_batch *b, const struct native_law *law,
                            const struct native_relative *relative, struct native_sum *sum)
 {
@@ -151,7 +167,7 @@ static void gather_one_way(const struct native_batch *b, const struct native_law
     add_moments(&normal, d, sum);
 }
 
-/* ---- all springs ---- */
+/* ---- calls of stick.h ---- */
 
 void native_stick_gather(const struct native_batch *b, const struct native_law *law,
                          const struct native_relative *relative, struct native_sum *sum)
@@ -183,7 +199,7 @@ void native_stick_hold(struct native_batch *b, const struct native_law *law,
             lanes_store(bend.stiffness, b->held + i);
         }
 
-        /* The force */
+        /* Friction force against the bend, its moment and its power */
         for (int k = 0; k < 3; k++) {
             f[k] = bend.stiffness * bend.e[k];
             force[k] -= f[k];
@@ -193,7 +209,7 @@ void native_stick_hold(struct native_batch *b, const struct native_law *law,
         moment[1] -= s.p[2] * f[0] - s.p[0] * f[2];
         moment[2] -= s.p[0] * f[1] - s.p[1] * f[0];
 
-        /* How near the bristles alone are to what friction can bear */
+        /* How near the bristles alone, without their damping, are to the friction limit */
         size = lanes_root(bend.square);
         bears = bend.share * size;
         below = lanes_less(bears, bend.limit);

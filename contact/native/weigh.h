@@ -9,7 +9,7 @@
 #include "contact/lanes.h"
 #include "contact/native/moments.h"
 
-/* Adds n springs, of which each array holds a full set of lanes. */
+/* Adds the moments of n springs with these weights at r; each array is padded to full lanes. */
 LANES_INLINE void moments_add_springs(const double *const r[3], const double *weight, size_t n,
                                       struct moments *m)
 {
