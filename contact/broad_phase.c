@@ -1,17 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The broad phase at work: rows of balls, as many at a time as there are lanes. */
+/* Broad phase, evaluation: tests rows of bounding balls, as many at a time as there are lanes. */
 #include "contact/broad_phase.h"
 
 #include "contact/lanes.h"
 
 #include <math.h>
 
-/* How far beyond touch a pair is kept in the list. Each of its surfaces may move half of it. */
+/* Distance, m, up to which a pair is kept in the list. Each of its surfaces may move by half of it
+ * before the list is made again. */
 #define MARGIN 0.04
 
 /* ---- the pairs within the margin ---- */
 
-/* Bit l: the ball of surface first + l is within the margin of the row's plane. */
+/* Returns a bit for each surface of a row whose ball is within the margin of the row's plane: bit l
+ * for surface first + l. */
 static unsigned row_meets_plane(const struct broad_balls *b, const struct broad_row *row)
 {
     const double *x = b->x + row->first, *y = b->y + row->first, *z = b->z + row->first;
@@ -28,7 +30,8 @@ static unsigned row_meets_plane(const struct broad_balls *b, const struct broad_
     return (unsigned)meets;
 }
 
-/* Bit l: the ball of surface first + l is within the margin of the row's ball. */
+/* Returns a bit for each surface of a row whose ball is within the margin of the row's ball: bit l
+ * for surface first + l. */
 static unsigned row_meets_ball(const struct broad_balls *b, const struct broad_row *row)
 {
     const double *x = b->x + row->first, *y = b->y + row->first, *z = b->z + row->first;
@@ -46,21 +49,22 @@ static unsigned row_meets_ball(const struct broad_balls *b, const struct broad_r
     return (unsigned)meets;
 }
 
-/* Whether the capsules about two surfaces may be nearer than a margin: they are not when a plane
- * across the line between their centers parts them. */
+/* Checks whether the distance of the capsules about two surfaces may be less than a margin, m: it
+ * is not when a plane across the line between their centers separates them. */
 static bool capsules_may_meet(const struct broad_phase *broad, int i, int j, double margin)
 {
     const struct broad_balls *b = &broad->ball;
     const struct broad_capsule *p = &broad->capsule[i], *q = &broad->capsule[j];
     double dx = b->x[j] - b->x[i], dy = b->y[j] - b->y[i], dz = b->z[j] - b->z[i];
     double apart2 = dx * dx + dy * dy + dz * dz, round = p->radius + q->radius + margin;
+    /* The separation along the line between the centers, times their distance */
     double gap = apart2 - fabs(p->half[0] * dx + p->half[1] * dy + p->half[2] * dz) -
                  fabs(q->half[0] * dx + q->half[1] * dy + q->half[2] * dz);
 
     return gap <= 0 || gap * gap < round * round * apart2;
 }
 
-/* Makes the list, and remembers where the surfaces are. */
+/* Makes the list of candidate pairs (Verlet's) and stores where the surfaces are now. */
 static void list_make(struct broad_phase *broad)
 {
     const struct broad_balls *now = &broad->ball, *then = &broad->then;
@@ -80,6 +84,8 @@ static void list_make(struct broad_phase *broad)
             }
         }
     }
+
+    /* The places that list_holds compares with */
     for (size_t s = 0; s < broad->nsurface; s++) {
         then->x[s] = now->x[s];
         then->y[s] = now->y[s];
@@ -89,8 +95,9 @@ static void list_make(struct broad_phase *broad)
     broad->found = broad->keeps;
 }
 
-/* Whether no point of a surface's capsule has moved by more than half of the margin since the list
- * was made: no more than its center and the end of its axis against that together have. */
+/* Checks whether no point of a surface's capsule has moved by more than half of the margin since
+ * the list was made. A point moves by no more than the center and an end of the axis relative to it
+ * do together. */
 static bool list_holds(const struct broad_phase *broad)
 {
     const struct broad_balls *now = &broad->ball, *then = &broad->then;
@@ -111,12 +118,14 @@ static bool list_holds(const struct broad_phase *broad)
 
 /* ---- those that may touch ---- */
 
+/* Checks whether a surface's ball reaches below a half-space's plane. */
 static bool ball_meets_plane(const struct broad_balls *b, int plane, int i)
 {
     return b->x[plane] * b->x[i] + b->y[plane] * b->y[i] + b->z[plane] * b->z[i] + b->reach[plane] <
            b->reach[i];
 }
 
+/* Checks whether the balls of two surfaces overlap. */
 static bool balls_meet(const struct broad_balls *b, int i, int j)
 {
     double dx = b->x[j] - b->x[i], dy = b->y[j] - b->y[i], dz = b->z[j] - b->z[i];
@@ -130,6 +139,8 @@ void broad_phase_find(struct broad_phase *broad, uint64_t *near)
     if (!broad->found || !list_holds(broad)) {
         list_make(broad);
     }
+
+    /* Of the candidates those whose bounding volumes overlap now */
     for (size_t w = 0; w < broad->nword; w++) {
         near[w] = 0;
     }

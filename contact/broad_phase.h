@@ -21,20 +21,20 @@
 
 #define BROAD_LANES 8 /* surfaces in a row: a multiple of any number of lanes */
 
-/* The ball about each surface; arrays have nsurface entries, padded to a multiple of BROAD_LANES
- * with balls that nothing meets. Of a half-space the plane instead: x, y, z its normal, reach its
- * offset with the opposite sign. */
+/* Bounding ball of each surface: center and radius (reach), m. Arrays have nsurface entries, padded
+ * to a multiple of BROAD_LANES with balls that nothing meets. For a half-space the plane instead:
+ * x, y, z its normal, reach its offset with the opposite sign. */
 struct broad_balls {
     double *x, *y, *z, *reach;
 };
 
-/* The capsule about a surface, with the center of its ball; of a half-space nothing. */
+/* Bounding capsule of a surface about the center of its ball; unused for a half-space. */
 struct broad_capsule {
     double half[3]; /* from the middle of its axis to an end */
     double radius;
 };
 
-/* One surface against those from first on. */
+/* A row of pairs: one surface against BROAD_LANES others from first on. */
 struct broad_row {
     int surface;
     int first;             /* a multiple of BROAD_LANES */
@@ -43,7 +43,7 @@ struct broad_row {
     int pair[BROAD_LANES]; /* its index */
 };
 
-/* A pair within the margin. */
+/* A pair within the margin: tested by each evaluation. */
 struct broad_candidate {
     int surface, other; /* surface is the half-space if there is one */
     int pair;           /* its index */
@@ -51,8 +51,8 @@ struct broad_candidate {
 };
 
 struct broad_phase {
-    struct broad_balls ball;       /* to be kept up to date by who asks, */
-    struct broad_capsule *capsule; /* and these, of each surface; reach and radius stay */
+    struct broad_balls ball;       /* updated by the caller before each find, */
+    struct broad_capsule *capsule; /* and these; reach and radius do not change */
     size_t nsurface, nrow, nword;
     const struct broad_row *row;
 

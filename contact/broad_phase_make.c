@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The broad phase being made: pairs put into rows. */
+/* Making the broad phase: memory, and pairs sorted into rows. */
 #include "contact/broad_phase.h"
 
-#define FAR 1e12 /* beyond any motion that an engine takes */
+#define FAR 1e12 /* m; beyond any motion that an engine takes (1e9) */
 
-/* The surface that a pair's row is of: a half-space if it has one. The other one stands in it. */
+/* Returns the surface whose row a pair belongs to: its half-space if it has one, else the lower
+ * number. */
 static int pair_row_surface(const struct contact_config *config, const struct contact_pair *pair)
 {
     if (config->surface[pair->b].shape == CONTACT_HALF_SPACE) {
@@ -16,7 +17,7 @@ static int pair_row_surface(const struct contact_config *config, const struct co
     return pair->a < pair->b ? pair->a : pair->b;
 }
 
-/* Puts a pair into the row of its surfaces, which is begun when there is none. */
+/* Adds a pair to the row of its surfaces, which is begun when there is none. */
 static void row_add_pair(const struct contact_config *config, size_t index, struct broad_row *row,
                          size_t *nrow)
 {
@@ -49,6 +50,7 @@ enum error_code broad_phase_make(const struct contact_config *config, struct are
                         &broad->then.x, &broad->then.y, &broad->then.z};
     bool made;
 
+    /* One element more than needed, as an empty scene needs memory too */
     broad->capsule = arena_alloc(arena, config->nsurface + 1, sizeof *broad->capsule);
     broad->capsule_then = arena_alloc(arena, config->nsurface + 1, sizeof *broad->capsule_then);
     broad->candidate = arena_alloc(arena, config->npair + 1, sizeof *broad->candidate);
@@ -60,14 +62,21 @@ enum error_code broad_phase_make(const struct contact_config *config, struct are
     if (!made) {
         return error_set(error, ERROR_MEMORY, "contact: no memory for the broad phase");
     }
+
+    /* Padding is so far away that nothing meets it */
     for (size_t s = 0; s < padded; s++) {
         broad->ball.x[s] = broad->ball.y[s] = broad->ball.z[s] = FAR;
     }
+
+    /* The list of near pairs can be kept only while no half-space moves, as list_holds does not see
+     * how far a plane does */
     broad->keeps = true;
     for (size_t s = 0; s < config->nsurface; s++) {
         broad->keeps &=
             config->surface[s].shape != CONTACT_HALF_SPACE || config->surface[s].body < 0;
     }
+
+    /* Rows: a surface against eight others that follow each other */
     broad->nsurface = config->nsurface;
     broad->found = false;
     broad->row = row;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What every contact engine requires of its configuration and of motions. */
+/* Checks of a configuration and of motions that every contact engine requires. */
 #include "base/count.h"
 #include "contact/contact.h"
 
@@ -7,11 +7,12 @@
 #include <stdbool.h>
 #include <stdio.h>
 
-#define ROTATION_TOLERANCE 1e-6
-#define MOTION_TOLERANCE 1e-2
-#define MOTION_LIMIT 1e9
+#define ROTATION_TOLERANCE 1e-6 /* of the products of a configured rotation's rows */
+#define MOTION_TOLERANCE 1e-2   /* of a motion's rotation: error that a stage may leave in it */
+#define MOTION_LIMIT 1e9        /* of a motion's numbers: m, rad/s, m/s */
 
-/* Refuses a surface's number that is not good. */
+/* Returns ERROR_NONE for a number that is good, else ERROR_INPUT with what was found and
+ * expected. */
 static enum error_code surface_expect(bool good, const struct contact_surface *s, const char *key,
                                       double found, const char *expected, struct error *error)
 {
@@ -22,13 +23,13 @@ static enum error_code surface_expect(bool good, const struct contact_surface *s
                      key, found, expected);
 }
 
-/* Finite and over zero. */
+/* Checks that x is finite and over zero. */
 static bool number_is_positive(double x)
 {
     return x > 0 && isfinite(x);
 }
 
-/* Finite and from zero on. */
+/* Checks that x is finite and zero or more. */
 static bool number_is_not_negative(double x)
 {
     return x >= 0 && isfinite(x);
@@ -40,7 +41,8 @@ static double matrix_determinant(const double r[9])
            r[2] * (r[3] * r[7] - r[4] * r[6]);
 }
 
-/* Orthonormal rows, right-handed; false when anything is not finite. */
+/* Checks that a matrix has orthonormal rows and is right-handed; false when anything is not
+ * finite. */
 static bool matrix_is_rotation(const double r[9], double tolerance)
 {
     for (int a = 0; a < 3; a++) {
@@ -56,9 +58,9 @@ static bool matrix_is_rotation(const double r[9], double tolerance)
     return matrix_determinant(r) > 0;
 }
 
-/* Whether a matrix turns and hardly stretches: the mean of the squares of its three stretches is
- * near 1, and its cube near the square of their product, which it equals only where all three are
- * the same. Half the work of matrix_is_rotation, as each evaluation asks it of each body. */
+/* Checks that a matrix turns and hardly stretches: the mean of the squares of its three stretches
+ * is near 1, and its cube near the square of their product, which it equals only where all three
+ * are the same. Half the work of matrix_is_rotation, as each evaluation asks it of each body. */
 static bool matrix_turns(const double r[9], double tolerance)
 {
     double mean = 0, volume = matrix_determinant(r);
@@ -71,6 +73,7 @@ static bool matrix_turns(const double r[9], double tolerance)
            mean * mean * mean - volume * volume < 3 * tolerance * tolerance;
 }
 
+/* Checks that position and velocities are within MOTION_LIMIT and R is a rotation. */
 static bool motion_is_valid(const struct body_motion *motion)
 {
     for (int i = 0; i < 3; i++) {
@@ -96,11 +99,13 @@ enum error_code contact_check_motions(const struct body_motion *motion, size_t n
     return ERROR_NONE;
 }
 
+/* Checks the material of a surface: stiffness, dissipation and friction coefficients in their
+ * ranges. */
 static enum error_code surface_check_material(const struct contact_surface *s, struct error *error)
 {
     const struct contact_material *m = &s->material;
 
-    /* What holds for each number */
+    /* The range of each number */
     const struct {
         bool good;
         const char *key;
@@ -132,6 +137,7 @@ static enum error_code surface_check_material(const struct contact_surface *s, s
     return ERROR_NONE;
 }
 
+/* Checks half extents (m) and cells of a box. */
 static enum error_code surface_check_box(const struct contact_surface *s, struct error *error)
 {
     for (int i = 0; i < 3; i++) {
@@ -148,6 +154,7 @@ static enum error_code surface_check_box(const struct contact_surface *s, struct
                           "cells_per_edge", s->cells_per_edge, "1 to 256", error);
 }
 
+/* Checks that a surface has a mesh and that it is sound, unless it is known to be. */
 static enum error_code surface_check_mesh(const struct contact_surface *s, struct error *error)
 {
     struct mesh_finding finding;
@@ -173,6 +180,7 @@ static enum error_code surface_check_mesh(const struct contact_surface *s, struc
     return ERROR_NONE;
 }
 
+/* Checks radius and length (m) of a capsule. */
 static enum error_code surface_check_capsule(const struct contact_surface *s, struct error *error)
 {
     enum error_code code =
@@ -186,6 +194,7 @@ static enum error_code surface_check_capsule(const struct contact_surface *s, st
                           s->length_m, "0 or more and no larger than a mesh may be", error);
 }
 
+/* Checks the measures that a surface's shape needs. */
 static enum error_code surface_check_shape(const struct contact_surface *s, struct error *error)
 {
     switch (s->shape) {
@@ -206,7 +215,7 @@ static enum error_code surface_check_shape(const struct contact_surface *s, stru
                      (int)s->shape);
 }
 
-/* Finite position, right-handed orthonormal rotation. */
+/* Checks that a surface's position is finite and its rotation orthonormal and right-handed. */
 static enum error_code surface_check_pose(const struct contact_surface *s, struct error *error)
 {
     const double *r = s->rotation;
@@ -228,6 +237,7 @@ static enum error_code surface_check_pose(const struct contact_surface *s, struc
     return ERROR_NONE;
 }
 
+/* Checks one surface: name, body, shape, pose and material. */
 static enum error_code surface_check(const struct contact_config *config, size_t index,
                                      struct error *error)
 {
@@ -255,12 +265,13 @@ static enum error_code surface_check(const struct contact_config *config, size_t
     return surface_check_material(s, error);
 }
 
+/* Checks one pair: two surfaces that exist, can touch, and are no earlier pair. */
 static enum error_code pair_check(const struct contact_config *config, size_t index,
                                   struct error *error)
 {
     const struct contact_pair *p = &config->pair[index];
 
-    /* Two surfaces */
+    /* Both surfaces exist */
     for (int side = 0; side < 2; side++) {
         int surface = side == 0 ? p->a : p->b;
 
@@ -271,7 +282,7 @@ static enum error_code pair_check(const struct contact_config *config, size_t in
         }
     }
 
-    /* That can touch */
+    /* They can touch: on different bodies, and not two half-spaces */
     const struct contact_surface *a = &config->surface[p->a], *b = &config->surface[p->b];
 
     if (a->body == b->body) {
@@ -288,7 +299,7 @@ static enum error_code pair_check(const struct contact_config *config, size_t in
                          index, a->name, b->name);
     }
 
-    /* And have not been given before */
+    /* No earlier pair has the same two */
     for (size_t i = 0; i < index; i++) {
         const struct contact_pair *q = &config->pair[i];
 
@@ -304,7 +315,7 @@ static enum error_code pair_check(const struct contact_config *config, size_t in
 
 enum error_code contact_config_check(const struct contact_config *config, struct error *error)
 {
-    /* Sizes, and the one number for all */
+    /* Sizes, and the transition velocity of friction, which all pairs share */
     if (config->nbody > CONTACT_MAX_BODIES || config->nsurface > CONTACT_MAX_SURFACES ||
         config->npair > CONTACT_MAX_PAIRS) {
         return error_set(error, ERROR_INPUT,
@@ -319,6 +330,7 @@ enum error_code contact_config_check(const struct contact_config *config, struct
                          config->transition_velocity_m_s);
     }
 
+    /* The laws are known ones */
     if (config->mesh_law != CONTACT_PRESSURE_FIELD &&
         config->mesh_law != CONTACT_ELASTIC_FOUNDATION) {
         return error_set(error, ERROR_INPUT,

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The friction law's slope, bounded from above. */
+/* Upper bound for the slope of regularized friction, as damping for implicit integration. */
 #include "contact/friction_slope.h"
 
 #include <math.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Tangents of contact pairs from their surface elements. */
+/* Computes tangents (stiffness and damping) of contact pairs from their surface elements. */
 #include "contact/tangent.h"
 
 #include "base/vec3.h"
@@ -9,7 +9,7 @@
 /* The element of a packed tangent at a row and a column, by the names of their axes. */
 #define AT(row, column) CONTACT_TANGENT_AT(CONTACT_##row, CONTACT_##column)
 
-/* Adds what resists a point at an arm equally in every direction. */
+/* Adds a resistance of the given weight (N s/m) at an arm (m), the same in every direction. */
 static void tangent_add_isotropic(double weight, const double arm[3],
                                   double S[CONTACT_TANGENT_SIZE])
 {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * For engines: the tangent of a pair (contact.h), put together element by element. SI units, world
- * frame. Nothing fails; RT-safe.
+ * For engines: adds up the tangent of a pair (contact.h) element by element. SI units, world frame.
+ * Nothing fails; RT-safe.
  */
 #ifndef CONTACT_TANGENT_H
 #define CONTACT_TANGENT_H
@@ -17,7 +17,7 @@ struct contact_element {
     double friction;  /* of the tangential force, N s/m: see contact_friction_damping */
 };
 
-/* Adds an element to K and D about the tangent's center. */
+/* Adds an element's stiffness to K and its damping to D, about the tangent's center. */
 void contact_tangent_add(struct contact_tangent *tangent, const struct contact_element *element);
 
 #endif

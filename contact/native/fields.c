@@ -1,13 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Two meshes by the pressure field of one of them, the carrier: what the facets of the other one,
- * the visitor, feel in it. In each cell of the field (contact/mesh/field.h) the depth is linear, so
- * over the part of a facet that is in the cell its integrals are exact sums over the corners.
+ * Two meshes by the pressure field of one of them, the carrier: computes the pressure on the facets
+ * of the other one, the visitor, inside it. In each cell of the field (contact/mesh/field.h) the
+ * penetration depth is linear, so its integrals over the part of a facet that is in the cell are
+ * exact sums over the corners.
  *
  * The elastic force on the visitor is minus the integral of k times the depth times its outward
- * normal: the gradient of k times the integral of the depth over what both have in common. It is
- * added as a whole. What of it presses, along the depth's gradient, is also put on springs, which
- * damp and rub; their own elastic force, which is in the whole already, is taken off again.
+ * normal: the gradient of k times the integral of the depth over the volume that both have in
+ * common. It is added as a whole. The part of it that presses, along the depth's gradient, is also
+ * put on springs, for dissipation and friction; their own elastic force, which is in the whole
+ * already, is subtracted again.
  */
 #include "contact/lanes.h"
 #include "contact/native/flat.h"
@@ -19,21 +21,21 @@
 #include <stdint.h>
 #include <string.h>
 
-/* Springs stand closer than this to each other, against the radius of the smaller mesh. */
+/* Largest distance between springs, over the radius of the smaller mesh. */
 #define SPACING 0.6
-#define FEW_CORNERS 6
-#define FACING 0.5      /* pieces that face the carrier less have three springs, however large */
-#define SPACING_PARTS 8 /* along the edge of a triangle, at most */
-#define NEAR_MOST 64    /* cells near the visitor that are listed; among more each facet searches */
+#define FEW_CORNERS 6   /* of a facet whose corners are transformed, for a tighter box */
+#define FACING 0.5      /* cosine; pieces that face the depth's gradient less have three springs */
+#define SPACING_PARTS 8 /* that a polygon is cut into along an edge, at most */
+#define NEAR_MOST 64    /* cells near the visitor in the list; with more, facets walk the tree */
 
-/* A carrier and a visitor; all in the carrier's frame. */
+/* A carrier and a visitor at work; in the carrier's frame. */
 struct visit {
     const struct field *field;
     const struct solid *carrier, *visitor;
-    double R[9], p[3]; /* of the visitor */
-    bool turned;       /* the carrier is the pair's second */
-    double least;      /* what is less deep does not count, and the rest by what it is deeper */
-    double spacing;
+    double R[9], p[3];                       /* of the visitor */
+    bool turned;                             /* the carrier is the pair's second */
+    double least;                            /* m; only depth beyond it counts */
+    double spacing;                          /* largest distance between springs, m */
     const struct tree_node *near[NEAR_MOST]; /* leaves of a shell's tree about the visitor */
     int nnear;                               /* NEAR_MOST + 1: there are more */
     const struct native_law *law;
@@ -42,7 +44,7 @@ struct visit {
     struct native_sum *sum;
 };
 
-/* A facet of the visitor. */
+/* A facet of the visitor, transformed into the carrier's frame. */
 struct visit_facet {
     const struct facet *f;
     double normal[3], center[3], axis[2][3];
@@ -50,27 +52,28 @@ struct visit_facet {
     double corner[FEW_CORNERS][3];
 };
 
-/* The depth over the plane of a facet, from its center along its axes, in one cell. */
+/* Penetration depth in one cell over the plane of a facet: a linear function from the facet's
+ * center along its axes. */
 struct visit_depth {
     double at, slope[2];
-    double inward[3]; /* unit, the way on which it grows most */
+    double inward[3]; /* unit gradient: the direction in which it grows most */
     double facing;    /* inward . the facet's normal */
-    int sign;         /* of the cell */
+    int sign;         /* of the cell's volume: 1, or -1 for one that is inside out */
 };
 
-/* Area and depth over the parts of a facet in one cell that are too small for springs of their
- * own, about an origin in their plane. */
+/* Moments of area and depth over the parts of a facet in one cell that are too small for springs of
+ * their own, about an origin (x, y) in their plane. */
 struct visit_group {
     double x, y;
     double area, first[2], second[3]; /* x, y; xx, xy, yy */
     double depth, moment[2];
-    double inward[3]; /* times the area that faces it */
+    double inward[3]; /* sum of the unit gradients, each times the area that faces it */
 };
 
 /* ---- forces ---- */
 
-/* Adds a force along a direction, and what has its moment: the sum of its parts times where they
- * act. It acts on the carrier. */
+/* Adds the elastic force (N) along a unit direction that acts on the carrier, and its moment.
+ * lever: sum of the force's parts times their places, N m. */
 static void visit_add_force(const struct visit *v, const double direction[3], double force,
                             const double lever[3])
 {
@@ -84,7 +87,7 @@ static void visit_add_force(const struct visit *v, const double direction[3], do
         return;
     }
 
-    /* On the pair's first the opposite, in its frame */
+    /* The carrier is the pair's second: the opposite acts on the first, in its frame */
     mat3_apply(v->relative->R, direction, d);
     mat3_apply(v->relative->R, lever, at);
     vec3_add_scaled(at, force, v->relative->p, at);
@@ -93,8 +96,9 @@ static void visit_add_force(const struct visit *v, const double direction[3], do
     vec3_add_scaled(sum->moment, -1, turn, sum->moment);
 }
 
-/* Adds springs over a facet's plane: so many places x, y, their depths there, one rate. There must
- * be room. Each stands from the visitor's surface toward the carrier's by the visitor's share. */
+/* Adds springs over a facet's plane at count places x, y, all of one rate (N/m), as long as the
+ * depth is there. There must be room. Each stands from the visitor's surface toward the carrier's
+ * by the visitor's share of the depth. */
 static void visit_add_springs(const struct visit *v, const struct visit_facet *f,
                               const struct visit_depth *depth, double rate, const double *x,
                               const double *y, int count)
@@ -105,7 +109,7 @@ static void visit_add_springs(const struct visit *v, const struct visit_facet *f
     const size_t n = batch->n;
     double center[3], axis[2][3], d[3];
 
-    /* In the frame of the pair's first, which they push */
+    /* Plane and gradient in the frame of the pair's first, which the springs push */
     if (v->turned) {
         mat3_apply(v->relative->R, f->center, center);
         vec3_add_scaled(center, 1, v->relative->p, center);
@@ -118,7 +122,7 @@ static void visit_add_springs(const struct visit *v, const struct visit_facet *f
         memcpy(d, depth->inward, sizeof d);
     }
 
-    /* A place is linear in x and y as the depth is */
+    /* The point of action is linear in x and y, as the depth is */
     for (int k = 0; k < 3; k++) {
         const double from = center[k] - share * at * d[k], push = v->turned ? -d[k] : d[k];
         const double ax = axis[0][k] - share * sx * d[k], ay = axis[1][k] - share * sy * d[k];
@@ -139,10 +143,11 @@ static void visit_add_springs(const struct visit *v, const struct visit_facet *f
     batch->n += (size_t)count;
 }
 
-/* ---- what a polygon of a facet in one cell does ---- */
+/* ---- force and springs of a polygon of a facet in one cell ---- */
 
-/* Adds a force on the carrier along a direction, that of a depth over a facet's plane: rate times
- * the mean depth at the centroid, and what the slope gives it of a moment. */
+/* Adds the elastic force of a linear depth over a polygon of moments m, along a direction, on the
+ * carrier: rate (N/m) times the mean depth, at the center of pressure, which the slope moves off
+ * the centroid. Nothing for tangents and friction that sticks, which are the springs' alone. */
 static void visit_add_pressure(const struct visit *v, const struct visit_facet *f,
                                const struct visit_depth *depth, const struct moments *m,
                                const double direction[3], double rate)
@@ -160,8 +165,8 @@ static void visit_add_pressure(const struct visit *v, const struct visit_facet *
     visit_add_force(v, direction, rate * mean, lever);
 }
 
-/* Springs on a triangle between the centroid and an edge, from it by u and w: three in each of the
- * equal triangles no wider than the spacing that it is cut into. */
+/* Adds springs on the triangle between a polygon's centroid and an edge, whose ends are u and w
+ * from it: three in each of the equal triangles no wider than the spacing that it is cut into. */
 static void visit_add_triangle(const struct visit *v, const struct visit_facet *f,
                                const struct visit_depth *depth, const double center[2],
                                const double u[2], const double w[2])
@@ -177,6 +182,7 @@ static void visit_add_triangle(const struct visit *v, const struct visit_facet *
     double x[3 * SPACING_PARTS * SPACING_PARTS], y[3 * SPACING_PARTS * SPACING_PARTS];
     int n = 0;
 
+    /* Points of quadrature, row by row of the small triangles */
     for (int row = 0; row < parts; row++) {
         for (int at = 0; at < 2 * (parts - row) - 1; at++) {
             for (int q = 0; q < 3; ++q, ++n) {
@@ -192,8 +198,8 @@ static void visit_add_triangle(const struct visit *v, const struct visit_facet *
     visit_add_springs(v, f, depth, rate, x, y, n);
 }
 
-/* Springs on a polygon, over all of which they integrate a linear depth exactly, force and moment;
- * their elastic force is taken off the sum. */
+/* Adds springs on all of a polygon, over which they integrate force and moment of a linear depth
+ * exactly; subtracts their elastic force from the sum. */
 static void visit_add_fan(const struct visit *v, const struct visit_facet *f,
                           const struct visit_depth *depth, const struct flat *g,
                           const struct moments *m)
@@ -211,7 +217,8 @@ static void visit_add_fan(const struct visit *v, const struct visit_facet *f,
                        -v->law->stiffness * depth->facing * m->twice / 2);
 }
 
-/* Adds a polygon to a group; origin: the group's. */
+/* Adds the moments of a polygon's area and depth to a group, about the group's origin, which is the
+ * centroid of the first. */
 static void group_add(struct visit_group *g, const struct visit_depth *depth,
                       const struct moments *m, double mean)
 {
@@ -239,12 +246,14 @@ static void group_add(struct visit_group *g, const struct visit_depth *depth,
     }
 }
 
+/* Returns the root of a mean square, which rounding may leave a little below 0. */
 static double spread_root(double x)
 {
     return sqrt(x > 0 ? x : 0);
 }
 
-/* The moments of a group's area, and the linear depth with the same moments as its own. */
+/* Computes the moments of a group's area, and the linear depth that has the same moments as the
+ * group's; constant where the area is a line. */
 static void group_find_depth(const struct visit_group *g, struct moments *m,
                              struct visit_depth *depth)
 {
@@ -267,7 +276,7 @@ static void group_find_depth(const struct visit_group *g, struct moments *m,
     depth->at = mean - depth->slope[0] * m->x - depth->slope[1] * m->y;
 }
 
-/* Three springs for all of a group, with its area's moments up to the second: at L times the
+/* Adds three springs for all of a group, with its area's moments up to the second: at L times the
  * corners of an equilateral triangle about the centroid, L L' being twice the matrix of the mean
  * squares off it. So a linear depth is integrated exactly, force and moment. None is off a convex
  * figure: the ellipse through them is inside of it (Kannan, Lovasz, Simonovits 1995). */
@@ -287,6 +296,8 @@ static void group_add_springs(const struct visit *v, const struct visit_facet *f
         depth.inward[k] = g->inward[k] / facing;
     }
     group_find_depth(g, &m, &depth);
+
+    /* L, the Cholesky factor of twice the matrix of mean squares */
     lx = spread_root(2 * m.xx);
     ly = lx > 0 ? 2 * m.xy / lx : 0;
     lyy = spread_root(2 * m.yy - ly * ly);
@@ -299,7 +310,8 @@ static void group_add_springs(const struct visit *v, const struct visit_facet *f
     visit_add_pressure(v, f, &depth, &m, depth.inward, -rate);
 }
 
-/* The part of a polygon between two lines across an axis (0 x, 1 y); one of the two. */
+/* Clips a polygon to between two lines across an axis (0 x, 1 y); returns the clipped one, one of
+ * the two in g. */
 static const struct flat *flat_clip_between(const struct flat *in, int axis, double low,
                                             double high, struct flat g[2])
 {
@@ -319,7 +331,7 @@ static const struct flat *flat_clip_between(const struct flat *in, int axis, dou
     return now;
 }
 
-/* How far a polygon reaches along an axis. */
+/* Finds the least and largest coordinate of a polygon along an axis (0 x, 1 y). */
 static void flat_find_reach(const struct flat *g, int axis, double *low, double *high)
 {
     const double *at = axis ? g->y : g->x;
@@ -332,7 +344,8 @@ static void flat_find_reach(const struct flat *g, int axis, double *low, double 
     }
 }
 
-/* How many parts of a polygon stand along an axis, none longer than the spacing. */
+/* Returns how many parts to cut a length (m) into so that none is longer than the spacing, at most
+ * SPACING_PARTS. */
 static int visit_count_parts(const struct visit *v, double length)
 {
     const double wanted = length / v->spacing + 1;
@@ -340,13 +353,14 @@ static int visit_count_parts(const struct visit *v, double length)
     return wanted < SPACING_PARTS ? (int)wanted : SPACING_PARTS;
 }
 
-/* Springs on a polygon that is wide, three in each of the rectangles no wider than the spacing that
- * it is cut into. */
+/* Adds springs on a wide polygon: cuts it into columns and these into rectangles no wider than the
+ * spacing, with three springs on each. */
 static void visit_add_grid(const struct visit *v, const struct visit_facet *f,
                            const struct visit_depth *depth, const struct flat *g)
 {
     double left, right, low, high;
 
+    /* Columns of equal width along x */
     flat_find_reach(g, 0, &left, &right);
 
     const int columns = visit_count_parts(v, right - left);
@@ -357,6 +371,7 @@ static void visit_add_grid(const struct visit *v, const struct visit_facet *f,
         const struct flat *column =
             flat_clip_between(g, 0, left + c * wide, left + (c + 1) * wide, cut[0]);
 
+        /* In each, rows of equal height along y */
         flat_find_reach(column, 1, &low, &high);
         for (int r = 0, rows = visit_count_parts(v, high - low); column->n >= 3 && r < rows; r++) {
             const double tall = (high - low) / rows;
@@ -368,6 +383,8 @@ static void visit_add_grid(const struct visit *v, const struct visit_facet *f,
             if (part->n < 3) {
                 continue;
             }
+
+            /* A rectangle is a group of one polygon */
             flat_find_moments(part, true, &m);
             if (m.twice > DBL_MIN) {
                 group_add(&group, depth, &m,
@@ -378,7 +395,8 @@ static void visit_add_grid(const struct visit *v, const struct visit_facet *f,
     }
 }
 
-/* Adds what a polygon of a facet in one cell does; small ones get their springs with the group. */
+/* Adds force and springs of a polygon of a facet in one cell. A small polygon is added to the group
+ * instead, which gets three springs for all its polygons. */
 static void visit_add_polygon(const struct visit *v, const struct visit_facet *f,
                               const struct visit_depth *depth, const struct flat *g,
                               struct visit_group *group)
@@ -394,14 +412,16 @@ static void visit_add_polygon(const struct visit *v, const struct visit_facet *f
     if (!(m.twice > DBL_MIN)) {
         return;
     }
+
+    /* The elastic force along the visitor's normal; cells that are inside out subtract theirs */
     mean = depth->at + depth->slope[0] * m.x + depth->slope[1] * m.y;
     visit_add_pressure(v, f, depth, &m, f->normal, depth->sign * v->law->stiffness * m.twice / 2);
-    v->sum->area += DBL_MIN; /* something is there */
+    v->sum->area += DBL_MIN; /* touches, though nothing may press */
     if (depth->sign < 0 || depth->facing <= 0) {
         return;
     }
 
-    /* What presses */
+    /* Area in touch, deepest penetration and size of the part that presses */
     v->sum->area += depth->facing * m.twice / 2;
     for (int i = 0; i < g->n; i++) {
         double deep = depth->at + depth->slope[0] * g->x[i] + depth->slope[1] * g->y[i];
@@ -410,6 +430,8 @@ static void visit_add_polygon(const struct visit *v, const struct visit_facet *f
         v->sum->depth = deep > v->sum->depth ? deep : v->sum->depth;
         radius2 = r2 > radius2 ? r2 : radius2;
     }
+
+    /* Springs: three with the group, or as many as the spacing asks for */
     if (radius2 <= wide * wide || depth->facing <= FACING) {
         group_add(group, depth, &m, mean);
     } else if (v->field->planar) {
@@ -421,9 +443,9 @@ static void visit_add_polygon(const struct visit *v, const struct visit_facet *f
 
 /* ---- a carrier with few sides ---- */
 
-/* Clips to where a linear function of the place is not negative; returns the polygon that is left,
- * one of the two. What is 0 all over is left unless it is given away: so of two cells that both
- * have it as their wall, one has it. */
+/* Clips a polygon to where the linear function at + x X + y Y is not negative; returns the polygon
+ * that is left, one of the two. A polygon over which it is 0 all over is left unless it is given
+ * away: so of two cells that share it as their wall, one has it. */
 static struct flat *flat_clip_linear(struct flat g[2], struct flat *now, double at, double x,
                                      double y, bool give_away)
 {
@@ -452,7 +474,8 @@ struct flat_linear {
     double at, x, y;
 };
 
-/* Whether it is negative (-1) or positive (1) all over the circle about the facet; else 0. */
+/* Returns whether a linear function is negative (-1) or positive (1) all over the circle of that
+ * radius about the facet's center; else 0. */
 static int linear_sign_over(const struct flat_linear *l, double radius)
 {
     if (l->at * l->at <= radius * radius * (l->x * l->x + l->y * l->y)) {
@@ -461,8 +484,9 @@ static int linear_sign_over(const struct flat_linear *l, double radius)
     return l->at > 0 ? 1 : -1;
 }
 
-/* What is left of a facet under one side of a carrier with so many, over which depth is each one's
- * depth: where it is deep and no other side is nearer. Returns the polygon, one of the two. */
+/* Clips a facet to where one side of a convex carrier gives the depth: where it is deep and no
+ * other side is nearer. depth: linear depth under each of the count sides. Returns the polygon, one
+ * of the two in g. */
 static const struct flat *planes_clip_facet(const struct visit *v, const struct visit_facet *f,
                                             const struct flat_linear *depth, int count, int side,
                                             struct flat g[2])
@@ -485,7 +509,8 @@ static const struct flat *planes_clip_facet(const struct visit *v, const struct 
     return now;
 }
 
-/* A facet under each of the sides that it is least behind somewhere. */
+/* Adds a facet in a convex carrier with few sides: its part under each side that is the nearest one
+ * there. */
 static void visit_planes(const struct visit *v, const struct visit_facet *f)
 {
     const struct solid *s = v->carrier;
@@ -493,7 +518,8 @@ static void visit_planes(const struct visit *v, const struct visit_facet *f)
     struct flat_linear over[FIELD_MAX_PLANES];
     int nearest = 0;
 
-    /* The depth under each side over the facet's plane; none if all of it is outside of one */
+    /* Depth under each side over the facet's plane; nothing touches if all of it is outside of
+     * one */
     for (int i = 0; i < n; i++) {
         const struct facet *side = &s->facet[i];
 
@@ -513,6 +539,7 @@ static void visit_planes(const struct visit *v, const struct visit_facet *f)
         struct visit_group group = {.area = 0};
         struct flat g[2];
 
+        /* Skips a side that is farther everywhere than the one nearest at the center */
         if (linear_sign_over(&less, f->f->radius) < 0) {
             continue;
         }
@@ -529,8 +556,8 @@ static void visit_planes(const struct visit *v, const struct visit_facet *f)
 
 /* ---- a carrier with a shell ---- */
 
-/* The polygon in which a tetrahedron meets the facet's plane, over which its nodes are that high.
- * Returns its corners' number, 0, 3 or 4. */
+/* Computes the polygon in which a tetrahedron meets the facet's plane. height: of its nodes over
+ * the plane, m. Returns the number of its corners, 0, 3 or 4. */
 static int tetrahedron_cut(const double *const node[4], const double height[4],
                            const struct visit_facet *f, struct flat *g)
 {
@@ -538,6 +565,7 @@ static int tetrahedron_cut(const double *const node[4], const double height[4],
     const double radius = f->f->radius;
     double twice = 0, low[2] = {DBL_MAX, DBL_MAX}, high[2] = {-DBL_MAX, -DBL_MAX};
 
+    /* Nodes on either side of the plane */
     for (int i = 0; i < 4; i++) {
         if (height[i] >= 0) {
             above[nabove++] = i;
@@ -549,7 +577,7 @@ static int tetrahedron_cut(const double *const node[4], const double height[4],
         return 0;
     }
 
-    /* The edges through the plane, around the polygon */
+    /* Where edges cross the plane, in order around the polygon, and its bounds */
     n = nabove == 2 ? 4 : 3;
     for (int i = 0; i < n; i++) {
         int from = nabove == 2 ? above[i / 2] : nabove == 3 ? above[i] : above[0];
@@ -567,11 +595,13 @@ static int tetrahedron_cut(const double *const node[4], const double height[4],
         high[0] = g->x[i] > high[0] ? g->x[i] : high[0];
         high[1] = g->y[i] > high[1] ? g->y[i] : high[1];
     }
+
+    /* None of it is near the facet */
     if (low[0] > radius || low[1] > radius || high[0] < -radius || high[1] < -radius) {
         return 0;
     }
 
-    /* Counterclockwise */
+    /* Turned counterclockwise if its signed area is negative */
     g->n = n;
     for (int i = 1; i + 1 < n; i++) {
         twice += (g->x[i] - g->x[0]) * (g->y[i + 1] - g->y[0]) -
@@ -588,12 +618,14 @@ static int tetrahedron_cut(const double *const node[4], const double height[4],
     return n;
 }
 
-/* The depth in a tetrahedron over the facet's plane; false when it has no volume to speak of. */
+/* Computes the linear depth in a tetrahedron over the facet's plane from those at its nodes.
+ * Returns false when it has no volume to speak of. */
 static bool tetrahedron_find_depth(const struct visit *v, const double *const node[4], int sign,
                                    const struct visit_facet *f, struct visit_depth *depth)
 {
     double e[3][3], across[3][3], gradient[3], volume, whole, length, to[3];
 
+    /* Edges from node 0 and their cross products; volume: six times the tetrahedron's */
     for (int i = 0; i < 3; i++) {
         vec3_sub(node[i + 1], node[0], e[i]);
     }
@@ -605,6 +637,8 @@ static bool tetrahedron_find_depth(const struct visit *v, const double *const no
     if (volume * volume <= FIELD_NO_VOLUME * whole) {
         return false;
     }
+
+    /* Gradient of the depth by Cramer's rule, and its slope along the axes of the plane */
     for (int k = 0; k < 3; k++) {
         gradient[k] =
             ((node[1][3] - node[0][3]) * across[0][k] + (node[2][3] - node[0][3]) * across[1][k] +
@@ -615,6 +649,8 @@ static bool tetrahedron_find_depth(const struct visit *v, const double *const no
     depth->at = node[0][3] + vec3_dot(gradient, to) - v->least;
     depth->slope[0] = vec3_dot(gradient, f->axis[0]);
     depth->slope[1] = vec3_dot(gradient, f->axis[1]);
+
+    /* Its direction, and whether the cell lies right side out */
     length = vec3_norm(gradient);
     for (int k = 0; k < 3; k++) {
         depth->inward[k] = length > 0 ? gradient[k] / length : 0;
@@ -624,7 +660,8 @@ static bool tetrahedron_find_depth(const struct visit *v, const double *const no
     return true;
 }
 
-/* A facet in one tetrahedron, over whose plane the nodes are that high. */
+/* Adds a facet in one tetrahedron: cuts it with the facet's plane, clips to the facet and to where
+ * it is deep. height: of its nodes over the plane; sign: of its volume right side out. */
 static void visit_tetrahedron(const struct visit *v, const struct visit_facet *f,
                               const double *const node[4], const double height[4], int sign,
                               struct visit_group *group)
@@ -647,7 +684,8 @@ static void visit_tetrahedron(const struct visit *v, const struct visit_facet *f
     visit_add_polygon(v, f, &depth, left, group);
 }
 
-/* The least value that d . p takes for p on a facet, or a little less. */
+/* Returns the least value that d . p takes for p on a facet, or a little less where its corners are
+ * not at hand. d: unit. */
 static double facet_find_least(const struct visit_facet *f, const double d[3])
 {
     double along = vec3_dot(d, f->normal), across = 1 - along * along, least = DBL_MAX;
@@ -663,8 +701,8 @@ static double facet_find_least(const struct visit_facet *f, const double d[3])
     return least;
 }
 
-/* Whether all of a prism is farther in than a facet, seen along the normal of the triangle over
- * it. */
+/* Checks whether all of a prism is farther inside than a facet, seen along the normal of the
+ * triangle over it. */
 static bool prism_is_behind(const struct visit *v, const struct visit_facet *f, int cell,
                             const struct field_prism *prism)
 {
@@ -679,7 +717,7 @@ static bool prism_is_behind(const struct visit *v, const struct visit_facet *f, 
     return true;
 }
 
-/* A facet in one prism. */
+/* Adds a facet in one prism of the shell, by its tetrahedra that the facet's plane cuts. */
 static void visit_prism(const struct visit *v, const struct visit_facet *f, int cell)
 {
     struct field_prism prism;
@@ -694,9 +732,13 @@ static void visit_prism(const struct visit *v, const struct visit_facet *f, int 
         height[i] = vec3_dot(f->normal, prism.node[i]) - offset;
         above += height[i] >= 0;
     }
+
+    /* The plane does not cut it, or the facet is nearer to the surface */
     if (above == 0 || above == prism.nnode || prism_is_behind(v, f, cell, &prism)) {
         return;
     }
+
+    /* Tetrahedra, with the sign of their volume (field_tetrahedron) */
     for (int i = 0; i + 4 <= prism.nnode; i++) {
         const int *corner = field_tetrahedron[i];
         const double *node[4];
@@ -713,7 +755,8 @@ static void visit_prism(const struct visit *v, const struct visit_facet *f, int 
     }
 }
 
-/* The box about a facet. */
+/* Computes the box about a facet, or about its bounding circle where its corners are not at
+ * hand. */
 static void facet_find_box(const struct visit_facet *f, struct box *box)
 {
     if (f->ncorner > 0) {
@@ -732,12 +775,14 @@ static void facet_find_box(const struct visit_facet *f, struct box *box)
     }
 }
 
-/* A facet in a cell of the shell, if the box about the cell meets the facet's and its plane. */
+/* Test of a facet against a box about cells of the shell: they may touch if the box meets the
+ * facet's box and its plane. */
 struct visit_probe {
     struct box box;
     double offset, back[3];
 };
 
+/* Checks whether a box meets a facet's box and plane. */
 static bool probe_meets(const struct visit_probe *probe, const struct visit_facet *f,
                         const struct box *box)
 {
@@ -745,7 +790,7 @@ static bool probe_meets(const struct visit_probe *probe, const struct visit_face
            box_least(box, probe->back) <= -probe->offset;
 }
 
-/* A facet in the prisms that the box about it, and its plane, meets. */
+/* Adds a facet in all prisms of the shell whose box meets the facet's box and plane. */
 static void visit_shell(const struct visit *v, const struct visit_facet *f)
 {
     const struct tree *tree = &v->field->tree;
@@ -754,6 +799,9 @@ static void visit_shell(const struct visit *v, const struct visit_facet *f)
                                 .back = {-f->normal[0], -f->normal[1], -f->normal[2]}};
 
     facet_find_box(f, &probe.box);
+
+    /* The listed cells near the visitor, or, when there are too many, those of a walk down the
+     * tree */
     for (int i = 0; i < v->nnear && v->nnear <= NEAR_MOST; i++) {
         if (probe_meets(&probe, f, &v->near[i]->box)) {
             visit_prism(v, f, v->field->cell[tree->item[v->near[i]->first]]);
@@ -773,7 +821,7 @@ static void visit_shell(const struct visit *v, const struct visit_facet *f)
 
 /* ---- two meshes ---- */
 
-/* The facets of the visitor that are in a box (in the visitor's frame). */
+/* Adds all facets of the visitor that are in a box, which is in the visitor's frame. */
 static void visit_facets(const struct visit *v, const struct box *there)
 {
     const struct tree *tree = &v->visitor->facets;
@@ -787,6 +835,7 @@ static void visit_facets(const struct visit *v, const struct box *there)
         for (int i = 0; i < node->count; i++) {
             struct visit_facet f;
 
+            /* Transformed into the carrier's frame */
             f.f = &v->visitor->facet[tree->item[node->first + i]];
             mat3_apply(v->R, f.f->normal, f.normal);
             mat3_apply(v->R, f.f->axis[0], f.axis[0]);
@@ -797,6 +846,8 @@ static void visit_facets(const struct visit *v, const struct box *there)
                 visit_planes(v, &f);
                 continue;
             }
+
+            /* Corners, for the box about it in the shell */
             f.ncorner = f.f->count <= FEW_CORNERS ? f.f->count : 0;
             for (int k = 0; k < f.ncorner; k++) {
                 mat3_apply(v->R, v->visitor->ring[f.f->first + k], f.corner[k]);
@@ -808,8 +859,8 @@ static void visit_facets(const struct visit *v, const struct box *there)
     }
 }
 
-/* Lists the cells of a shell that meet a box, each of them a leaf, and finds the box about them;
- * false when there are none. */
+/* Lists the cells of a shell that meet a box, each of them a leaf, and computes the box about them.
+ * Returns false when there are none. */
 static bool visit_find_near(struct visit *v, const struct box *where, struct box *about)
 {
     const struct tree *tree = &v->field->tree;
@@ -834,9 +885,9 @@ static bool visit_find_near(struct visit *v, const struct box *where, struct box
     return v->nnear > 0;
 }
 
-/* The visitor's facets in the carrier: in a box of it, and of a shell only in what is near the
- * visitor, which is in another box, both in the carrier's frame; R and p: the carrier seen from the
- * visitor. */
+/* Adds the visitor's facets that are in the carrier's box `in`; in a shell only where cells near
+ * the visitor are. where: box about the visitor. Both are in the carrier's frame; R and p: pose of
+ * the carrier in the visitor's frame. */
 static void visit_near(struct visit *v, const struct box *in, const struct box *where,
                        const double R[9], const double p[3])
 {
@@ -848,7 +899,7 @@ static void visit_near(struct visit *v, const struct box *in, const struct box *
     }
 }
 
-/* What is deeper than this below all of a box's sides; false when nothing is. */
+/* Shrinks a box by a depth, m, on all of its sides. Returns false when nothing is left. */
 static bool box_shrink(const struct box *box, double by, struct box *out)
 {
     for (int k = 0; k < 3; k++) {
@@ -861,15 +912,16 @@ static bool box_shrink(const struct box *box, double by, struct box *out)
     return true;
 }
 
-/* Two meshes by a pressure field. */
+/* Two meshes that interact by a pressure field. */
 struct visit_couple {
     const struct field *first, *second; /* the second's may be NULL */
-    const struct box *moved, *there;    /* the second seen from the first, and the first from it */
-    const double *back, *origin;        /* the first's pose seen from the second */
+    const struct box *moved, *there; /* box of the second in the first's frame, and the reverse */
+    const double *back, *origin;     /* rotation and origin of the first in the second's frame */
 };
 
-/* The second's facets in what the first's field has that is deeper than this, and the first's in
- * what the second's has that is deeper than this and than the first's is anywhere. */
+/* Adds the second's facets in the part of the first's field that is deeper than least, m, and the
+ * first's facets in the part of the second's field that is deeper than that and than the first's is
+ * anywhere. */
 static void visit_couple_from(struct visit *v, const struct visit_couple *c, double least)
 {
     const struct visit kept = *v;
@@ -879,6 +931,8 @@ static void visit_couple_from(struct visit *v, const struct visit_couple *c, dou
     if (least <= 0 || box_shrink(&c->first->solid->box, least, &in)) {
         visit_near(v, &in, c->moved, c->back, c->origin);
     }
+
+    /* The second as carrier: its field counts only beyond the first's deepest */
     least = fmax(least, c->first->deepest);
     if (c->second && c->second->deepest > least &&
         box_shrink(&c->second->solid->box, least, &moved) && boxes_meet(&moved, c->there)) {
@@ -911,7 +965,7 @@ void native_overlap_fields(const struct field *first, const struct solid *second
     double back[9], origin[3];
     const struct visit_couple couple = {first, second_field, &moved, &there, back, origin};
 
-    /* The first in the second's frame */
+    /* Pose of the first in the second's frame, and both boxes; without overlap nothing touches */
     mat3_transpose(relative->R, back);
     mat3_apply(back, relative->p, origin);
     for (int k = 0; k < 3; k++) {
@@ -922,11 +976,13 @@ void native_overlap_fields(const struct field *first, const struct solid *second
     if (!boxes_meet(&a->box, &moved) || !boxes_meet(&b->box, &there)) {
         return;
     }
+
+    /* The visitor's pose in the carrier's frame */
     v.spacing = SPACING * (a->radius < b->radius ? a->radius : b->radius);
     memcpy(v.R, relative->R, sizeof v.R);
     memcpy(v.p, relative->p, sizeof v.p);
 
-    /* The layers, and what backs them */
+    /* The elastic layers, then what backs them where the penetration is deeper */
     visit_couple_from(&v, &couple, 0);
     if (native_law_is_backed(law, sum->depth)) {
         const struct native_law backing = native_law_of_backing(law);
