@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The mesh of a capsule: rings of vertices about the axis, and a vertex at each tip. */
+/* Makes the mesh of a capsule: rings of vertices about the axis, and a vertex at each tip. */
 #include "base/portable_math.h"
 #include "contact/mesh/mesh.h"
 
@@ -13,7 +13,7 @@
 #define BOTTOM (VERTICES - 2)
 #define TOP (VERTICES - 1)
 
-/* Rings from the lowest up; the equator's of either end are in the middle. */
+/* Computes the vertices: rings from the lowest up; the equators of both ends are in the middle. */
 static void capsule_place_vertices(double radius, double length, double (*vertex)[3])
 {
     /* As wide as it has to be for the polygon to have the area of the circle */
@@ -24,6 +24,8 @@ static void capsule_place_vertices(double radius, double length, double (*vertex
         around[i][0] = portable_cos(2 * PI * i / SIDES);
         around[i][1] = portable_sin(2 * PI * i / SIDES);
     }
+
+    /* Rings at equal angles from their end's equator */
     for (int ring = 0; ring < 2 * RINGS; ring++) {
         int from_equator = ring < RINGS ? ring - (RINGS - 1) : ring - RINGS;
         double angle = from_equator * PI / 2 / RINGS, out = wide * portable_cos(angle);
@@ -52,7 +54,7 @@ static size_t capsule_add_face(int (*face)[3], size_t n, int a, int b, int c)
     return n + 1;
 }
 
-/* Returns their number. The two equators are one ring when there is nothing between them. */
+/* Writes the faces; returns their number. */
 static size_t capsule_connect(int (*face)[3])
 {
     const int last = (2 * RINGS - 1) * SIDES;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Soundness of a triangle surface, by its half-edges: each face has three, each shared edge pairs
- * two of them. Edges and faces are sorted, not hashed: the order of what is found does not depend
- * on chance, and no input makes it slow.
+ * Checks whether a triangle surface is sound (closed, oriented, without pinches), by its
+ * half-edges: each face has three, each shared edge pairs two of them. Edges and faces are sorted,
+ * not hashed: the order of what is found does not depend on chance, and no input makes it slow.
  */
 #include "contact/mesh/edges.h"
 #include "base/vec3.h"
@@ -52,8 +52,8 @@ const char *mesh_fault_text(enum mesh_fault fault)
     return text[fault];
 }
 
-/* Keeps the finding whose face comes first, so that a person meets faults in file order. half,
- * other: the half-edge at fault and its counterpart. */
+/* Stores a finding unless one of an earlier face is there, so that a person meets faults in file
+ * order. half, other: the half-edge at fault and its counterpart. */
 static void mesh_report_fault(struct mesh_checker *c, enum mesh_fault fault, size_t half,
                               size_t other)
 {
@@ -72,6 +72,8 @@ static void mesh_report_fault(struct mesh_checker *c, enum mesh_fault fault, siz
         .vertex = {c->mesh->face[face][corner], c->mesh->face[face][(corner + 1) % 3]}};
 }
 
+/* Checks that there are faces, that they name existing vertices, and that coordinates are in range;
+ * reports the first fault. */
 static bool mesh_is_in_range(struct mesh_checker *c)
 {
     const struct mesh *m = c->mesh;
@@ -100,6 +102,7 @@ static bool mesh_is_in_range(struct mesh_checker *c)
     return true;
 }
 
+/* Checks that no face is degenerate: twice its area against its longest edge squared. */
 static bool mesh_faces_have_area(struct mesh_checker *c)
 {
     const struct mesh *m = c->mesh;
@@ -120,6 +123,7 @@ static bool mesh_faces_have_area(struct mesh_checker *c)
     return true;
 }
 
+/* Compares two faces by their sorted vertices, then by number, for qsort. */
 static int compare_face_keys(const void *a, const void *b)
 {
     const struct face_key *x = a, *y = b;
@@ -132,11 +136,12 @@ static int compare_face_keys(const void *a, const void *b)
     return (x->face > y->face) - (x->face < y->face);
 }
 
-/* Reports faces of the same three vertices. */
+/* Reports faces that have the same three vertices. */
 static void mesh_find_duplicates(struct mesh_checker *c)
 {
     size_t n = c->mesh->nface;
 
+    /* Vertices in order; the middle one is left when the least and the largest are XORed away */
     *c->finding = (struct mesh_finding){.fault = MESH_SOUND};
     for (size_t f = 0; f < n; f++) {
         const int *v = c->mesh->face[f];
@@ -145,6 +150,8 @@ static void mesh_find_duplicates(struct mesh_checker *c)
 
         c->face_key[f] = (struct face_key){{first, v[0] ^ v[1] ^ v[2] ^ first ^ last, last}, f};
     }
+
+    /* Sorted, faces of the same vertices are neighbors */
     qsort(c->face_key, n, sizeof *c->face_key, compare_face_keys);
     for (size_t i = 1; i < n; i++) {
         const struct face_key *last = &c->face_key[i - 1], *key = &c->face_key[i];
@@ -155,13 +162,14 @@ static void mesh_find_duplicates(struct mesh_checker *c)
     }
 }
 
-/* Pairs the half-edges of each edge, reports those of edges that do not join two faces. */
+/* Finds the twin of each half-edge, and reports edges that do not join two faces of the same
+ * orientation. */
 static void mesh_pair_half_edges(struct mesh_checker *c)
 {
     size_t n = 3 * c->mesh->nface;
     const struct half_edge *all = c->half_edge;
 
-    /* Each edge has two, in opposite directions */
+    /* A sound edge has two half-edges, in opposite directions; sorted, they are neighbors */
     for (size_t i = 0, end; i < n; i = end) {
         const struct half_edge *e = all + i;
 
@@ -181,7 +189,7 @@ static void mesh_pair_half_edges(struct mesh_checker *c)
     }
 }
 
-/* Whether some two faces, back to back, have each other across all three edges. */
+/* Checks whether some two faces, back to back, have each other across all three edges. */
 static bool mesh_has_pillow(const struct mesh_checker *c)
 {
     for (size_t h = 0; h < 3 * c->mesh->nface; h += 3) {
@@ -194,9 +202,10 @@ static bool mesh_has_pillow(const struct mesh_checker *c)
     return false;
 }
 
-/* Faces of the same vertices share their edges: those of a surface whose edges join two faces each
- * are pillows. So faces are compared only where an edge or a pillow shows that it is worth it;
- * they are reported before edges are. */
+/* Checks that each edge joins two faces and no two faces are the same. Faces of the same vertices
+ * share their edges: those of a surface whose edges join two faces each are pillows. So faces are
+ * compared only where an edge or a pillow shows that it is worth it; they are reported before edges
+ * are. */
 static bool mesh_edges_join_two_faces(struct mesh_checker *c)
 {
     struct mesh_finding of_edges;
@@ -213,7 +222,8 @@ static bool mesh_edges_join_two_faces(struct mesh_checker *c)
     return false;
 }
 
-/* Walks the fan of faces around each vertex; a second fan at the same vertex is a pinch. */
+/* Checks that the faces around each vertex are one fan (a second fan at the same vertex is a
+ * pinch), and that each vertex is in a face. */
 static bool mesh_vertices_have_one_fan(struct mesh_checker *c)
 {
     for (size_t half = 0; half < 3 * c->mesh->nface; half++) {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Half-edges being sorted. Counted into buckets by their lower vertex they keep the order of their
+ * Sorts half-edges. Counted into buckets by their lower vertex they keep the order of their
  * numbers; a bucket has as many as its vertex has edges, some six, and is sorted by insertion. A
  * hub of many edges is sorted by comparison: no input makes it slow.
  */
@@ -10,6 +10,7 @@
 
 enum { FEW = 32 }; /* half-edges that insertion sorts faster */
 
+/* Compares half-edges of one low vertex by high vertex, then number, for qsort. */
 static int compare_half_edges(const void *a, const void *b)
 {
     const struct half_edge *x = a, *y = b;
@@ -39,7 +40,7 @@ static void bucket_sort_half_edges(struct half_edge *bucket, int n)
     }
 }
 
-/* The number-th half-edge of a mesh. */
+/* Returns the half-edge of a mesh with this number. */
 static struct half_edge mesh_half_edge(const struct mesh *mesh, int number)
 {
     const int *v = mesh->face[number / 3];

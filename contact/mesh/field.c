@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Making the pressure field of a solid. */
+/* Computes the pressure field of a solid: the depth inside it, cell by cell. */
 #include "contact/mesh/field.h"
 
 #include "base/portable_math.h"
@@ -10,11 +10,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define FLAT 1e-9  /* of the sum of squares: sides around a vertex that make no corner */
-#define STEEP 0.05 /* a spoke leaves each side at least so fast against its length */
-#define ROOM 0.98  /* of the square of a ball's radius that has to be free */
-#define BALL_STEPS 24
-#define BALL_LEAVES 128 /* looked into in one step */
+#define FLAT 1e-9       /* of the trace; a smaller eigenvalue is that of a way along all sides */
+#define STEEP 0.05      /* a spoke leaves each side at least so fast against its length */
+#define ROOM 0.98       /* of the square of a ball's radius that has to be free */
+#define BALL_STEPS 24   /* in which a ball shrinks until it fits */
+#define BALL_LEAVES 128 /* of the tree of faces that are searched in one step */
 #define CORE 0.02       /* of the volume of a core may be inside out */
 
 struct field_builder {
@@ -24,9 +24,9 @@ struct field_builder {
     struct arena *arena;
     struct error *error;
 
-    double (*spoke)[3]; /* of each vertex: the way inward for a depth of 1 */
-    double *least;      /* the least speed at which it leaves a side around it */
-    double *depth;      /* at its end */
+    double (*spoke)[3]; /* of each vertex: the way inward for a depth of 1 m */
+    double *least;      /* how fast it leaves the side around the vertex that it leaves slowest */
+    double *depth;      /* at its end, m */
     double (*node)[4];
 };
 
@@ -37,12 +37,14 @@ static enum error_code field_no_memory(const struct field_builder *b)
 
 /* ---- convex solids ---- */
 
-/* Solves the 4 x 4 equations m x = y by elimination with pivots; false when it cannot. */
+/* Solves the 4 x 4 equations m x = y (y in the last column) by Gaussian elimination with pivoting.
+ * Returns false when they are singular. */
 static bool field_solve_four(double m[4][5], double x[4])
 {
     for (int i = 0; i < 4; i++) {
         int best = i;
 
+        /* The largest pivot of the column comes into row i */
         for (int r = i + 1; r < 4; r++) {
             best = fabs(m[r][i]) > fabs(m[best][i]) ? r : best;
         }
@@ -55,6 +57,8 @@ static bool field_solve_four(double m[4][5], double x[4])
             m[i][c] = m[best][c];
             m[best][c] = t;
         }
+
+        /* Eliminates the unknown from the rows below */
         for (int r = i + 1; r < 4; r++) {
             double part = m[r][i] / m[i][i];
 
@@ -63,6 +67,8 @@ static bool field_solve_four(double m[4][5], double x[4])
             }
         }
     }
+
+    /* Back substitution */
     for (int i = 4; i-- > 0;) {
         x[i] = m[i][4];
         for (int c = i + 1; c < 4; c++) {
@@ -73,11 +79,13 @@ static bool field_solve_four(double m[4][5], double x[4])
     return true;
 }
 
-/* The depth that four sides have in common, if no other is nearer there; else 0. */
+/* Returns the depth of the point that is equally deep under four sides, m, if no other side is
+ * nearer there; else 0. */
 static double sides_common_depth(const struct solid *s, const int side[4])
 {
     double m[4][5], x[4];
 
+    /* normal . p + depth = offset for each of the four; unknowns are p and the depth */
     for (int i = 0; i < 4; i++) {
         const struct facet *f = &s->facet[side[i]];
 
@@ -98,7 +106,8 @@ static double sides_common_depth(const struct solid *s, const int side[4])
     return x[3];
 }
 
-/* The radius of the largest ball in a convex solid: some four sides touch it. */
+/* Returns the radius of the largest ball in a convex solid, its largest depth, m: some four sides
+ * touch that ball, so all combinations are tried. */
 static double convex_deepest(const struct solid *s)
 {
     const int n = (int)s->nfacet;
@@ -118,8 +127,8 @@ static double convex_deepest(const struct solid *s)
 
 /* ---- spokes ---- */
 
-/* Sums over the sides around each vertex, weighted by their angle there: products of the normal's
- * components (xx, yy, zz, xy, xz, yz), and the normal. */
+/* Computes sums over the sides around each vertex, weighted by their angle there: products of the
+ * normal's components (xx, yy, zz, xy, xz, yz), and the normal. */
 static void field_sum_normals(const struct field_builder *b, double (*sum)[9])
 {
     const struct solid *s = b->solid;
@@ -146,8 +155,8 @@ static void field_sum_normals(const struct field_builder *b, double (*sum)[9])
     }
 }
 
-/* Eigenvalues and eigenvectors (columns of v) of a symmetric matrix by Jacobi's rotations, until
- * they do not change any more. */
+/* Computes eigenvalues (the diagonal of a) and eigenvectors (columns of v) of a symmetric matrix by
+ * Jacobi's rotations, until they do not change any more. */
 static void matrix_find_eigen(double a[3][3], double v[3][3])
 {
     bool changes = true;
@@ -163,6 +172,8 @@ static void matrix_find_eigen(double a[3][3], double v[3][3])
                 double theta = 0.5 * portable_atan2(2 * a[p][q], a[q][q] - a[p][p]);
                 double c = portable_cos(theta), s = portable_sin(theta);
 
+                /* Rotation in the plane of p and q by the angle that makes a[p][q] zero: columns
+                 * first, then rows and eigenvectors */
                 for (int k = 0; k < 3; k++) {
                     double x = a[k][p], y = a[k][q];
 
@@ -186,7 +197,8 @@ static void matrix_find_eigen(double a[3][3], double v[3][3])
     }
 }
 
-/* The shortest vector whose product with the normals is -1, in the sense of least squares. */
+/* Computes a vertex's spoke: the shortest vector whose product with the normals around it is -1, in
+ * the sense of least squares. */
 static void spoke_from_normals(const double sum[9], double spoke[3])
 {
     double a[3][3] = {{sum[0], sum[3], sum[4]}, {sum[3], sum[1], sum[5]}, {sum[4], sum[5], sum[2]}};
@@ -207,7 +219,7 @@ static void spoke_from_normals(const double sum[9], double spoke[3])
     }
 }
 
-/* The least speed at which the spokes leave a side around their vertex. */
+/* Computes for each vertex the least speed at which its spoke leaves a side around it. */
 static void field_find_least(const struct field_builder *b)
 {
     const struct solid *s = b->solid;
@@ -224,9 +236,10 @@ static void field_find_least(const struct field_builder *b)
     }
 }
 
-/* Finds a point of the surface closer to p than the square root of limit2, the nearest of those in
- * the first leaves that a search comes to, nearer boxes first: at the middle of a ball all of it is
- * equally near, and which point it is does not matter. False when there is none in them. */
+/* Finds a point of the surface at a distance to p less than the square root of limit2: the nearest
+ * of those in the first BALL_LEAVES leaves of a search that visits nearer boxes first. At the
+ * middle of a ball all of it is equally near, and any of its points will do. Returns false when
+ * there is none in them. */
 static bool surface_find_near(const struct solid *s, const double p[3], double limit2,
                               double near[3])
 {
@@ -237,6 +250,7 @@ static bool surface_find_near(const struct solid *s, const double p[3], double l
     int top = 0, leaves = 0;
     bool found = false;
 
+    /* Depth-first search with a stack of boxes and their distances */
     stack[top].node = s->faces.node;
     stack[top++].distance2 = box_distance2(&s->faces.node->box, p);
     while (top > 0 && leaves < BALL_LEAVES) {
@@ -245,6 +259,8 @@ static bool surface_find_near(const struct solid *s, const double p[3], double l
         if (stack[top].distance2 >= limit2) {
             continue;
         }
+
+        /* Inner node: the farther child first on the stack, so that the nearer comes off first */
         if (node->count == 0) {
             const struct tree_node *left = node + 1, *child[2] = {left, left + left->size};
             double d[2] = {box_distance2(&child[0]->box, p), box_distance2(&child[1]->box, p)};
@@ -256,6 +272,8 @@ static bool surface_find_near(const struct solid *s, const double p[3], double l
             }
             continue;
         }
+
+        /* Leaf: a nearer point shrinks the distance that is left to search */
         leaves++;
         for (int i = 0; i < node->count; i++) {
             double point[3], to[3], d2;
@@ -273,8 +291,9 @@ static bool surface_find_near(const struct solid *s, const double p[3], double l
     return found;
 }
 
-/* How far a ball that touches the sides around a vertex can move along its spoke: it shrinks until
- * nothing is nearer to its center than they are. */
+/* Returns the depth at a spoke's end, m: how far a ball that touches the sides around the vertex
+ * can move along the spoke. The ball shrinks until nothing is nearer to its center than those
+ * sides; 0 where the spoke leaves a side too slowly. */
 static double spoke_find_depth(const struct field_builder *b, size_t vertex)
 {
     const struct solid *s = b->solid;
@@ -293,6 +312,7 @@ static double spoke_find_depth(const struct field_builder *b, size_t vertex)
     for (int step = 0; step < BALL_STEPS; step++) {
         double near[3], center[3], to[3], radius = least * depth, ahead, room, root;
 
+        /* A ball with nothing in it fits if its center is inside the solid */
         vec3_add_scaled(at, depth, spoke, center);
         if (!surface_find_near(s, center, ROOM * radius * radius, near)) {
             if (solid_depth(s, center, 8 * s->radius) > 0) {
@@ -317,6 +337,8 @@ static double spoke_find_depth(const struct field_builder *b, size_t vertex)
     return 0.5 * depth;
 }
 
+/* Computes spokes, their least speeds and the depths at their ends for all vertices. ERROR_MEMORY
+ * leaves the arrays to field_make, which frees them. */
 static enum error_code field_find_spokes(struct field_builder *b)
 {
     double(*sum)[9] = calloc(b->nvertex, sizeof *sum);
@@ -342,8 +364,8 @@ static enum error_code field_find_spokes(struct field_builder *b)
 
 /* ---- layers ---- */
 
-/* As many layers, each as thick as all above it, as make the first about as thick as the triangles
- * are wide. */
+/* Returns the number of layers: as many, each as thick as all above it, as make the first about as
+ * thick as the triangles are wide. */
 static int field_count_layers(const struct field_builder *b)
 {
     const struct solid *s = b->solid;
@@ -366,6 +388,7 @@ static int field_count_layers(const struct field_builder *b)
     return layers;
 }
 
+/* Computes the nodes along the spokes on all layers, with their depth, and the innermost point. */
 static enum error_code field_make_nodes(struct field_builder *b, struct field *field)
 {
     const size_t n = b->nvertex;
@@ -379,7 +402,7 @@ static enum error_code field_make_nodes(struct field_builder *b, struct field *f
     }
     field->node = (const double(*)[4])b->node;
 
-    /* Along the spokes; the innermost point is in the middle of their ends */
+    /* Depth doubles from layer to layer; the innermost point is the mean of the spokes' ends */
     inmost = b->node[(size_t)(field->nlayer + 1) * n];
     for (size_t v = 0; v < n; v++) {
         for (int layer = 0; layer <= field->nlayer; layer++) {
@@ -397,7 +420,7 @@ static enum error_code field_make_nodes(struct field_builder *b, struct field *f
     return ERROR_NONE;
 }
 
-/* Whether a tetrahedron has any volume to speak of. */
+/* Checks whether a tetrahedron has any volume to speak of. */
 static bool tetrahedron_is_solid(const double *const node[6], const int corner[4])
 {
     double to[3][3], across[3], volume, whole;
@@ -411,7 +434,7 @@ static bool tetrahedron_is_solid(const double *const node[6], const int corner[4
     return volume * volume > FIELD_NO_VOLUME * whole;
 }
 
-/* The box about a prism; false when it has no volume. */
+/* Computes the box about a prism. Returns false when it has no volume. */
 static bool prism_find_box(const struct field *field, int cell, struct box *box)
 {
     struct field_prism prism;
@@ -428,9 +451,9 @@ static bool prism_find_box(const struct field *field, int cell, struct box *box)
     return solid;
 }
 
-/* Whether the ends of the spokes leave a core, with all of its surface in sight of the innermost
- * point. Where they meet in a sheet in the middle of the solid, or leave pockets around it,
- * tetrahedra to one point would only cancel each other. */
+/* Checks whether the ends of the spokes leave a core, with all of its surface in sight of the
+ * innermost point. Where they meet in a sheet in the middle of the solid, or leave pockets around
+ * it, tetrahedra to one point would only cancel each other. */
 static bool field_has_core(const struct field *field)
 {
     const int nface = (int)field->solid->nface;
@@ -452,6 +475,8 @@ static bool field_has_core(const struct field *field)
     return in < CORE * out;
 }
 
+/* Builds the tree over the cells of a shell that have volume: prisms and, if there is a core, its
+ * tetrahedra. */
 static enum error_code field_make_tree(struct field_builder *b, struct field *field)
 {
     const size_t layers = (size_t)(field->nlayer + field_has_core(field));
@@ -487,12 +512,15 @@ enum error_code field_make(const struct solid *solid, const char *name, struct a
         .solid = solid, .nvertex = solid->nvertex, .name = name, .arena = arena, .error = error};
     enum error_code code;
 
+    /* A convex solid with few sides needs no cells but its planes */
     *field = (struct field){.solid = solid};
     if (solid->convex && solid->nfacet <= FIELD_MAX_PLANES) {
         field->planar = true;
         field->deepest = convex_deepest(solid);
         return ERROR_NONE;
     }
+
+    /* Any other gets a shell */
     code = field_find_spokes(&b);
     if (code == ERROR_NONE) {
         code = field_make_nodes(&b, field);

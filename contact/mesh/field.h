@@ -22,13 +22,14 @@
 #include "contact/mesh/solid.h"
 
 #define FIELD_MAX_PLANES 16 /* a convex solid with more facets has a shell */
-#define FIELD_MAX_LAYERS 6
-/* A tetrahedron the square of whose volume is less, against those of its edges, is none. */
+#define FIELD_MAX_LAYERS 6  /* of prisms in a shell */
+/* A tetrahedron is left out when the square of its volume is less than this times those of its
+ * edges. */
 #define FIELD_NO_VOLUME 1e-20
 
 struct field {
     const struct solid *solid;
-    double deepest; /* the largest depth */
+    double deepest; /* the largest depth, m */
     bool planar;    /* cells of a convex solid's planes; nothing below is used */
 
     /* Ends and joints of the spokes, with their depth: node[layer * nvertex + vertex] from the
@@ -72,7 +73,7 @@ static inline int field_sort_two(int *a, int *b)
     return -1;
 }
 
-/* RT-safe. */
+/* Finds the nodes of the prism of a cell, ordered by the numbers of their vertices. RT-safe. */
 static inline void field_find_prism(const struct field *field, int cell, struct field_prism *out)
 {
     const int nface = (int)field->solid->nface, layer = cell / nface;

@@ -7,8 +7,8 @@
 #include <stdbool.h>
 #include <string.h>
 
-/* The cross product of the two edges of a face that leave its first corner: along the outward
- * normal, twice the face's area long. */
+/* Computes the cross product of the two edges of a face that leave its first corner: along the
+ * outward normal, twice the face's area long. */
 static void mesh_face_cross(const struct mesh *mesh, size_t face, double out[3])
 {
     const int *corner = mesh->face[face];
@@ -23,7 +23,7 @@ double mesh_volume(const struct mesh *mesh)
 {
     double six = 0;
 
-    /* A vertex of the mesh as the origin: nothing cancels when the mesh lies far off */
+    /* Tetrahedra from one of its vertices: little cancels when the mesh lies far off the origin */
     for (size_t f = 0; f < mesh->nface; f++) {
         double normal[3], from[3];
 
@@ -49,8 +49,8 @@ double mesh_area(const struct mesh *mesh)
 
 /* ---- the box ---- */
 
-/* The number of a box's lattice point, 0 <= at[] <= n and at least one of them at an end: bottom,
- * top, then the layers between them, each walked around its rim. */
+/* Returns the number of a box's lattice point, 0 <= at[] <= n and at least one of them at an end:
+ * bottom, top, then the layers between them, each walked around its rim. */
 static int mesh_box_vertex_number(int n, const int at[3])
 {
     int i = at[0], j = at[1], k = at[2];
@@ -74,6 +74,7 @@ static int mesh_box_vertex_number(int n, const int at[3])
     return 2 * side * side + (k - 1) * 4 * n + rim;
 }
 
+/* Computes the vertices of a box of half extents half (m), n cells on an edge. */
 static void mesh_box_place_vertices(const double half[3], int n, double (*vertex)[3])
 {
     for (int i = 0; i <= n; i++) {
@@ -93,7 +94,7 @@ static void mesh_box_place_vertices(const double half[3], int n, double (*vertex
     }
 }
 
-/* The two triangles of one cell of the side whose outward normal is sign * axis. */
+/* Writes the two triangles of one cell of the side whose outward normal is sign * axis. */
 static void mesh_box_add_cell(int n, int axis, int sign, int u, int v, int (*face)[3])
 {
     static const int step[4][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Wavefront OBJ text to a checked triangle mesh: the statements of a file, its surface, its bytes.
- * The text is walked in place (obj_text.c): no line buffer to overflow, no limit to a line.
+ * Reads Wavefront OBJ text into a checked triangle mesh: bytes of a file, statements, surface. The
+ * text is walked in place (obj_text.c): no line buffer to overflow, no limit to a line.
  */
 #include "base/count.h"
 #include "contact/mesh/obj_private.h"
@@ -14,6 +14,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+/* Reads the statement at the current place, up to the end of its line: a vertex, a face, or one
+ * that is ignored; any other is ERROR_INPUT. */
 static enum error_code obj_read_statement(struct obj_reader *r)
 {
     static const char *const ignored[] = {"vn", "vt", "o", "g", "s", "usemtl", "mtllib"};
@@ -36,7 +38,7 @@ static enum error_code obj_read_statement(struct obj_reader *r)
         return obj_read_face(r, token.place);
     }
 
-    /* What adds no shape */
+    /* Statements that add no shape are skipped */
     for (size_t i = 0; i < ARRAY_COUNT(ignored); i++) {
         if (obj_token_is(&token, ignored[i])) {
             obj_skip_line(r, true);
@@ -48,6 +50,7 @@ static enum error_code obj_read_statement(struct obj_reader *r)
                       obj_quote_token(&token, shown));
 }
 
+/* Reads all statements of the text, line by line. */
 static enum error_code obj_read_statements(struct obj_reader *r)
 {
     while (r->at < r->size) {
@@ -63,7 +66,7 @@ static enum error_code obj_read_statements(struct obj_reader *r)
     return ERROR_NONE;
 }
 
-/* Puts a finding of mesh_check at its place in the file. */
+/* Sets ERROR_INPUT for a finding of mesh_check, at its place in the file. */
 static enum error_code obj_refuse_surface(struct obj_reader *r, const struct mesh_finding *f)
 {
     const char *what = mesh_fault_text(f->fault);
@@ -137,7 +140,7 @@ static enum error_code obj_keep_mesh(struct obj_reader *r, struct arena *arena,
     return ERROR_NONE;
 }
 
-/* The statements, the check of the surface, and the mesh in the arena. */
+/* Reads the statements, checks the surface, and makes the mesh in the arena. */
 static enum error_code obj_read_mesh(struct obj_reader *r, struct arena *arena,
                                      const struct mesh **mesh)
 {

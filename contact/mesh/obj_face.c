@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The OBJ statement `f corner corner corner ...`: flat convex polygons, split into triangles. */
+/* Reads the OBJ statement `f corner corner corner ...`: flat convex polygons, split into
+ * triangles. */
 #include "contact/mesh/obj_private.h"
 #include "base/vec3.h"
 
@@ -10,6 +11,7 @@
 
 #define FLAT_RATIO 1e-3 /* height of a corner over the plane, of the polygon's longest edge */
 
+/* Makes room for one more face, at twice the capacity when full. Returns false without memory. */
 static bool obj_reserve_face(struct obj_reader *r)
 {
     if (r->nface < r->face_capacity) {
@@ -36,7 +38,7 @@ static bool obj_reserve_face(struct obj_reader *r)
 
 /* ---- corners ---- */
 
-/* A decimal integer at *text, not zero, of at most ten digits; moves *text behind it. */
+/* Parses a decimal integer at *text, not zero, of at most ten digits; moves *text behind it. */
 static bool obj_parse_index(const char **text, const char *end, int64_t *value)
 {
     bool negative = *text < end && **text == '-';
@@ -52,7 +54,7 @@ static bool obj_parse_index(const char **text, const char *end, int64_t *value)
     return digit > first && number != 0;
 }
 
-/* `v`, `v/vt`, `v//vn` or `v/vt/vn`; only v is kept. */
+/* Parses a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`; only v is kept. */
 static bool obj_parse_corner(const struct obj_token *token, int64_t *vertex)
 {
     const char *at = token->text, *end = token->text + token->length;
@@ -81,7 +83,7 @@ static bool obj_parse_corner(const struct obj_token *token, int64_t *vertex)
     return at == end;
 }
 
-/* Adds a corner to the polygon. */
+/* Checks a corner's index and adds its vertex to the polygon. */
 static enum error_code obj_read_corner(struct obj_reader *r, const struct obj_token *token)
 {
     char shown[OBJ_QUOTE_SIZE];
@@ -114,14 +116,14 @@ static enum error_code obj_read_corner(struct obj_reader *r, const struct obj_to
 
 /* ---- polygons ---- */
 
-/* The polygon's i-th corner, counted around and around. */
+/* Returns the polygon's i-th corner, counted around and around, m. */
 static const double *obj_polygon_corner(const struct obj_reader *r, size_t i)
 {
     return r->vertex[r->polygon[i % r->ncorner]];
 }
 
-/* The polygon's unit normal (sum over the fan) and the length of its longest edge. False when it
- * has no area. */
+/* Computes the polygon's unit normal (sum over the fan) and the length of its longest edge, m.
+ * Returns false when it has no area. */
 static bool obj_find_polygon_frame(const struct obj_reader *r, double normal[3], double *longest)
 {
     const double *first = obj_polygon_corner(r, 0);
@@ -150,7 +152,7 @@ static bool obj_find_polygon_frame(const struct obj_reader *r, double normal[3],
     return true;
 }
 
-/* A fan covers a polygon exactly once only when it is flat and convex. */
+/* Checks that a polygon is flat and convex: only then a fan of triangles covers it exactly once. */
 static enum error_code obj_check_polygon(struct obj_reader *r, struct obj_place place)
 {
     const double *first = obj_polygon_corner(r, 0);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Private to the OBJ reader (mesh_obj*.c): where it is in the text, and what it has read so far.
- * Coordinates are meters. What is read lives on the heap until obj.c copies it into the
- * caller's arena. Every error names file:line:column. Not RT-safe.
+ * Private to the OBJ reader (obj.c, obj_text.c, obj_vertex.c, obj_face.c): where it is in the text,
+ * and what it has read so far. Coordinates are meters. What is read lives on the heap until obj.c
+ * copies it into the caller's arena. Every error names file:line:column. Not RT-safe.
  */
 #ifndef CONTACT_MESH_OBJ_PRIVATE_H
 #define CONTACT_MESH_OBJ_PRIVATE_H
@@ -51,34 +51,38 @@ struct obj_reader {
 
 /* ---- the text (obj_text.c) ---- */
 
-/* The length of a line end at an offset, 0 when there is none. */
+/* Returns the length of a line end at an offset, 0 when there is none. */
 size_t obj_line_end(const struct obj_reader *r, size_t at);
 
-/* Goes to an offset where a line begins. */
+/* Moves to an offset where a line begins, and counts the line. */
 void obj_begin_line(struct obj_reader *r, size_t at);
 
-/* The next word of this line, empty at its end. A line goes on after a backslash at its end. */
+/* Reads the next word of this line, empty at its end. A line goes on after a backslash at its
+ * end. */
 struct obj_token obj_next_token(struct obj_reader *r);
 
-/* Goes to the end of a line whose content does not matter. */
+/* Skips to the end of a line; may_continue: a backslash at its end continues it. */
 void obj_skip_line(struct obj_reader *r, bool may_continue);
 
+/* Checks whether a token is this word. */
 bool obj_token_is(const struct obj_token *token, const char *word);
 
-/* The token as a message may show it: printable, short, in quotes. */
+/* Writes a token as a message may show it, printable, short, in quotes, and returns that text. */
 const char *obj_quote_token(const struct obj_token *token, char out[OBJ_QUOTE_SIZE]);
 
 /* Sets an ERROR_INPUT with file:line:column. */
 __attribute__((format(printf, 3, 4))) enum error_code
 obj_refuse(struct obj_reader *r, struct obj_place place, const char *format, ...);
 
+/* Sets ERROR_MEMORY with the file's name. */
 enum error_code obj_no_memory(struct obj_reader *r);
 
-/* The capacity to grow a full array to. */
+/* Returns the capacity to grow a full array to. */
 size_t obj_grown_capacity(size_t capacity);
 
 /* ---- the statements (obj_vertex.c, obj_face.c); the keyword has been read ---- */
 
+/* Reads the rest of a vertex or face statement; place: that of its keyword. */
 enum error_code obj_read_vertex(struct obj_reader *r, struct obj_place place);
 enum error_code obj_read_face(struct obj_reader *r, struct obj_place place);
 

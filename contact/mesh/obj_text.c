@@ -71,7 +71,7 @@ void obj_begin_line(struct obj_reader *r, size_t at)
     r->line_start = at;
 }
 
-/* The length of a backslash with the line end that it hides, 0 when there is none. */
+/* Returns the length of a backslash with the line end that it hides, 0 when there is none. */
 static size_t obj_continuation(const struct obj_reader *r)
 {
     size_t end = r->text[r->at] == '\\' ? obj_line_end(r, r->at + 1) : 0;
@@ -79,6 +79,7 @@ static size_t obj_continuation(const struct obj_reader *r)
     return end > 0 ? 1 + end : 0;
 }
 
+/* Skips spaces, tabs and continued line ends, up to a word or the end of the line. */
 static void obj_skip_blanks(struct obj_reader *r)
 {
     while (r->at < r->size) {

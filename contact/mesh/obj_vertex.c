@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The OBJ statement `v x y z [1]`. */
+/* Reads the OBJ statement `v x y z [1]`. */
 #include "base/text.h"
 #include "contact/mesh/obj_private.h"
 
@@ -9,6 +9,7 @@
 
 #define NUMBER_SIZE 64 /* longest number that is read, with its end */
 
+/* Makes room for one more vertex, at twice the capacity when full. Returns false without memory. */
 static bool obj_reserve_vertex(struct obj_reader *r)
 {
     if (r->nvertex < r->vertex_capacity) {
@@ -33,6 +34,7 @@ static bool obj_reserve_vertex(struct obj_reader *r)
     return true;
 }
 
+/* Parses a token as a finite number; otherwise ERROR_INPUT with what was expected. */
 static enum error_code obj_read_number(struct obj_reader *r, const struct obj_token *token,
                                        const char *expected, double *value)
 {
@@ -51,6 +53,7 @@ static enum error_code obj_read_number(struct obj_reader *r, const struct obj_to
     return ERROR_NONE;
 }
 
+/* Reads the next word as a vertex's coordinate on an axis, m, and checks its range. */
 static enum error_code obj_read_coordinate(struct obj_reader *r, int axis, double *value)
 {
     static const char *const expected[] = {"a finite decimal number for x (m)",
@@ -71,7 +74,7 @@ static enum error_code obj_read_coordinate(struct obj_reader *r, int axis, doubl
     return ERROR_NONE;
 }
 
-/* The weight that may follow the coordinates: 1, which is all that a polygon mesh knows. */
+/* Checks the weight that may follow the coordinates: 1, which is all that a polygon mesh knows. */
 static enum error_code obj_read_weight(struct obj_reader *r, const struct obj_token *token)
 {
     double weight = 1;

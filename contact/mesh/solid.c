@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Making a mesh ready for contact: faces and their neighbors, planes, trees. */
+/* Makes a mesh ready for contact: normals and neighbors of faces, planes, bounding-volume trees. */
 #include "base/portable_math.h"
 #include "contact/mesh/edges.h"
 #include "contact/mesh/solid_private.h"
@@ -26,6 +26,8 @@ void *solid_alloc(struct solid_builder *b, size_t count, size_t size)
 
 /* ---- faces ---- */
 
+/* Computes the unit normals of faces, and the pseudonormals of vertices, which tell inside from
+ * outside where a vertex is the nearest point. */
 static enum error_code solid_make_faces(struct solid_builder *b, struct solid *s)
 {
     const struct mesh *m = b->mesh;
@@ -48,7 +50,8 @@ static enum error_code solid_make_faces(struct solid_builder *b, struct solid *s
             b->normal[f][k] = n[k] / length;
         }
 
-        /* Weighted by the angle at each corner it adds to that vertex's pseudonormal */
+        /* Weighted by the angle at each corner it adds to that vertex's pseudonormal (Baerentzen,
+         * Aanaes 2005) */
         for (int i = 0; i < 3; i++) {
             double *sum = vertex_normal[m->face[f][i]], side[3];
             const double *from = e[i], *to = e[(i + 2) % 3];
@@ -63,6 +66,7 @@ static enum error_code solid_make_faces(struct solid_builder *b, struct solid *s
     return ERROR_NONE;
 }
 
+/* Finds the neighbor of each face across each of its edges. */
 static enum error_code solid_make_neighbors(struct solid_builder *b, struct solid *s)
 {
     const struct mesh *m = b->mesh;
@@ -92,6 +96,8 @@ static enum error_code solid_make_neighbors(struct solid_builder *b, struct soli
 
 /* ---- planes of a convex solid ---- */
 
+/* Checks whether no vertex is outside of any facet's plane; false for solids of many facets, which
+ * are not tried. */
 static bool solid_is_convex(const struct solid_builder *b, const struct solid *s)
 {
     if (s->nfacet > CONVEX_FACETS) {
@@ -109,6 +115,8 @@ static bool solid_is_convex(const struct solid_builder *b, const struct solid *s
     return true;
 }
 
+/* Stores the facets' planes of a convex solid by rows, for as many distances at a time as there are
+ * lanes; the last is repeated as padding. */
 static enum error_code solid_make_planes(struct solid_builder *b, struct solid *s)
 {
     double *plane[PLANE_ROWS];
@@ -134,7 +142,8 @@ static enum error_code solid_make_planes(struct solid_builder *b, struct solid *
 
 /* ---- trees ---- */
 
-/* box: scratch for as many boxes as there are faces. */
+/* Builds the trees over faces and facets and the bounds of the facets' normals. box: scratch for as
+ * many boxes as there are faces. */
 static enum error_code solid_fill_trees(struct solid_builder *b, struct solid *s, struct box *box)
 {
     const struct mesh *m = b->mesh;
@@ -179,6 +188,7 @@ static enum error_code solid_fill_trees(struct solid_builder *b, struct solid *s
     return ERROR_NONE;
 }
 
+/* Builds the trees, with scratch memory on the heap. */
 static enum error_code solid_make_trees(struct solid_builder *b, struct solid *s)
 {
     struct box *box = malloc(b->mesh->nface * sizeof *box);
@@ -195,6 +205,7 @@ static enum error_code solid_make_trees(struct solid_builder *b, struct solid *s
 
 /* ---- all of it ---- */
 
+/* Computes box and size (diagonal, m) of the mesh. */
 static void solid_measure(struct solid_builder *b, struct solid *s)
 {
     const struct mesh *m = b->mesh;
@@ -212,14 +223,14 @@ static void solid_measure(struct solid_builder *b, struct solid *s)
 enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct solid *solid,
                            struct error *error)
 {
-    /* In an order in which each step finds what it needs */
+    /* Each step needs what those before it have made */
     static enum error_code (*const step[])(struct solid_builder *, struct solid *) = {
         solid_make_faces,    solid_make_neighbors, solid_make_facets, solid_make_points,
         solid_make_outlines, solid_make_planes,    solid_make_trees};
     struct solid_builder b = {.mesh = mesh, .arena = arena, .error = error};
     enum error_code code = ERROR_NONE;
 
-    /* Memory for the making */
+    /* Scratch memory on the heap */
     *solid = (struct solid){
         .nvertex = mesh->nvertex, .nface = mesh->nface, .vertex = mesh->vertex, .face = mesh->face};
     b.group = malloc(mesh->nface * sizeof *b.group);
@@ -231,7 +242,7 @@ enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct 
         goto done;
     }
 
-    /* The steps; what they find is in the arena */
+    /* Results of the steps are in the arena */
     solid_measure(&b, solid);
     for (size_t i = 0; i < ARRAY_COUNT(step); i++) {
         code = step[i](&b, solid);

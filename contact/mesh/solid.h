@@ -77,10 +77,10 @@ struct solid {
     size_t nplane;
 };
 
-/* The q-th of the three points in one of the equal triangles that a triangle is cut into, each edge
- * in parts of the length part: number `at` of the 2/part - 2 row - 1 in a row, every other one
- * upside down. Where it is: s and t of the ways from the triangle's first corner to the others.
- * RT-safe. */
+/* Computes the q-th of the three points of quadrature in one of the equal triangles that a triangle
+ * is cut into, each edge in parts of the length part: number `at` of the 2/part - 2 row - 1 in a
+ * row, every other one upside down. Where it is: s and t of the ways from the triangle's first
+ * corner to the others. RT-safe. */
 static inline void triangle_find_point(double part, int row, int at, int q, double *s, double *t)
 {
     const int flip = at % 2;
@@ -115,16 +115,17 @@ struct solid_nearest {
 enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct solid *solid,
                            struct error *error);
 
-/* The point of one face nearest to p. RT-safe. */
+/* Finds the point of one face nearest to p. RT-safe. */
 void solid_nearest_of_face(const struct solid *solid, int face, const double p[3], double out[3]);
 
-/* The point of the surface nearest to p among those closer than the square root of limit2; of
+/* Finds the point of the surface nearest to p among those closer than the square root of limit2; of
  * several equally near the one whose face p is most straight above. False when there is none.
  * RT-safe; visits every face at worst. */
 bool solid_find_nearest(const struct solid *solid, const double p[3], double limit2,
                         struct solid_nearest *nearest);
 
-/* How deep p is inside, negative outside, right for any closed surface: the sign is that of the
+/* Returns the penetration depth of p, m: its distance to the surface, negative outside, right for
+ * any closed surface: the sign is that of the
  * pseudonormal of the nearest face, edge or corner (Baerentzen, Aanaes 2005). What is farther than
  * limit from the surface may come back as limit; outside a convex solid the number is no more than
  * the distance to the farthest plane. RT-safe. */

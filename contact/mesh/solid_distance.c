@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The nearest point of a solid, and how deep a point is inside it. */
+/* Distance queries: the nearest point of a solid's surface, and the penetration depth of a point
+ * (signed distance, positive inside). */
 #include "contact/lanes.h"
 #include "contact/mesh/solid.h"
 #include "base/vec3.h"
@@ -8,7 +9,8 @@
 
 #define TIE 2.2e-14 /* squares of distances this much apart are the same */
 
-/* The point of a triangle nearest to p, by the region that p projects to (Ericson 2005, 5.1.5). */
+/* Finds the point of a triangle nearest to p, by the region that p projects to (Ericson 2005,
+ * 5.1.5); returns whether it is on the face, an edge or a corner. */
 static enum triangle_feature triangle_find_nearest(const double a[3], const double b[3],
                                                    const double c[3], const double p[3],
                                                    double out[3])
@@ -63,7 +65,8 @@ static enum triangle_feature triangle_find_nearest(const double a[3], const doub
         vec3_add_scaled(b, (d4 - d3) / ((d4 - d3) + (d5 - d6)), bc, out);
         return FEATURE_EDGE_1;
     }
-    /* Above the face */
+
+    /* Above the face: barycentric coordinates */
     double whole = 1 / (va + vb + vc);
 
     for (int k = 0; k < 3; k++) {
@@ -85,7 +88,8 @@ void solid_nearest_of_face(const struct solid *solid, int face, const double p[3
     face_find_nearest(solid, face, p, out);
 }
 
-/* Keeps the nearest of a leaf's faces; height: of p over the face that is nearest so far. */
+/* Updates the nearest point by those of a leaf's faces; of equal distances the face wins over which
+ * p is higher. height: of p over the face that is nearest so far, m. */
 static void leaf_find_nearest(const struct solid *s, const struct tree_node *leaf,
                               const double p[3], struct solid_nearest *nearest, double *height)
 {
@@ -109,8 +113,9 @@ static void leaf_find_nearest(const struct solid *s, const struct tree_node *lea
     }
 }
 
-/* Unlike the walks of contact/mesh/tree.h, this search visits the nearer child first, and remembers
- * how near a box was: so most of the tree is left out as soon as something near has been found. */
+/* Finds the nearest point by branch and bound. Unlike the walks of contact/mesh/tree.h, this search
+ * visits the nearer child first, and keeps the distance of each box: so most of the tree is left
+ * out as soon as something near has been found. */
 bool solid_find_nearest(const struct solid *solid, const double p[3], double limit2,
                         struct solid_nearest *nearest)
 {
@@ -150,7 +155,7 @@ bool solid_find_nearest(const struct solid *solid, const double p[3], double lim
     return nearest->face >= 0;
 }
 
-/* The direction that tells inside from outside at the nearest point. */
+/* Computes the pseudonormal at the nearest point, the direction that tells inside from outside. */
 static void solid_pseudonormal(const struct solid *s, int face, enum triangle_feature feature,
                                double out[3])
 {
@@ -165,14 +170,14 @@ static void solid_pseudonormal(const struct solid *s, int face, enum triangle_fe
     }
 }
 
-/* How far p is behind LANES planes from the i-th on. */
+/* Returns the depth of p behind LANES planes from the i-th on, m. */
 LANES_INLINE lanes planes_depth(const struct solid *s, size_t i, const double p[3])
 {
     return lanes_load(s->plane[PLANE_OFFSET] + i) - p[0] * lanes_load(s->plane[PLANE_X] + i) -
            p[1] * lanes_load(s->plane[PLANE_Y] + i) - p[2] * lanes_load(s->plane[PLANE_Z] + i);
 }
 
-/* The depth behind the plane that p is least behind. */
+/* Returns the depth of p in a convex solid, m: behind the plane that it is least behind. */
 static double solid_convex_depth(const struct solid *s, const double p[3])
 {
     lanes depth = planes_depth(s, 0, p);

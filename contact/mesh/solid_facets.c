@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The facets of a solid: coplanar faces that hang together and tile a convex polygon become one
- * facet, each face of any others one of its own. And what is kept for them: points of quadrature
- * and outlines.
+ * Finds the facets of a solid: coplanar connected faces that tile a convex polygon become one
+ * facet, each face of any others one of its own. Computes their points of quadrature and outlines.
  */
 #include "base/portable_math.h"
 #include "contact/mesh/solid_private.h"
@@ -14,12 +13,13 @@
 #include <string.h>
 
 #define COPLANAR 1e-9 /* sine of the angle, and height over the size, of one plane */
-#define FEW 16        /* corners */
-#define LARGE 0.15    /* against the solid's size */
-#define IN_LINE 1e-12 /* distance over the size of a corner that is none */
+#define FEW 16        /* corners of a facet that is cut finer when it is large */
+#define LARGE 0.15    /* radius of such a facet over the solid's size */
+#define IN_LINE 1e-12 /* bulge over the size of a corner that counts as straight */
 
 /* ---- planes ---- */
 
+/* Checks whether a face lies in the plane of the seed face, with its outside on the same side. */
 static bool face_is_in_plane(const struct solid_builder *b, int seed, int face)
 {
     const double *n = b->normal[seed], *base = mesh_corner(b->mesh, seed, 0);
@@ -38,7 +38,7 @@ static bool face_is_in_plane(const struct solid_builder *b, int seed, int face)
     return true;
 }
 
-/* Collects in member the faces that hang together with a seed in its plane; returns how many. */
+/* Collects in member the connected faces in the plane of a seed; returns how many. */
 static int plane_gather_faces(struct solid_builder *b, int seed)
 {
     int n = 0;
@@ -58,8 +58,8 @@ static int plane_gather_faces(struct solid_builder *b, int seed)
     return n;
 }
 
-/* How far b is to the right of the way from a to c seen against the normal, in meters: 0 when
- * the three are in line, negative when b is a dent. */
+/* Returns the distance of b to the line from a to c, m, seen against the normal: positive to its
+ * right, 0 when the three are in line, negative when b is a dent. */
 static double corner_bulge(const double a[3], const double b[3], const double c[3],
                            const double n[3])
 {
@@ -137,7 +137,7 @@ static int plane_find_loop(struct solid_builder *b, int n, int seed)
     return count;
 }
 
-/* Turns left at each corner, and once around in all. */
+/* Checks whether a loop of corners turns left at each of them, and once around in all. */
 static bool loop_is_convex(const struct solid_builder *b, int count, int seed)
 {
     const double(*v)[3] = b->mesh->vertex;
@@ -161,7 +161,7 @@ static bool loop_is_convex(const struct solid_builder *b, int count, int seed)
 
 /* ---- facets ---- */
 
-/* Area and centroid of a flat polygon, summed over a fan of triangles. */
+/* Computes area (returned, m2) and centroid of a flat polygon, summed over a fan of triangles. */
 static double ring_area(const double (*v)[3], int n, const double normal[3], double center[3])
 {
     double twice = 0, sum[3] = {0, 0, 0};
@@ -181,7 +181,7 @@ static double ring_area(const double (*v)[3], int n, const double normal[3], dou
     return twice / 2;
 }
 
-/* Two directions that make a right-handed frame with n (Duff et al. 2017). */
+/* Computes two unit vectors that make a right-handed frame with n (Duff et al. 2017). */
 static void vec3_make_frame(const double n[3], double e1[3], double e2[3])
 {
     double sign = n[2] >= 0 ? 1 : -1, a = -1 / (sign + n[2]), b = n[0] * n[1] * a;
@@ -272,8 +272,8 @@ enum error_code solid_make_facets(struct solid_builder *b, struct solid *s)
 
 /* ---- what is kept for facets of more than three corners ---- */
 
-/* The points in the triangle between a facet's centroid and its edge e, from at on; returns the one
- * after them. */
+/* Writes the points of quadrature in the triangle between a facet's centroid and its edge e, from
+ * at on; returns the index after them. */
 static size_t facet_make_points(const struct solid *s, const struct facet *f, int e,
                                 double *const point[3], double *weight, size_t at)
 {

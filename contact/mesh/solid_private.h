@@ -33,10 +33,10 @@ struct solid_builder {
     int loop[FACET_MAX_VERTICES]; /* corners of the plane's rim */
 };
 
-/* count elements in the arena, NULL with ERROR_MEMORY when there is no room. */
+/* Allocates count elements in the arena; NULL, with ERROR_MEMORY set, when there is no room. */
 void *solid_alloc(struct solid_builder *b, size_t count, size_t size);
 
-/* The i-th corner of a face. */
+/* Returns the i-th corner of a face, m. */
 static inline const double *mesh_corner(const struct mesh *mesh, int face, int i)
 {
     return mesh->vertex[mesh->face[face][i]];
@@ -45,11 +45,11 @@ static inline const double *mesh_corner(const struct mesh *mesh, int face, int i
 /* Finds the facets, from faces with normals and neighbors. */
 enum error_code solid_make_facets(struct solid_builder *b, struct solid *s);
 
-/* Points of quadrature of facets that are more than a triangle. Those of single triangles are
- * quickly made when they are needed, and would fill the memory of a large terrain. */
+/* Computes the points of quadrature of facets that are more than a triangle. Those of single
+ * triangles are quickly made when they are needed, and would fill the memory of a large terrain. */
 enum error_code solid_make_points(struct solid_builder *b, struct solid *s);
 
-/* Corners of the same facets in their planes. */
+/* Computes the corners of the same facets along the axes of their planes. */
 enum error_code solid_make_outlines(struct solid_builder *b, struct solid *s);
 
 /* Finds what surrounds the facets (bend and clearance of struct facet), when all else of the solid

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The store of solids: a list, for a robot has some dozens. */
+/* The store of solids: a linked list, which is short, as a robot has some dozens. */
 #include "contact/mesh/solid_store.h"
 
 #include <string.h>
 
-#define STORE_MEMORY ((size_t)1 << 30) /* of address space */
+#define STORE_MEMORY ((size_t)1 << 30) /* bytes of address space: 1 GiB */
 
 struct stored_solid {
     struct stored_solid *next;
@@ -53,6 +53,7 @@ size_t solid_store_made(void)
 
 /* ---- what is there ---- */
 
+/* Finds the stored solid with the same vertices and faces, bit by bit; NULL when there is none. */
 static struct stored_solid *stored_solid_of_mesh(const struct mesh *mesh)
 {
     struct stored_solid *at = solid_store.first;
@@ -65,6 +66,7 @@ static struct stored_solid *stored_solid_of_mesh(const struct mesh *mesh)
     return at;
 }
 
+/* Finds the entry of a solid that the store has given out; NULL for one that is not its own. */
 static struct stored_solid *stored_solid_of_solid(const struct solid *solid)
 {
     struct stored_solid *at = solid_store.first;
@@ -77,7 +79,7 @@ static struct stored_solid *stored_solid_of_solid(const struct solid *solid)
 
 /* ---- what is made ---- */
 
-/* An array of the caller's in the store; NULL when that is full. */
+/* Copies an array of the caller's into the store; NULL when that is full. */
 static void *stored_solid_copy(const void *from, size_t count, size_t size)
 {
     void *copy = arena_alloc(&solid_store.arena, count, size);
@@ -85,7 +87,8 @@ static void *stored_solid_copy(const void *from, size_t count, size_t size)
     return copy ? memcpy(copy, from, count * size) : NULL;
 }
 
-/* The mesh, which may be gone before the store is, and its solid; NULL when the store is full. */
+/* Makes a solid in the store, with a copy of the mesh, which may be gone before the store is; NULL
+ * when the store is full. */
 static struct stored_solid *stored_solid_make(const struct mesh *mesh)
 {
     struct stored_solid *made = arena_alloc(&solid_store.arena, 1, sizeof *made);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What surrounds the facets of a solid, so that contact can often do without a search. */
+/* Computes what surrounds the facets of a solid, so that contact can often do without a search for
+ * the nearest point. */
 #include "contact/mesh/solid_private.h"
 #include "base/vec3.h"
 
@@ -35,8 +36,8 @@ static double corner_mark_faces(const struct surroundings *on, int vertex, int m
     return cosine;
 }
 
-/* How far the nearest face that does not touch a facet is from the circle about it; the facet's
- * radius when there is none as near as that. */
+/* Returns the distance, m, of the nearest face that does not touch a facet to the circle about it;
+ * the facet's radius when there is none as near as that. */
 static double facet_find_room(const struct surroundings *on, const struct facet *f, int mark)
 {
     const struct solid *s = on->solid;
@@ -63,7 +64,8 @@ static double facet_find_room(const struct surroundings *on, const struct facet 
     return fmin(f->radius, sqrt(limit2) - f->radius);
 }
 
-/* Finds what surrounds one facet. corner: its corners as vertices of the mesh. mark: its own. */
+/* Computes bend and clearance of one facet. corner: its corners as vertices of the mesh. mark: a
+ * number of its own. */
 static void facet_find_surroundings(const struct surroundings *on, const int *corner, int mark,
                                     struct facet *f)
 {
@@ -84,8 +86,8 @@ static void facet_find_surroundings(const struct surroundings *on, const int *co
     }
 }
 
-/* Where all vertices of a facet are corners of it, which is so without any inside or on its edges,
- * what touches it is what has one of them. */
+/* Computes the surroundings of facets all of whose vertices are corners, none inside or on an edge:
+ * only then the faces that touch a facet are those that have one of its corners. */
 enum error_code solid_find_surroundings(const struct solid_builder *b, const struct solid *s)
 {
     struct surroundings on = {

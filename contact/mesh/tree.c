@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Building the bounding-volume tree, and collecting what meets a box. */
+/* Builds the bounding-volume tree, and collects the items that meet a box. */
 #include "contact/mesh/tree.h"
 
 #include "base/vec3.h"
@@ -15,8 +15,8 @@ struct tree_builder {
     int nnode, leaf;
 };
 
-/* Whether item x comes before y along an axis: by the middles of their boxes, ties by number, so
- * that the order is total. */
+/* Checks whether item x comes before y along an axis: by the middles of their boxes, ties by
+ * number, so that the order is total. */
 static bool tree_item_before(const struct tree_builder *b, int axis, int x, int y)
 {
     double mx = b->middle[x][axis], my = b->middle[y][axis];
@@ -62,7 +62,7 @@ static void tree_put_median(struct tree_builder *b, int axis, int first, int las
     }
 }
 
-/* The axis on which the middles of some items lie farthest apart. */
+/* Returns the axis on which the middles of some items lie farthest apart. */
 static int tree_find_axis(const struct tree_builder *b, const int *item, int count)
 {
     struct box middles = box_of_point(b->middle[item[0]]);

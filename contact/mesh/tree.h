@@ -46,7 +46,7 @@ struct tree {
     size_t nnode;
 };
 
-/* Behind the last node. RT-safe. */
+/* Returns the place behind the last node. RT-safe. */
 static inline const struct tree_node *tree_end(const struct tree *tree)
 {
     return tree->node + tree->nnode;
@@ -57,8 +57,8 @@ static inline const struct tree_node *tree_end(const struct tree *tree)
 enum error_code tree_build(const struct box *boxes, size_t n, int leaf, struct arena *arena,
                            struct tree *tree, struct error *error);
 
-/* Bounds of something else that items have (their normals, say): out[i] covers the boxes of all
- * items under node i. Not RT-safe. */
+/* Computes bounds of something else that items have (their normals, say): out[i] covers the boxes
+ * of all items under node i. Not RT-safe. */
 void tree_cover(const struct tree *tree, const struct box *boxes, struct box *out);
 
 /* Writes the items whose leaf's box meets the box, in the tree's order, and stops at max. Returns
@@ -67,7 +67,7 @@ size_t tree_collect(const struct tree *tree, const struct box *box, int *list, s
 
 /* ---- boxes; RT-safe ---- */
 
-/* The box of one point. */
+/* Returns the box of one point. */
 static inline struct box box_of_point(const double p[3])
 {
     return (struct box){.low = {p[0], p[1], p[2]}, .high = {p[0], p[1], p[2]}};
@@ -89,13 +89,14 @@ static inline void box_add_box(struct box *box, const struct box *other)
     box_add(box, other->high);
 }
 
+/* Checks whether two boxes overlap or touch. */
 static inline bool boxes_meet(const struct box *a, const struct box *b)
 {
     return a->low[0] <= b->high[0] && b->low[0] <= a->high[0] && a->low[1] <= b->high[1] &&
            b->low[1] <= a->high[1] && a->low[2] <= b->high[2] && b->low[2] <= a->high[2];
 }
 
-/* The least value that d . p takes for p in the box. */
+/* Returns the least value that d . p takes for p in the box. */
 static inline double box_least(const struct box *box, const double d[3])
 {
     return d[0] * (d[0] > 0 ? box->low[0] : box->high[0]) +
@@ -103,7 +104,7 @@ static inline double box_least(const struct box *box, const double d[3])
            d[2] * (d[2] > 0 ? box->low[2] : box->high[2]);
 }
 
-/* The square of a point's distance to the box, 0 inside. */
+/* Returns the square of a point's distance to the box, m2; 0 inside. */
 static inline double box_distance2(const struct box *box, const double p[3])
 {
     double sum = 0;
@@ -117,8 +118,8 @@ static inline double box_distance2(const struct box *box, const double p[3])
     return sum;
 }
 
-/* The box about a box that is turned and moved: into the frame in which its own has the axes R
- * (columns) and the origin p. */
+/* Returns the box about a box that is transformed into another frame, in which its own has the axes
+ * R (columns) and the origin p. */
 struct box box_transform(const struct box *box, const double R[9], const double p[3]);
 
 #endif
