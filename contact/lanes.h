@@ -24,19 +24,19 @@
 typedef double lanes __attribute__((vector_size(LANES * sizeof(double))));
 typedef long long lanes_mask __attribute__((vector_size(LANES * sizeof(long long))));
 
-/* p is aligned to the size of lanes. */
+/* Stores all lanes at p, which is aligned to their size. */
 LANES_INLINE void lanes_store(lanes x, double *p)
 {
     *(lanes *)p = x;
 }
 
-/* p is aligned to the size of lanes. */
+/* Loads lanes from p, which is aligned to their size. */
 LANES_INLINE lanes lanes_load(const double *p)
 {
     return *(const lanes *)p;
 }
 
-/* p is aligned as a double is. */
+/* Loads lanes from p, which is aligned as a double is. */
 LANES_INLINE lanes lanes_load_any(const double *p)
 {
     lanes x;
@@ -51,6 +51,7 @@ LANES_INLINE lanes lanes_pick(lanes_mask m, lanes yes, lanes no)
     return (lanes)((m & (lanes_mask)yes) | (~m & (lanes_mask)no));
 }
 
+/* Returns the square root of each lane. */
 LANES_INLINE lanes lanes_root(lanes x)
 {
 #if defined(__AVX2__)
@@ -65,7 +66,7 @@ LANES_INLINE lanes lanes_root(lanes x)
 #endif
 }
 
-/* The sum of all lanes: the halves' first, as registers are folded. */
+/* Returns the sum of all lanes; the two halves are added first, as registers are folded. */
 LANES_INLINE double lanes_sum(lanes x)
 {
 #if defined(__AVX2__)
@@ -77,12 +78,13 @@ LANES_INLINE double lanes_sum(lanes x)
 #endif
 }
 
+/* Returns a mask that is set where a < b. */
 LANES_INLINE lanes_mask lanes_less(lanes a, lanes b)
 {
     return a < b;
 }
 
-/* One bit a lane, lane 0 the lowest. */
+/* Returns the mask as bits, lane 0 the lowest. */
 LANES_INLINE uint64_t lanes_bits(lanes_mask m)
 {
 #if defined(__AVX2__)
@@ -93,6 +95,7 @@ LANES_INLINE uint64_t lanes_bits(lanes_mask m)
 #endif
 }
 
+/* Returns the least of all lanes. */
 LANES_INLINE double lanes_least(lanes x)
 {
     double least = x[0];

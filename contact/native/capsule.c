@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Capsules and spheres on each other in the native engine: springs between points of either axis
- * and the nearest point of the other one. Points within reach of an axis are those inside of a
+ * and the nearest point of the other one; penetration is the sum of the radii less their distance.
+ * Points within reach of an axis are those inside of a
  * capsule about it, so that they are one piece of a straight line, the ends of which have a closed
  * form. The sum over it is Gauss and Legendre's in a variable that takes the roots of the
  * integrand off its ends.
@@ -15,10 +16,10 @@
 #define PI 3.14159265358979323846
 #define PARALLEL 1e-12 /* square of the sine between axes that counts as 0 */
 
-#define PIECES 3
-#define FOOT_STANDS 1e-9 /* cosine between axes at which the nearest point of the other stands */
+#define PIECES 3         /* of an axis between kinks of the distance */
+#define FOOT_STANDS 1e-9 /* cosine between axes at which the nearest point does not move */
 
-/* Points and weights on 0 to 1 */
+/* Points and weights of the quadrature on 0 to 1 */
 #define PIECE_POINTS 6
 static const double piece_point[PIECE_POINTS] = {0.003343283942477657, 0.07636279114578136,
                                                  0.3244323018146882,   0.6755676981853118,
@@ -39,8 +40,8 @@ struct axis_couple {
     double radius;     /* of the first capsule */
 };
 
-/* Widens the interval by where |w + s u|^2 is limit2 on the own line, if the foot of that point on
- * the other axis is within bound of its center. */
+/* Widens the range low to high by the places s where |w + s u|^2 is limit2 on the own line, if the
+ * nearest point (foot) on the other axis is within bound of its center. */
 static void couple_add_crossing(struct axis_couple *c, const double w[3], const double u[3],
                                 double limit2, double bound)
 {
@@ -62,7 +63,8 @@ static void couple_add_crossing(struct axis_couple *c, const double w[3], const 
     }
 }
 
-/* Finds low and high: the own line through the capsule of that reach about the other axis. */
+/* Computes low and high: where the own line is within reach of the other axis, inside the capsule
+ * of that radius about it. */
 static void couple_find_range(struct axis_couple *c)
 {
     double limit2 = c->reach * c->reach, w[3], u[3];
@@ -92,7 +94,7 @@ static void couple_add_spring(const struct axis_couple *c, double s, double leng
     const double sign = c->is_first ? 1 : -1;
     double own[3], to[3], foot, apart, depth, width, force;
 
-    /* From the nearest point of the other axis */
+    /* Distance and direction from the nearest point of the other axis, and penetration depth */
     vec3_add_scaled(c->between, s, c->direction, own);
     foot = vec3_dot(own, c->other);
     foot = foot > c->other_half ? c->other_half : foot < -c->other_half ? -c->other_half : foot;
@@ -107,7 +109,7 @@ static void couple_add_spring(const struct axis_couple *c, double s, double leng
         to[k] = apart > DBL_MIN ? to[k] / apart : k == 2;
     }
 
-    /* Half of what the law says of either axis */
+    /* Force and area, half of the law's for either axis (contact.h) */
     if (ends) {
         width = ends * PI / 2 * c->round * depth;
         force = stiffness * width * depth / 2;
@@ -132,8 +134,8 @@ static void couple_add_spring(const struct axis_couple *c, double s, double leng
     sum->depth = depth > sum->depth ? depth : sum->depth;
 }
 
-/* The springs of the own axis from low to high, in pieces: where the nearest point of the other
- * axis comes to an end of it, the distance has a kink in its slope. */
+/* Adds the springs of the own axis from low to high, in pieces: where the nearest point of the
+ * other axis comes to an end of it, the distance has a kink in its slope. */
 static void couple_add_pieces(const struct axis_couple *c, double low, double high,
                               const struct native_law *law, struct native_batch *b,
                               struct native_sum *sum)
@@ -158,7 +160,7 @@ static void couple_add_pieces(const struct axis_couple *c, double low, double hi
     }
 }
 
-/* The springs of one axis and its ends. */
+/* Adds the springs of one axis and its ends. */
 static void couple_add_axis(struct axis_couple *c, const struct native_law *law,
                             struct native_batch *b, struct native_sum *sum)
 {
@@ -180,7 +182,7 @@ static void couple_add_axis(struct axis_couple *c, const struct native_law *law,
     }
 }
 
-/* The springs of both axes, by how much deeper than so many layers they are. */
+/* Adds the springs of both axes; the penetration depth counts from a depth of layers (m) on. */
 static void capsules_add_axes(const struct native_capsule *first,
                               const struct native_capsule *second, double layers,
                               const struct native_law *law, const struct native_relative *relative,

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A capsule on a half-space in the native engine. The volume below the plane is cut into slices
+ * A capsule on a half-space in the native engine. The penetration volume, which is below the plane,
+ * is cut into slices
  * across the axis: each is a segment of a disc, also in the half-spheres at the ends. The sum over
  * the slices is Gauss and Legendre's in a variable that takes the roots of the integrand, where it
  * comes out of the plane, off the ends of the interval.
@@ -13,10 +14,10 @@
 #include <math.h>
 
 #define PI 3.14159265358979323846
-#define MEAN_LEVER (8.0 / 15) /* of a paraboloid of pressure, over its radius */
+#define MEAN_LEVER (8.0 / 15) /* mean lever of a paraboloid of pressure, over its radius */
 #define UPRIGHT 1e-6          /* cosine of an axis against a plane that counts as 0 */
 
-/* Points and weights on 0 to 1, of the side and of either end */
+/* Points and weights of the quadrature on 0 to 1, of the side and of either end */
 #define SLICES 6
 static const double slice_point[SLICES] = {0.003343283942477657, 0.07636279114578136,
                                            0.3244323018146882,   0.6755676981853118,
@@ -36,7 +37,7 @@ struct capsule_over_plane {
     double low; /* height of the lower end of the axis */
 };
 
-/* Any direction across a unit vector. */
+/* Computes some unit vector perpendicular to a unit vector. */
 static void find_direction_across(const double n[3], double across[3])
 {
     const int least = fabs(n[0]) < fabs(n[1]) ? (fabs(n[0]) < fabs(n[2]) ? 0 : 2)
@@ -51,7 +52,7 @@ static void find_direction_across(const double n[3], double across[3])
     }
 }
 
-/* Adds the spring of a slice that is along from the middle of the axis downward. */
+/* Adds the spring of a slice at a distance `along` (m) from the middle of the axis downward. */
 static void capsule_add_slice(const struct capsule_over_plane *c, double along, double radius,
                               double thickness, struct native_batch *b, struct native_sum *sum)
 {
@@ -87,8 +88,8 @@ static void capsule_add_slice(const struct capsule_over_plane *c, double along, 
     sum->area += 2 * chord * thickness;
 }
 
-/* The slices of a half-sphere, by their angle from its equator to where it leaves the plane. side:
- * 1 for the lower one, -1 for the upper. */
+/* Adds the slices of a half-sphere, by their angle from its equator to where it leaves the plane.
+ * side: 1 for the lower one, -1 for the upper. */
 static void capsule_add_end(const struct capsule_over_plane *c, double side, struct native_batch *b,
                             struct native_sum *sum)
 {
@@ -109,18 +110,19 @@ static void capsule_add_end(const struct capsule_over_plane *c, double side, str
     }
 }
 
-/* All that is below the plane is of one sphere: four springs about the middle, so that a turning
- * capsule is braked. */
+/* Adds four springs for a part below the plane that is of one sphere alone, about its middle, so
+ * that friction brakes a capsule that spins. */
 static void capsule_add_cap(const struct capsule_over_plane *c, struct native_batch *b,
                             struct native_sum *sum)
 {
     const double k = c->stiffness * PI, R = c->radius;
-    const double x = R - c->low < 2 * R ? R - c->low : 2 * R; /* of it below the plane */
+    const double x = R - c->low < 2 * R ? R - c->low : 2 * R; /* penetration depth of the sphere */
     const double force = k * x * x * (R - x / 3), area = x * (2 * R - x);
     const double deep = 2 * (x * x * x * (R / 3 - x / 12) / (x * x * (R - x / 3)) + R - c->low - x);
     const double lever = MEAN_LEVER * sqrt(area);
     double to[2][3], at;
 
+    /* Four places on the circle of the mean lever */
     find_direction_across(c->normal, to[0]);
     vec3_cross(c->normal, to[0], to[1]);
     at = -c->low - (1 - c->share) * deep;
@@ -138,12 +140,13 @@ static void capsule_add_cap(const struct capsule_over_plane *c, struct native_ba
     sum->area += PI * area;
 }
 
-/* The springs of a capsule that reaches below the plane. */
+/* Adds the springs of a capsule that reaches below the plane. */
 static void capsule_add_springs(struct capsule_over_plane *c, struct native_batch *b,
                                 struct native_sum *sum)
 {
     double from, rim = c->radius * c->cosine;
 
+    /* Only the lower end is below the plane */
     if (c->low >= rim || c->half <= 0) {
         capsule_add_cap(c, b, sum);
         return;
@@ -182,6 +185,7 @@ void native_capsule_half_space(const struct native_capsule *capsule, const struc
         .cosine = sqrt(R[2] * R[2] + R[5] * R[5]),
     };
 
+    /* Height of the lower end of the axis; nothing touches from a radius on */
     c.low = -vec3_dot(c.normal, relative->p) - c.half * c.sine;
     if (c.low >= c.radius) {
         return;
@@ -190,7 +194,7 @@ void native_capsule_half_space(const struct native_capsule *capsule, const struc
     sum->depth = c.radius - c.low;
     capsule_add_springs(&c, b, sum);
 
-    /* What backs the layers, as below a lower plane */
+    /* What backs the layers is a lower plane */
     if (native_law_is_backed(law, sum->depth)) {
         const double area = sum->area;
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Contact engine "native" being created: surfaces made ready, the law and the kernels of each pair,
- * the memory that evaluations work in.
+ * Creates the contact engine "native": prepares surfaces, computes the constants of each pair's
+ * law, chooses kernels, and allocates the memory that evaluations work in.
  */
 #include "base/portable_math.h"
 #include "contact/native/private.h"
@@ -19,15 +19,18 @@ static enum error_code native_no_memory(struct error *error)
 
 /* ---- pairs ---- */
 
+/* Returns the harmonic mean of two numbers, 0 where one of them is. */
 static double law_harmonic_mean(double a, double b)
 {
     return a * b > 0 ? 2 * a * b / (a + b) : 0;
 }
 
-/* The constants of contact.h's law for two materials. */
+/* Computes the constants of contact.h's law for two materials. transition: velocity of the friction
+ * law, m/s. */
 static struct native_law law_make(const struct contact_material *a,
                                   const struct contact_material *b, double transition)
 {
+    /* Stiffness of the layers, Pa/m, in series; s and hs: share of the depth that a gives */
     double ka = a->young_pa / a->thickness_m, kb = b->young_pa / b->thickness_m;
     double ha = portable_pow(a->young_pa, 2.0 / 3), hb = portable_pow(b->young_pa, 2.0 / 3);
     double s = kb / (ka + kb), hs = hb / (ha + hb);
@@ -53,15 +56,16 @@ static bool shape_is_mesh(enum contact_shape shape)
     return shape == CONTACT_BOX || shape == CONTACT_MESH;
 }
 
-#define NOMINAL_DEPTH 0.25 /* of the radius */
+#define NOMINAL_DEPTH 0.25 /* of the radius, at which the area of what is curved is taken */
 
 /* Stiffness of bristles over that of the layers along the normal. Rigs' layers are softer than what
  * they stand for: those of COMAN have 8.3e7 Pa/m, and soles of rubber with a shear modulus of 1 to
  * 2 MPa, 3 to 5 mm thick, have 2e8 to 7e8 Pa/m in shear (docs/contact.md). */
 #define SHEAR_RATIO 5.0
 
-/* The largest area in which a surface touches a flat one, m2: the two longer sides of its box, or
- * of what is curved where it is a quarter of its radius deep. Infinite for a half-space. */
+/* Returns the largest area in which a surface touches a flat one, m2: the largest side of its box,
+ * or for what is curved that at a penetration of a quarter of its radius. Infinite for a
+ * half-space. */
 static double surface_nominal_area(const struct contact_surface *given,
                                    const struct native_surface *s)
 {
@@ -83,7 +87,8 @@ static double surface_nominal_area(const struct contact_surface *given,
     return fmax(side[0] * side[1], fmax(side[1] * side[2], side[2] * side[0]));
 }
 
-/* Returns the stiffness of a pair's bristles, N/m. It does not follow what presses on them. */
+/* Returns the stiffness s of a pair's bristles, N/m: a constant, which does not follow the normal
+ * force. */
 static double pair_shear_stiffness(const struct contact_surface *a, const struct contact_surface *b,
                                    const struct native_pair *pair,
                                    const struct native_surface *surface)
@@ -101,7 +106,7 @@ static double pair_shear_stiffness(const struct contact_surface *a, const struct
                 surface_nominal_area(b, &surface[pair->surface[1]]));
 }
 
-/* Which of two surfaces comes first: mesh, capsule, sphere, half-space. */
+/* Returns the rank by which two surfaces are ordered: mesh, capsule, sphere, half-space. */
 static int shape_rank(enum contact_shape shape)
 {
     return shape_is_mesh(shape)       ? 0
@@ -110,8 +115,8 @@ static int shape_rank(enum contact_shape shape)
                                       : 3;
 }
 
-/* What two shapes in this order do, two meshes by their law; a capsule is a mesh of facets to a
- * mesh. */
+/* Returns the kind of a pair of shapes in this order; meshes: that of two meshes by their law. For
+ * a mesh a capsule is a mesh of facets. */
 static enum native_pair_kind pair_find_kind(enum contact_shape a, enum contact_shape b,
                                             enum native_pair_kind meshes)
 {
@@ -127,8 +132,8 @@ static enum native_pair_kind pair_find_kind(enum contact_shape a, enum contact_s
     return b == CONTACT_SPHERE ? PAIR_HERTZ_SPHERES : PAIR_HERTZ_HALF_SPACE;
 }
 
-/* Whether a pair's b has to come first. Of two meshes that interact by a pressure field the larger
- * one carries it: so the sides of a box on a table do not soften its rim. */
+/* Returns whether a pair's b has to come first. Of two meshes that interact by a pressure field the
+ * larger one carries it: so the sides of a box on a table do not soften its rim. */
 static bool pair_is_turned(const struct contact_config *config, const struct contact_pair *pair,
                            const struct native_surface *surface)
 {
@@ -156,7 +161,8 @@ const struct native_kernels *native_kernels_used(void)
     return &native_kernels;
 }
 
-/* kernels: NULL for the best. */
+/* Makes a pair ready: order of its surfaces, law, kind and kernels (NULL: the best for this
+ * machine). */
 static void pair_make(const struct contact_config *config, size_t index,
                       const struct native_surface *surface, const struct native_kernels *kernels,
                       struct native_pair *pair)
@@ -182,6 +188,8 @@ static void pair_make(const struct contact_config *config, size_t index,
         pair->law.dissipation = 1.5 * (share * a->material.dissipation_s_per_m +
                                        (1 - share) * b->material.dissipation_s_per_m);
     }
+
+    /* Sticking friction: which surface the anchor is fixed in, and where along the normal */
     pair->onto = native_pair_is_one_way(pair) ? -pair->law.share[0]
                  : pair->kind == PAIR_FIELDS  ? pair->law.share[1]
                                               : 0;
@@ -192,7 +200,8 @@ static void pair_make(const struct contact_config *config, size_t index,
 
 /* ---- surfaces ---- */
 
-/* The same mesh on several surfaces is made ready once: the solid of an earlier one, or NULL. */
+/* Returns the solid of an earlier surface with the same mesh, so that each mesh is prepared once;
+ * NULL when there is none. */
 static const struct solid *surface_find_solid(const struct contact_config *config, size_t index,
                                               const struct native_surface *surface)
 {
@@ -205,7 +214,7 @@ static const struct solid *surface_find_solid(const struct contact_config *confi
     return NULL;
 }
 
-/* Whether a surface may touch a mesh. */
+/* Returns whether a surface has a pair with a mesh. */
 static bool surface_meets_mesh(const struct contact_config *config, size_t index)
 {
     for (size_t i = 0; i < config->npair; i++) {
@@ -221,7 +230,8 @@ static bool surface_meets_mesh(const struct contact_config *config, size_t index
     return false;
 }
 
-/* A ball and a capsule about the middle of a mesh's box, the capsule along the longest side. */
+/* Computes bounding ball and capsule about the middle of a mesh's box, the capsule along the
+ * longest side. */
 static void surface_bound_mesh(const struct mesh *mesh, struct native_surface *s)
 {
     const struct box *box = &s->solid->box;
@@ -237,6 +247,8 @@ static void surface_bound_mesh(const struct mesh *mesh, struct native_surface *s
         next = k != longest && side[k] > next ? side[k] : next;
     }
     half = side[longest] - next;
+
+    /* Largest distance of a vertex to the middle (ball) and to the axis (capsule) */
     s->reach = s->about.radius = 0;
     for (size_t v = 0; v < mesh->nvertex; v++) {
         double to[3], along;
@@ -256,7 +268,7 @@ static void surface_bound_mesh(const struct mesh *mesh, struct native_surface *s
     }
 }
 
-/* The solid of a box, a mesh or a capsule, and what is about it. */
+/* Prepares the solid of a box, a mesh or a capsule, and its bounding volumes. */
 static enum error_code surface_make_solid(const struct contact_config *config, size_t index,
                                           struct arena *arena, struct native_surface *surface,
                                           struct error *error)
@@ -281,7 +293,7 @@ static enum error_code surface_make_solid(const struct contact_config *config, s
         s->solid = surface_find_solid(config, index, surface);
     }
 
-    /* Made ready */
+    /* Its solid, unless an earlier surface has it */
     if (!s->solid) {
         code = solid_store_find(mesh, arena, &s->solid, error);
         if (code != ERROR_NONE) {
@@ -293,6 +305,8 @@ static enum error_code surface_make_solid(const struct contact_config *config, s
     return ERROR_NONE;
 }
 
+/* Prepares a surface: place on its body, bounding volumes, and a solid if it is a mesh or meets
+ * one. */
 static enum error_code surface_make(const struct contact_config *config, size_t index,
                                     struct arena *arena, struct native_surface *surface,
                                     struct error *error)
@@ -305,6 +319,8 @@ static enum error_code surface_make(const struct contact_config *config, size_t 
     memcpy(s->position, given->position, sizeof s->position);
     memcpy(s->rotation, given->rotation, sizeof s->rotation);
     memcpy(s->center, given->position, sizeof s->center);
+
+    /* A sphere is a capsule without length; its bounding volumes are itself */
     if (given->shape == CONTACT_SPHERE || given->shape == CONTACT_CAPSULE) {
         s->capsule.radius = given->radius_m;
         s->capsule.half = given->shape == CONTACT_CAPSULE ? given->length_m / 2 : 0;
@@ -321,7 +337,7 @@ static enum error_code surface_make(const struct contact_config *config, size_t 
     return ERROR_NONE;
 }
 
-/* The field of a surface, or that of another one with the same solid. */
+/* Makes the pressure field of a surface, or takes that of another one with the same solid. */
 static enum error_code surface_make_field(const struct contact_config *config, size_t index,
                                           struct arena *arena, struct native_surface *surface,
                                           struct error *error)
@@ -337,7 +353,8 @@ static enum error_code surface_make_field(const struct contact_config *config, s
     return solid_store_find_field(s->solid, config->surface[index].name, arena, &s->field, error);
 }
 
-/* No ball in a solid is larger than half of its least extent. */
+/* Returns an upper bound for the depth in a solid, m: no ball in it is larger than half of its
+ * least extent. */
 static double solid_deepest_bound(const struct solid *s)
 {
     double least = s->radius;
@@ -348,7 +365,8 @@ static double solid_deepest_bound(const struct solid *s)
     return least;
 }
 
-/* The fields that the pairs need: that of the first, and of a second that may be deeper. */
+/* Makes the pressure fields that the pairs need: that of the first surface, and of a second that
+ * may be deeper. */
 static enum error_code fields_make(const struct contact_config *config, struct arena *arena,
                                    struct native_engine *e, struct error *error)
 {
@@ -374,6 +392,7 @@ static enum error_code fields_make(const struct contact_config *config, struct a
 
 /* ---- memory ---- */
 
+/* Allocates the working memory of evaluations, with room for the facets of the largest mesh. */
 static enum error_code scratch_make(struct native_engine *e, struct arena *arena,
                                     struct error *error)
 {
@@ -393,7 +412,7 @@ static enum error_code scratch_make(struct native_engine *e, struct arena *arena
         }
     }
 
-    /* The lists and the view of as many, padded where as many as there are lanes are read */
+    /* Lists and view of as many facets, padded where lanes read several at a time */
     view = &s->view;
     padded = (most + SOLID_LANES - 1) / SOLID_LANES * SOLID_LANES;
     view->radius = arena_alloc(arena, padded, sizeof *view->radius);
@@ -412,7 +431,7 @@ static enum error_code scratch_make(struct native_engine *e, struct arena *arena
     return made ? ERROR_NONE : native_no_memory(error);
 }
 
-/* The engine with nothing in its arrays yet; NULL without memory. */
+/* Allocates an engine with empty arrays; NULL without memory. */
 static struct native_engine *engine_alloc(const struct contact_config *config, struct arena *arena)
 {
     struct native_engine *e = arena_alloc(arena, 1, sizeof *e);
@@ -425,7 +444,7 @@ static struct native_engine *engine_alloc(const struct contact_config *config, s
     e->nsurface = config->nsurface;
     e->npair = config->npair;
 
-    /* One more of each: an empty scene is a scene too */
+    /* One more of each, as an empty scene needs arrays too */
     e->surface = arena_alloc(arena, e->nsurface + 1, sizeof *e->surface);
     e->pose = arena_alloc(arena, e->nsurface + 1, sizeof *e->pose);
     e->pair = arena_alloc(arena, e->npair + 1, sizeof *e->pair);
@@ -477,6 +496,8 @@ enum error_code native_create_with_kernels(const struct contact_config *config,
     for (size_t i = 0; i < e->npair; i++) {
         pair_make(config, i, e->surface, kernels, &e->pair[i]);
     }
+
+    /* Fields, which need to know which surface of a pair is the carrier */
     code = fields_make(config, arena, e, error);
     if (code != ERROR_NONE) {
         return code;

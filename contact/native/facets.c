@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The springs between two facets. All is done in the plane of the facet with more corners, the
- * base, whose outline there is known beforehand: the other one's corners are projected along the
- * springs into that plane, what is not deep is clipped away first as it mostly leaves nothing, and
- * the rest is clipped to the outline.
+ * Computes the springs between two facets. All is done in the plane of the facet with more corners,
+ * the base, whose outline there is known beforehand: the other one's corners are projected along
+ * the springs into that plane, what is not deep is clipped away first as it mostly leaves nothing,
+ * and the rest is clipped to the outline.
  *
  * With e the unit vector along the difference of the normals, which have the same angle to it, the
  * way from a height h over one facet's plane back to it along e is h over that angle's cosine; so
@@ -32,6 +32,8 @@ struct bed {
     double depth, slope[2]; /* at the origin, and how it grows in the base's plane */
 };
 
+/* Returns the length of the spring through a place in the base's plane, its penetration depth,
+ * m. */
 static double bed_depth(const struct bed *bed, double x, double y)
 {
     return bed->depth + bed->slope[0] * x + bed->slope[1] * y;
@@ -39,8 +41,9 @@ static double bed_depth(const struct bed *bed, double x, double y)
 
 /* ---- where both lie on top of one another ---- */
 
-/* Lays the bed and projects the other facet's corners along it into the base's plane, backward to
- * have them counterclockwise there. False when no corner is behind that plane. */
+/* Computes direction and depth of the bed, and projects the other facet's corners along it into the
+ * base's plane, in reverse order to have them counterclockwise there. Returns false when no corner
+ * is behind that plane. */
 static bool bed_lay(const struct facets_between *m, const struct facets_couple *c, struct bed *bed,
                     struct flat *flat)
 {
@@ -97,7 +100,8 @@ static bool bed_lay(const struct facets_between *m, const struct facets_couple *
     return true;
 }
 
-/* Clips the polygon g[0] to where it is deep and on the base; returns the clipped one. */
+/* Clips the polygon g[0] to where it is deep and on the base; returns the clipped one, one of the
+ * two. */
 static const struct flat *bed_clip(const struct solid *solid, const struct bed *bed,
                                    struct flat g[2])
 {
@@ -116,13 +120,14 @@ static const struct flat *bed_clip(const struct solid *solid, const struct bed *
 
 /* ---- springs ---- */
 
+/* Returns the root of x, or 0 where rounding has left x below 0. */
 static double positive_root(double x)
 {
     return sqrt(x > 0 ? x : 0);
 }
 
-/* Where on the spring through a place in the base's plane: part 0 is at the first mesh's facet,
- * part 1 at the second's, a depth apart. */
+/* Computes a point of the spring through a place in the base's plane: part 0 is at the first mesh's
+ * facet, part 1 at the second's, a depth apart. */
 static void bed_place_on_spring(const struct bed *bed, double x, double y, double depth,
                                 double part, double out[3])
 {
@@ -133,6 +138,8 @@ static void bed_place_on_spring(const struct bed *bed, double x, double y, doubl
     }
 }
 
+/* Adds the spring through a place in the base's plane, with the force at the point that the law's
+ * shares give. */
 static void bed_add_spring(const struct facets_between *m, const struct bed *bed, double x,
                            double y, double rate)
 {
@@ -142,11 +149,11 @@ static void bed_add_spring(const struct facets_between *m, const struct bed *bed
     batch_add_spring(&m->scratch->batch, p, bed->along, rate, depth);
 }
 
-/* Three springs for all of a polygon. They stand at L times the corners of an equilateral
- * triangle about the centroid, L L' being twice the matrix of the mean squares off the centroid.
- * So they have the polygon's moments up to the second, which integrates force and moment of a
- * linear depth exactly. None is off the polygon: the ellipse through them is inside every convex
- * figure (Kannan, Lovasz, Simonovits 1995); in a triangle it touches the middles of the sides. */
+/* Adds three springs for all of a polygon. They stand at L times the corners of an equilateral
+ * triangle about the centroid, L L' being twice the matrix of the mean squares off the centroid. So
+ * they have the polygon's moments up to the second, which integrates force and moment of a linear
+ * depth exactly. None is off the polygon: the ellipse through them is inside every convex figure
+ * (Kannan, Lovasz, Simonovits 1995); in a triangle it touches the middles of the sides. */
 static void bed_add_three(const struct facets_between *m, const struct bed *bed,
                           const struct moments *at, double rate)
 {
@@ -160,7 +167,7 @@ static void bed_add_three(const struct facets_between *m, const struct bed *bed,
     bed_add_spring(m, bed, at->x + h * lx, at->y + h * ly - lyy / 2, rate / 3);
 }
 
-/* Three springs for each triangle between the centroid and an edge. */
+/* Adds three springs for each triangle between the centroid and an edge. */
 static void bed_add_around(const struct facets_between *m, const struct bed *bed,
                            const struct flat *g, const struct moments *at, double rate)
 {
@@ -179,9 +186,9 @@ static void bed_add_around(const struct facets_between *m, const struct bed *bed
 
 /* ---- how much they count ---- */
 
-/* How much of a spring from this facet counts by the depth of its middle under the surface, in its
- * half lengths (up to DEPTH_FULL; the rest does not matter). middle: in the solid's frame; cosine:
- * of the angle between spring and normal. */
+/* Returns the depth of a spring's middle under the surface of a solid, in half lengths of the
+ * spring (up to DEPTH_FULL; the rest does not matter). middle: in the solid's frame; cosine: of the
+ * angle between spring and normal. */
 static double spring_middle_depth(const struct solid *solid, const struct facet *facet,
                                   double cosine, const double middle[3], double half)
 {
@@ -195,7 +202,8 @@ static double spring_middle_depth(const struct solid *solid, const struct facet 
     return solid_depth(solid, middle, (solid->convex ? DEPTH_FULL : 1) * 1.01 * half) / half;
 }
 
-/* How much a spring counts that is this long and has its middle here (first's frame): 0 to 1. */
+/* Returns how much a spring counts, 0 to 1, that is this long (m) and has its middle here (first's
+ * frame). */
 static double spring_weight(const struct facets_between *m, const struct facets_couple *c,
                             double cosine, const double middle[3], double length)
 {
@@ -210,8 +218,8 @@ static double spring_weight(const struct facets_between *m, const struct facets_
     return native_ramp(a < b ? a : b, DEPTH_NONE, DEPTH_FULL);
 }
 
-/* What backs the layers: springs where a polygon is deeper than these. area: of the polygon, as
- * much as it counts. */
+/* Adds springs for what backs the layers, where a polygon is deeper than these. area: of the
+ * polygon, weighted, m2. */
 static void bed_add_backing(const struct facets_between *m, const struct bed *bed,
                             const struct flat *common, double area)
 {
@@ -254,7 +262,7 @@ void facets_add_springs(const struct facets_between *m, const struct facets_coup
         return;
     }
 
-    /* Longer springs than fit in the overlap are none, nor are such as run along it */
+    /* Springs longer than fit in the overlap do not count, nor do those that run along it */
     flat_find_moments(common, fine, &at);
     depth = bed_depth(&bed, at.x, at.y);
     if (!(at.twice > DBL_MIN) || depth > m->reach) {
@@ -266,7 +274,7 @@ void facets_add_springs(const struct facets_between *m, const struct facets_coup
         return;
     }
 
-    /* The springs, fewer of them the more the normals are off, on the area seen along them */
+    /* Springs on the area seen along them; they fade out as the normals get perpendicular */
     weight *= c->facing * native_ramp(c->facing, FACING_NONE, FACING_FULL);
     area = weight * bed.cosine * at.twice / 2;
     if (fine) {
@@ -275,6 +283,7 @@ void facets_add_springs(const struct facets_between *m, const struct facets_coup
         bed_add_around(m, &bed, common, &at, m->law->stiffness * area);
     }
 
+    /* Deepest corner: what backs the layers, and the patch's depth where the springs count */
     depth = 0;
     for (int i = 0; i < common->n; i++) {
         depth = fmax(depth, bed_depth(&bed, common->x[i], common->y[i]));

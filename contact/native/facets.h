@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What two facets of two meshes do to each other, for the native engine. Between facets that face
+ * Contact of two facets of two meshes, for the native engine. Between facets that face
  * each other stands a bed of springs along the mean of their normals, where both lie on top of one
  * another: so the undamped force is the stiffness times the volume between them, however they are
  * cut into triangles, and it changes continuously with the pose. Facets that stand across each
@@ -17,15 +17,15 @@
 #define FACING_NONE 0.1
 #define FACING_FULL 0.5
 
-/* What all facets of two meshes have in common. */
+/* Two meshes at work, and the numbers that are the same for all their facets. */
 struct facets_between {
     const struct solid *first, *second;
     const struct native_law *law;
     const struct native_relative *relative;
     struct native_scratch *scratch;
     struct native_sum *sum;
-    double reach; /* longer springs are none */
-    double fine;  /* facets up to this radius have three springs with one of the other mesh */
+    double reach; /* longest spring, m */
+    double fine;  /* m; facets up to this radius have three springs with one of the other mesh */
 };
 
 /* Two facets that face each other: a of the first mesh, b of the second; first's frame. */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Polygons in the plane of a facet: clipping and moments. */
+/* Polygons in the plane of a facet: clips them and computes their moments. */
 #include "contact/native/flat.h"
 
 #include "contact/lanes.h"
@@ -8,7 +8,7 @@
 #include <float.h>
 #include <stdint.h>
 
-/* Sutherland, Hodgman 1974. */
+/* Walks around the polygon once (Sutherland, Hodgman 1974). */
 void flat_clip(const struct flat *in, const double *side, struct flat *out)
 {
     int n = 0;
@@ -30,7 +30,7 @@ void flat_clip(const struct flat *in, const double *side, struct flat *out)
     out->n = n;
 }
 
-/* The outline of a triangle, which is not kept. */
+/* Computes the outline of a triangle, which is not kept, padded for the lanes. */
 static void triangle_outline(const struct facet *f, const double (*ring)[3], double *x, double *y)
 {
     for (int i = 0; i < 3; i++) {
@@ -46,7 +46,7 @@ static void triangle_outline(const struct facet *f, const double (*ring)[3], dou
     }
 }
 
-/* The edges of an outline that some corner of the polygon is outside of, a bit each. */
+/* Finds the edges of an outline that some corner of the polygon is outside of; bit i for edge i. */
 static uint64_t outline_find_cutting_edges(const double *x, const double *y, int n,
                                            const struct flat *g)
 {
@@ -65,6 +65,7 @@ static uint64_t outline_find_cutting_edges(const double *x, const double *y, int
     return edges; /* nothing is outside of an edge of no length */
 }
 
+/* Checks whether a polygon lies inside a circle about the facet's center. */
 static bool flat_is_in_circle(const struct flat *g, double radius)
 {
     for (int i = 0; i < g->n; i++) {
@@ -75,7 +76,7 @@ static bool flat_is_in_circle(const struct flat *g, double radius)
     return true;
 }
 
-/* The outline of a facet of any number of corners; room is for that of a triangle. */
+/* Finds the outline of a facet of any number of corners; room is for that of a triangle. */
 static void facet_find_outline(const struct solid *solid, const struct facet *f,
                                double room[2][FACET_OUTLINE(3)], const double **x, const double **y)
 {
@@ -101,7 +102,7 @@ const struct flat *flat_clip_to_facet(const struct solid *solid, const struct fa
         return now;
     }
 
-    /* By each edge of its outline that something is outside of */
+    /* Clips by each edge of its outline that something is outside of */
     facet_find_outline(solid, facet, triangle, &x, &y);
     for (uint64_t edges = outline_find_cutting_edges(x, y, facet->count, now);
          edges != 0 && now->n >= 3; edges &= edges - 1) {
@@ -131,7 +132,7 @@ void flat_of_facet(const struct solid *solid, const struct facet *facet, struct 
     }
 }
 
-/* Summed over the triangles between the first corner and an edge. */
+/* Sums over the triangles between the first corner and an edge. */
 void flat_find_moments(const struct flat *g, bool second, struct moments *m)
 {
     double x0 = g->x[0], y0 = g->y[0], ux = g->x[1] - x0, uy = g->y[1] - y0;

@@ -10,13 +10,15 @@
 
 #include <stdbool.h>
 
-/* Counterclockwise seen against the facet's normal where its area or moments are wanted. */
+/* A polygon; counterclockwise seen against the facet's normal where its area or moments are
+ * wanted. */
 struct flat {
     int n;
     double x[POLYGON_MAX], y[POLYGON_MAX];
 };
 
-/* Twice the area, the centroid, and the mean squares and product of what is off it. */
+/* Moments of a polygon's area: twice the area (m2), the centroid (m), and the mean squares and
+ * product of the distances off it (m2). */
 struct moments {
     double twice, x, y, xx, xy, yy;
 };
@@ -29,11 +31,11 @@ void flat_clip(const struct flat *in, const double *side, struct flat *out);
 const struct flat *flat_clip_to_facet(const struct solid *solid, const struct facet *facet,
                                       struct flat g[2], int from);
 
-/* The polygon of a facet. */
+/* Writes the outline of a facet as a polygon. */
 void flat_of_facet(const struct solid *solid, const struct facet *facet, struct flat *out);
 
-/* Of a polygon of at least three corners; the second moments only when they are wanted. Only twice
- * is set where there is no area. */
+/* Computes the moments of a polygon of at least three corners; the second ones only when they are
+ * wanted. Only twice is set where there is no area. */
 void flat_find_moments(const struct flat *g, bool second, struct moments *m);
 
 #endif

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A mesh on a half-space: one bed of springs on the plane, along its normal, as long as the mesh is
- * below the plane there. Its undamped force is the stiffness times the volume that has sunk in,
- * however the mesh is cut into triangles.
+ * A mesh on a half-space: one bed of springs on the plane, along its normal, as long as the
+ * penetration of the mesh is deep there. Its undamped force is the stiffness times the penetration
+ * volume, however the mesh is cut into triangles.
  */
 #include "contact/native/pairs.h"
 #include "contact/native/polygon.h"
@@ -11,9 +11,9 @@
 #include <float.h>
 #include <string.h>
 
-#define FACING 0.5 /* facets that face the plane less have few springs, however large */
+#define FACING 0.5 /* cosine; facets that face the plane less have few springs, however large */
 
-/* A facet that is all below the plane and has points of quadrature: a spring at each. */
+/* Adds a spring at each point of quadrature of a facet that is all below the plane. */
 static void half_space_add_sunk_facet(struct native_scratch *s, const struct solid *solid,
                                       const struct facet *f, const double n[3], double height,
                                       double pressure, const struct native_law *law,
@@ -51,7 +51,7 @@ static void half_space_add_sunk_facet(struct native_scratch *s, const struct sol
     }
 }
 
-/* A facet's springs. n: the plane's normal; height: n . any of its points. */
+/* Adds a facet's springs. n: the plane's normal; height: n . any of the plane's points, m. */
 static void half_space_add_facet(struct native_scratch *s, const struct solid *solid,
                                  const struct facet *f, const double n[3], double height,
                                  const struct native_law *law,
@@ -66,7 +66,7 @@ static void half_space_add_facet(struct native_scratch *s, const struct solid *s
         return;
     }
 
-    /* How deep its corners are */
+    /* Penetration depth at its corners */
     whole.n = f->count;
     for (int i = 0; i < f->count; i++) {
         const double *v = solid->ring[f->first + i];
@@ -81,7 +81,7 @@ static void half_space_add_facet(struct native_scratch *s, const struct solid *s
         return;
     }
 
-    /* All of it is below: the points that it keeps */
+    /* All of it is below: springs at the points of quadrature that it keeps */
     if (shallowest >= 0 && f->npoint > 0) {
         half_space_add_sunk_facet(s, solid, f, n, height, law->stiffness * facing, law, relative,
                                   sum);
@@ -90,7 +90,7 @@ static void half_space_add_facet(struct native_scratch *s, const struct solid *s
         return;
     }
 
-    /* The part that is below */
+    /* Some of it is below: springs on the clipped part */
     if (shallowest < 0) {
         polygon_clip_depth(&whole, &cut);
         sunk = &cut;
@@ -103,7 +103,7 @@ static void half_space_add_facet(struct native_scratch *s, const struct solid *s
     }
 }
 
-/* The springs of all facets. */
+/* Adds the springs of all facets that are below the plane and face it. */
 static void half_space_add_bed(struct native_scratch *s, const struct solid *solid,
                                const double n[3], double height, const struct native_law *law,
                                const struct native_relative *relative, struct native_sum *sum)
@@ -134,6 +134,8 @@ void native_overlap_half_space(const struct solid *solid, const struct native_la
     const double height = vec3_dot(n, relative->p);
 
     half_space_add_bed(scratch, solid, n, height, law, relative, sum);
+
+    /* What backs the layers is a lower plane */
     if (native_law_is_backed(law, sum->depth)) {
         const struct native_law backing = native_law_of_backing(law);
         const double area = sum->area;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Spheres on each other and on a half-space, in the native engine: Hertz's law. */
+/* Sphere on sphere and sphere on half-space in the native engine: Hertz's law (contact.h). */
 #include "contact/native/pairs.h"
 
 #include "base/vec3.h"
@@ -14,7 +14,7 @@ void native_hertz(const double radius[2], const struct native_law *law,
     struct native_batch *b = &scratch->batch;
     double d[3], depth, apart, relative_radius, force;
 
-    /* Normal, depth and relative radius, of a half-space and of a sphere */
+    /* Normal, penetration depth and relative radius, for a half-space and for a sphere */
     if (isinf(radius[1])) {
         for (int k = 0; k < 3; k++) {
             d[k] = relative->R[3 * k + 2];
@@ -26,7 +26,7 @@ void native_hertz(const double radius[2], const struct native_law *law,
         depth = radius[0] + radius[1] - apart;
         relative_radius = radius[0] * radius[1] / (radius[0] + radius[1]);
         for (int k = 0; k < 3; k++) {
-            /* One in the middle of the other has no direction; any will do */
+            /* Between equal centers there is no direction; any will do */
             d[k] = apart > DBL_MIN ? -relative->p[k] / apart : k == 2;
         }
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The table of the kernels, in each of their variants. */
+/* The table of the kernels; compiled once for each instruction set. */
 #include "contact/native/kernels.h"
 
 #define STRING(x) #x

@@ -10,7 +10,8 @@
 #include "contact/broad_phase.h"
 #include "contact/native/pairs.h"
 
-/* See contact/native/pairs.h, and native_law_sum for sum. */
+/* Kernels: functions of contact/native/pairs.h, native_law_sum (sum) and broad_phase_find
+ * (find_near). */
 struct native_kernels {
     const char *name;
     void (*half_space)(const struct solid *solid, const struct native_law *law,
@@ -45,11 +46,11 @@ extern const struct native_kernels native_kernels;
 extern const struct native_kernels native_kernels_avx2, native_kernels_avx512;
 #endif
 
-/* Those for instruction_set_used(). All give the same bits. RT-safe. */
+/* Returns the kernels for instruction_set_used(). All give the same bits. RT-safe. */
 const struct native_kernels *native_kernels_used(void);
 
-/* contact_native_create with these kernels, which this machine has to be able to run and which
- * outlive the world; NULL: native_kernels_used(). Not RT-safe. */
+/* Does what contact_native_create does, with these kernels, which this machine has to be able to
+ * run and which outlive the world; NULL: native_kernels_used(). Not RT-safe. */
 enum error_code native_create_with_kernels(const struct contact_config *config,
                                            const struct native_kernels *kernels,
                                            struct arena *arena, struct contact_world **world,

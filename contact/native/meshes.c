@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Two meshes over their true overlap: which of their facets face each other there (broad phase).
- * What is between two such facets is contact/native/facets.h's (narrow phase).
+ * Two meshes over their true overlap: finds which of their facets face each other there. The
+ * springs between two such facets are contact/native/facets.h's.
  *
  * Pairs of facets are found in three steps, each cheaper for every facet than the next: the tree
  * of the first mesh over the box that both have in common; planes and bounding circles, as many
@@ -21,7 +21,8 @@
  * corners has them no closer to each other. */
 #define FINE 0.25
 
-/* The intersection of two boxes; false when it is empty. thin: its least extent, if less. */
+/* Computes the intersection of two boxes; false when it is empty. thin: lowered to its least
+ * extent, m. */
 static bool box_intersect(const struct box *a, const struct box *b, struct box *out, double *thin)
 {
     for (int k = 0; k < 3; k++) {
@@ -35,9 +36,9 @@ static bool box_intersect(const struct box *a, const struct box *b, struct box *
     return true;
 }
 
-/* Views the facets of the second mesh that are in the box where both meshes are (here and there: in
- * the frame of the first and of the second) and have some of that box behind them. Returns their
- * number. */
+/* Transforms the facets of the second mesh into the first's frame that are in the box where both
+ * meshes are (here and there: in the frame of the first and of the second) and have some of that
+ * box behind them. Returns their number. */
 static size_t meshes_view_second(const struct facets_between *m, const struct box *here,
                                  const struct box *there)
 {
@@ -78,8 +79,8 @@ static size_t meshes_view_second(const struct facets_between *m, const struct bo
     return count;
 }
 
-/* The corners of a facet of the second mesh, brought into the first's frame when they are needed
- * for the first time. */
+/* Returns the corners of a facet of the second mesh in the first's frame; they are transformed when
+ * they are needed for the first time. */
 static const double (*view_facet_ring(const struct facets_between *m, int i))[3]
 {
     struct native_view *view = &m->scratch->view;
@@ -97,8 +98,8 @@ static const double (*view_facet_ring(const struct facets_between *m, int i))[3]
     return (const double(*)[3])view->corner + view->ring[i];
 }
 
-/* Finds the facets of the second that face this one and reach behind its plane, as it may reach
- * behind theirs; returns how many. */
+/* Finds the facets of the second mesh that face this one of the first, as far as each reaches
+ * behind the other's plane; returns how many. reach: longest spring, m. */
 static size_t view_find_facing(const struct native_view *view, size_t n, const struct facet *a,
                                double reach, int *found)
 {
@@ -134,7 +135,8 @@ static size_t view_find_facing(const struct native_view *view, size_t n, const s
     return count;
 }
 
-/* The springs between one facet of the first mesh and the nsecond that are viewed of the second. */
+/* Adds the springs between one facet of the first mesh and the nsecond that are viewed of the
+ * second. */
 static void meshes_add_facet(const struct facets_between *m, const struct facet *a, size_t nsecond)
 {
     struct native_scratch *scratch = m->scratch;
@@ -157,8 +159,8 @@ static void meshes_add_facet(const struct facets_between *m, const struct facet 
     }
 }
 
-/* Whether any facet of the first mesh is in the box where both are and has some of it behind: when
- * not, there is nothing to view the second's for. */
+/* Checks whether any facet of the first mesh is in the box where both are and has some of it
+ * behind: when not, there is nothing to view the second's for. */
 static bool meshes_reach_first(const struct solid *first, const struct box *here)
 {
     const struct tree *tree = &first->facets;

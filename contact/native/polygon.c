@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Polygons under a bed of springs. */
+/* Clips polygons under a bed of springs by depth, and puts springs on them. */
 #include "contact/native/polygon.h"
 
 #include "base/vec3.h"
@@ -27,7 +27,7 @@ void polygon_clip_depth(const struct polygon *in, struct polygon *out)
     }
 }
 
-/* Twice the area as seen along a normal, of the triangle between a corner and an edge. */
+/* Returns twice the area of a triangle as seen along a normal, m2. */
 static double triangle_twice_area(const double a[3], const double b[3], const double c[3],
                                   const double normal[3])
 {

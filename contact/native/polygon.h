@@ -19,10 +19,11 @@ struct polygon {
     double p[POLYGON_MAX][4];
 };
 
-/* Clips away what has a negative depth. */
+/* Clips a polygon to where its depth is not negative. */
 void polygon_clip_depth(const struct polygon *in, struct polygon *out);
 
-/* Twice the area as seen along a normal, and the centroid with its depth. */
+/* Computes twice the area as seen along a normal (returned, m2), and the centroid with its
+ * depth. */
 double polygon_center(const struct polygon *g, const double normal[3], double center[4]);
 
 /* Adds the springs on a polygon: three in each part (parts: of struct facet) of each triangle

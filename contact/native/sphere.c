@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A sphere on a mesh in the native engine: a bed of springs over each facet. It stands on the part
- * of the facet that lies in the circle where the sphere cuts the facet's plane. With the circle's
- * center as origin and q = sqrt(R^2 - r^2), h the height of the sphere's center over the plane, a
- * spring at radius r is q - h long, and the integrals over the part are those around its rim:
+ * A sphere on a mesh in the native engine: penetration is a bed of springs over each facet. It
+ * stands on the part of the facet that lies in the circle where the sphere cuts the facet's plane.
+ * With the circle's center as origin and q = sqrt(R^2 - r^2), h the height of the sphere's center
+ * over the plane, a spring at radius r is q - h long, and the integrals over the part are those
+ * around its rim:
  *
  *     integral of f(r) dA = rim integral of G(r) dtheta, G(r) the integral of f(s) s ds from 0 to r
  *
@@ -18,8 +19,8 @@
 #include <string.h>
 
 #define PI 3.14159265358979323846
-#define NEGLIGIBLE 1e-12      /* of a circle */
-#define MEAN_LEVER (8.0 / 15) /* of a paraboloid of pressure, over its radius */
+#define NEGLIGIBLE 1e-12      /* part of a circle that counts as rounding */
+#define MEAN_LEVER (8.0 / 15) /* mean lever of a paraboloid of pressure, over its radius */
 
 /* Integrals over the part of a facet that is in the circle. */
 struct cap {
@@ -33,7 +34,8 @@ struct circle {
     double R, h, r; /* radius of the sphere, height of its center, radius of the circle */
 };
 
-/* The integrals from 0 to s of the length and its square, over s^2: so they are defined at 0. */
+/* Computes the integrals of length times s ds and of its square from 0 to s, over s^2: so they are
+ * defined at 0. */
 static void circle_radial(const struct circle *c, double s, double *length, double *square)
 {
     double R = c->R, h = c->h, s2 = s * s, q = sqrt(R * R - s2 > 0 ? R * R - s2 : 0);
@@ -44,7 +46,7 @@ static void circle_radial(const struct circle *c, double s, double *length, doub
     *square = (R * R + h * h) / 2 - s2 / 4 - 2 * h * cube;
 }
 
-/* The integral of the length times s, over s^3. */
+/* Returns the integral of the length times s^2 ds from 0 to s, over s^3. */
 static double circle_radial_moment(const struct circle *c, double s)
 {
     double R2 = c->R * c->R, s2 = s * s, q = sqrt(R2 - s2 > 0 ? R2 - s2 : 0);
@@ -56,7 +58,7 @@ static double circle_radial_moment(const struct circle *c, double s)
            R2 * R2 * portable_asin(s < c->R ? s / c->R : 1) / (8 * s2 * s) - c->h / 3;
 }
 
-/* The integrals over the whole circle. */
+/* Computes the integrals over the whole circle. */
 static void circle_whole(const struct circle *c, struct cap *cap)
 {
     double r2 = c->r * c->r, length, square;
@@ -75,7 +77,7 @@ static void circle_whole(const struct circle *c, struct cap *cap)
         .length = 2 * PI * length * r2, .square = 2 * PI * square * r2, .area = PI * r2};
 }
 
-/* Adds a piece of the rim that is straight and inside the circle. */
+/* Adds the integrals along a piece of the rim that is straight and inside the circle. */
 static void cap_add_chord(const struct circle *c, const double a[2], const double b[2],
                           struct cap *cap)
 {
@@ -100,7 +102,8 @@ static void cap_add_chord(const struct circle *c, const double a[2], const doubl
     cap->area += cross / 2;
 }
 
-/* Adds the arc of the circle for a piece of the facet's rim that is outside it. */
+/* Adds the integrals along the arc of the circle that replaces a piece of the facet's rim outside
+ * it. */
 static void cap_add_arc(const struct circle *c, const double a[2], const double b[2],
                         struct cap *cap)
 {
@@ -116,8 +119,8 @@ static void cap_add_arc(const struct circle *c, const double a[2], const double 
     cap->moment[1] += moment * r2 * c->r * (a[0] / la - b[0] / lb);
 }
 
-/* Adds what one edge of the facet makes of the rim, about the circle's center: outside, inside and
- * outside again. */
+/* Adds the integrals along one edge of the facet, from a to b about the circle's center: the pieces
+ * outside, inside and outside again. */
 static void cap_add_edge(const struct circle *c, const double a[2], const double b[2],
                          struct cap *cap)
 {
@@ -155,8 +158,8 @@ static void cap_add_edge(const struct circle *c, const double a[2], const double
     }
 }
 
-/* The integrals over the part of the facet in the circle; false when there is none. origin: the
- * circle's center; E: the axes of the plane. */
+/* Computes the integrals over the part of the facet in the circle; false when there is none.
+ * origin: the circle's center; E: the axes of the plane. */
 static bool facet_find_cap(const struct solid *solid, const struct facet *f, const struct circle *c,
                            const double origin[3], const double (*E)[3], struct cap *cap)
 {
@@ -164,7 +167,7 @@ static bool facet_find_cap(const struct solid *solid, const struct facet *f, con
     struct cap circle;
     bool whole = true;
 
-    /* The circle all in that which the facet holds */
+    /* The circle lies in the largest one inside the facet */
     circle_whole(c, &circle);
     vec3_sub(f->center, origin, to);
     if (room > 0 && vec3_dot(to, to) <= room * room) {
@@ -193,7 +196,7 @@ static bool facet_find_cap(const struct solid *solid, const struct facet *f, con
         return true;
     }
 
-    /* Around the rim */
+    /* Some of it: integrals around the rim */
     *cap = (struct cap){0};
     for (int i = 0; i < f->count; i++) {
         cap_add_edge(c, corner[i], corner[i + 1 < f->count ? i + 1 : 0], cap);
@@ -203,8 +206,8 @@ static bool facet_find_cap(const struct solid *solid, const struct facet *f, con
            cap->square > 0;
 }
 
-/* Adds four springs about a center of pressure in the facet's plane, so that a turning sphere is
- * braked. depth: of each; weight: how much they count. */
+/* Adds four springs about the center of pressure in the facet's plane, so that friction brakes a
+ * sphere that spins. depth: of each, m; weight: how much they count, 0 to 1. */
 static void sphere_add_springs(const struct facet *f, const struct cap *cap, const double center[3],
                                double depth, double weight, const struct native_law *law,
                                struct native_batch *batch)
@@ -213,7 +216,7 @@ static void sphere_add_springs(const struct facet *f, const struct cap *cap, con
     const double lever = MEAN_LEVER * sqrt(cap->area / PI);
     const size_t n = batch->n;
 
-    /* Side by side, as they are read again at once */
+    /* Stored side by side, as they are read again at once */
     for (int k = 0; k < 3; k++) {
         double at_center = center[k] - law->share[0] * depth * f->normal[k];
         double first = lever * E[0][k], second = lever * E[1][k], down = -f->normal[k];
@@ -225,7 +228,7 @@ static void sphere_add_springs(const struct facet *f, const struct cap *cap, con
         memcpy(batch->d[k] + n, d, sizeof d);
     }
 
-    /* A deeper sphere makes each spring of the bed longer */
+    /* Stiffness is k times the area, as a deeper sphere makes each spring of the bed longer */
     for (size_t i = 0; i < 4; i++) {
         batch->force[n + i] = weight * law->stiffness * cap->length / 4;
         batch->depth[n + i] = depth;
@@ -234,7 +237,7 @@ static void sphere_add_springs(const struct facet *f, const struct cap *cap, con
     batch->n += 4;
 }
 
-/* The springs between a sphere (its center at) and a facet. */
+/* Adds the springs between a sphere (its center at) and a facet. */
 static void sphere_add_facet(const struct solid *solid, const struct facet *f, const double at[3],
                              double radius, const struct native_law *law,
                              const struct native_relative *relative, struct native_batch *batch,
@@ -281,7 +284,7 @@ static void sphere_add_facet(const struct solid *solid, const struct facet *f, c
     sum->depth = weight >= 0.5 && depth > sum->depth ? depth : sum->depth;
 }
 
-/* The springs of all facets. */
+/* Adds the springs of all facets that the sphere reaches. */
 static void sphere_add_bed(const struct solid *solid, double radius, const struct native_law *law,
                            const struct native_relative *relative, struct native_batch *batch,
                            struct native_sum *sum)
@@ -308,6 +311,8 @@ void native_overlap_sphere(const struct solid *solid, double radius, const struc
                            struct native_sum *sum)
 {
     sphere_add_bed(solid, radius, law, relative, &scratch->batch, sum);
+
+    /* What backs the layers meets a smaller sphere */
     if (native_law_is_backed(law, sum->depth) && radius > law->layers) {
         const struct native_law backing = native_law_of_backing(law);
         const double area = sum->area;
