@@ -1,19 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Compliant contact between surfaces on moving bodies and the ground: elastic foundation, paper
- * eqs (6), (7). Poses and velocities go in, the wrench on every body comes out. SI units, world
- * frame unless a comment says otherwise. Creating a world and checking its configuration are not
- * RT-safe; what an engine does with a world is where the engine says so. C only: no exception and
- * no C++ type crosses this header.
+ * Compliant contact (penalty method) and friction between surfaces on moving bodies and the ground:
+ * elastic foundation, paper eqs (6), (7). Poses and velocities go in, the wrench on every body
+ * comes out. SI units, world frame unless a comment says otherwise. Creating a world and checking
+ * its configuration are not RT-safe; what an engine does with a world is where the engine says so.
+ * C only: no exception and no C++ type crosses this header.
  *
- * Law at a surface element of area A that is x deep in the other surface, x' its rate (Sherman,
- * Seth, Delp 2011; Simbody's CompliantContactSubsystem), subscripts for the two surfaces:
+ * Law at a surface element of area A with penetration depth x into the other surface, x' its rate
+ * (Sherman, Seth, Delp 2011; Simbody's CompliantContactSubsystem), subscripts for the two surfaces:
  *
  *     normal     f_n = k A x (1 + c x'), never negative
  *                k = k1 k2/(k1 + k2), k_i = young_i/thickness_i
  *                c = s1 c1 + s2 c2, s_i the share of x that surface i gives:
  *                s1 = k2/(k1 + k2), s2 = 1 - s1
- *     friction   (regularized) f_t = mu(v) f_n against the sliding velocity v, u = v/v_t and
+ *     friction   (regularized) f_t = mu(v) f_n against the sliding velocity v; mu falls from static
+ *                to dynamic friction (Stribeck): u = v/v_t, v_t the transition velocity, and
  *                mu = us S(u) + uv v                          for u < 1
  *                mu = us - (us - ud) S((u - 1)/2) + uv v      for 1 <= u < 3
  *                mu = ud + uv v                               for 3 <= u
@@ -22,17 +23,17 @@
  *                where surfaces part faster than their layers follow (f_n = 0). Neither is ever
  *                negative.
  *
- * A layer ends where it is as thin as nothing: a law that is linear in x holds for x well below its
- * thickness. With K = K1 K2/(K1 + K2), K_i = backing_pa_per_m of what is behind layer i (0 on
- * either side = layers without end, the paper's), and h the sum of both thicknesses,
+ * An elastic layer ends where it is compressed to nothing: a law that is linear in x holds for x
+ * well below its thickness. With K = K1 K2/(K1 + K2), K_i = backing_pa_per_m of what is behind
+ * layer i (0 on either side = layers without end, the paper's), and h the sum of both thicknesses,
  *
  *     normal     f_n = A (k x + K max(x - h, 0)) (1 + c x'), A K max(x - h, 0)^2/2 is stored too
  *
  * in engine "native"; Hertz's law has no layers. For a mesh on a sphere it is the volume that a
  * sphere smaller by h has in common with it.
  *
- * Elements are the triangles of a mesh. x is the centroid's distance to the nearest point of the
- * other surface; force and velocities belong to the point between them that divides x by s1 and
+ * Elements are the triangles of a mesh. x is the distance of the centroid to the nearest point of
+ * the other surface; force and velocities belong to the point between them that divides x by s1 and
  * s2. Where both surfaces are meshes, half of the sum over each counts, or, in the engine "native",
  * the pressure field of one of them (below). A sphere on a half-space or on a sphere is one element
  * with Hertz's law instead: f_n = 4/3 E sqrt(R) x^1.5 (1 + 1.5 c x'), R the relative radius,
@@ -53,14 +54,14 @@
  * a side it is 12 % under it at equal radii, for two tips half of it. Every term is the slope of an
  * energy that depends on the pose alone, so that a closed way through touching poses gains nothing.
  *
- * Sticking friction: each pair has bristles, springs along the surfaces between a and b that are
- * bent by what b moves against a, and give way where they bear more than mu f_n. Their state in the
- * pair, which the integrator keeps, is y = (shear y_s, twist y_n), of the dimension of a root of
- * energy, and the anchor that they stand on: a point c and an axis u, fixed in the surface that the
- * normals do not belong to, and a radius r. Stiffness and anchor follow the area that touches,
- * never the load: with n the mean normal, c_A the centroid of that area on the same surface, r_A
- * the RMS distance of the area from the axis through c_A along n, v the sliding velocity of b
- * against a at c, w their relative angular velocity,
+ * Sticking friction (stiction): each pair has bristles, tangential springs between the surfaces of
+ * a and b that are bent by the motion of b relative to a, and yield where they bear more than
+ * mu f_n. Their state in the pair, which the integrator keeps, is y = (shear y_s, twist y_n), of
+ * the dimension of a root of energy, and the anchor that they stand on: a point c and an axis u,
+ * fixed in the surface that the normals do not belong to, and a radius r. Stiffness and anchor
+ * follow the area that touches, never the load: with n the mean normal, c_A the centroid of that
+ * area on the same surface, r_A the RMS distance of the area from the axis through c_A along n, v
+ * the sliding velocity of b against a at c, w their relative angular velocity,
  *
  *     anchor     (c_A, n, r_A) where surfaces come to touch, then dragged along no further than to
  *                where r_A <= r <= 1.25 r_A, c is r_A off c_A across n and r_A/64 along it, and
@@ -120,6 +121,7 @@
 #define CONTACT_MAX_SURFACES 1024
 #define CONTACT_MAX_PAIRS 16384
 
+/* Shapes of surfaces. */
 enum contact_shape {
     CONTACT_HALF_SPACE, /* solid below the surface frame's z = 0 plane, outward normal +z */
     CONTACT_SPHERE,     /* centered at the surface frame's origin */
@@ -128,15 +130,17 @@ enum contact_shape {
     CONTACT_CAPSULE,    /* centered, its axis along the frame's z, a half-sphere at each end */
 };
 
+/* Material of a surface: elastic layer, dissipation and friction. */
 struct contact_material {
-    double young_pa;    /* of the elastic layer */
-    double thickness_m; /* of the elastic layer */
-    double dissipation_s_per_m;
+    double young_pa;                          /* of the elastic layer */
+    double thickness_m;                       /* of the elastic layer */
+    double dissipation_s_per_m;               /* c: damping of the normal force */
     double static_friction, dynamic_friction; /* dimensionless */
     double viscous_friction;                  /* s/m */
     double backing_pa_per_m; /* of what is behind the layer; 0 = the layer never ends */
 };
 
+/* A surface fixed to a body or to the world. */
 struct contact_surface {
     const char *name;
     int body; /* index into the motions given to evaluate; -1 = the fixed world */
@@ -151,12 +155,12 @@ struct contact_surface {
     struct contact_material material;
 };
 
-/* Two surfaces that are tested against each other. */
+/* Two surfaces that may touch: only configured pairs interact. */
 struct contact_pair {
     int a, b; /* indices of surfaces */
 };
 
-/* How engine "native" finds what two meshes (or boxes) do to each other. */
+/* How engine "native" computes the contact force between two meshes (or boxes). */
 enum contact_mesh_law {
     CONTACT_PRESSURE_FIELD,     /* the gradient of a potential: conservative */
     CONTACT_ELASTIC_FOUNDATION, /* the paper's: the mean of both meshes' sums */
@@ -168,6 +172,7 @@ enum contact_friction {
     CONTACT_FRICTION_STICKING,    /* with bristles that hold at rest; engine native only */
 };
 
+/* What an engine is created from. */
 struct contact_config {
     size_t nbody;
     size_t nsurface;
@@ -179,20 +184,21 @@ struct contact_config {
     enum contact_friction friction;
 };
 
-/* World frame, about the body's origin. */
+/* Force and moment on a body; world frame, about the body's origin. */
 struct contact_wrench {
     double force[3];  /* N */
     double moment[3]; /* N m */
 };
 
-/* One pair in touch; world frame. Force on surface b's body; the opposite acts on a's. */
+/* Contact patch: one pair in touch; world frame. Force on surface b's body; the opposite acts on
+ * a's. */
 struct contact_patch {
     int pair;
-    double center[3];
-    double force[3];
-    double moment[3];     /* about the center */
+    double center[3];     /* where the force acts, m */
+    double force[3];      /* N */
+    double moment[3];     /* about the center, N m */
     double area_m2;       /* 0 where the engine does not say */
-    double penetration_m; /* deepest; 0 where the engine does not say */
+    double penetration_m; /* largest depth; 0 where the engine does not say */
     double potential_j;   /* stored in the elastic layers */
     double dissipation_w; /* being dissipated */
 };
@@ -209,20 +215,20 @@ enum contact_axis {
     CONTACT_AXES
 };
 
-/* A symmetric 6x6 matrix is kept as its upper triangle by rows: so many elements, and the index of
- * the one at (row, column), row <= column. */
+/* A symmetric 6x6 matrix is stored as its upper triangle by rows: the number of its elements, and
+ * the index of the one at (row, column), row <= column. */
 #define CONTACT_TANGENT_SIZE 21
 #define CONTACT_TANGENT_AT(row, column) ((row) * (11 - (row)) / 2 + (column))
 
 /* Tangent stiffness and damping of one pair in touch: a small motion of b relative to a at center,
  * displacement X and velocity V (linear, angular; world frame), changes the wrench on b there by
  * about -(K X + D V). Both are positive semidefinite. For implicit integration, which stays stable
- * when they err upward: friction counts by a bound of its slope, and what turns the normals or
- * scales friction with the normal force is left out. Bristles count in D, as the time ahead that
- * they were bent for makes them follow V; they themselves change by bristle_per_m_s times what the
- * velocity at bristle_arm has across the normal, and the twist by bristle_per_rad_s times what the
- * angular velocity has along bristle_axis. Their own wrench and part of D are given too: what
- * friction takes from a motion bounds what they may store by it. */
+ * when they err upward: regularized friction counts by a bound of its slope, and the terms by which
+ * the normals turn or friction grows with the normal force are left out. Bristles count in D, since
+ * they are bent by the velocity for the time ahead: the shear changes by bristle_per_m_s times the
+ * part of the velocity at bristle_arm across the normal, the twist by bristle_per_rad_s times the
+ * part of the angular velocity along bristle_axis. Their own wrench and part of D are given too:
+ * the work that friction takes from a motion bounds the energy that they may store by it. */
 struct contact_tangent {
     int pair;
     int body_a, body_b; /* indices into the motions, -1 = the fixed world */
@@ -230,7 +236,7 @@ struct contact_tangent {
     double K[CONTACT_TANGENT_SIZE];            /* N/m, N, N m */
     double D[CONTACT_TANGENT_SIZE];            /* N s/m, N s, N m s */
     double normal[3];                          /* mean, the way b is pushed; 0 without bristles */
-    double bristle_per_m_s, bristle_per_rad_s; /* with the time ahead */
+    double bristle_per_m_s, bristle_per_rad_s; /* J^0.5 after the time ahead, per velocity */
     double bristle_arm[3];                     /* from center to where the bristles stand */
     double bristle_axis[3];                    /* that the twist turns about, along normal */
     double friction[CONTACT_AXES];             /* of bristles: on b at center; N, N m */
@@ -249,11 +255,11 @@ enum contact_bristle_part {
     CONTACT_BRISTLE = 10, /* number of all */
 };
 
-/* Bristles as an evaluation takes them: those of pair i from CONTACT_BRISTLE i on. With a time
- * ahead the forces are those of the bristles as the present velocities would have bent them after
- * that time, and rate leads there: the step of an implicit integrator. Only listed pairs cost
- * anything: on entry at least all whose bristles are not 0, each once, then also those that
- * touch. */
+/* State of the bristles for an evaluation; those of pair i are y[CONTACT_BRISTLE i] and those that
+ * follow. With a time ahead, friction is that of the bristles as the present velocities would have
+ * bent them after that time, and rate leads there: the step of an implicit integrator. Only listed
+ * pairs cost time: the caller lists all whose bristles are not 0, each once; evaluate appends those
+ * that touch. */
 struct contact_bristles {
     const double *y; /* the world's nbristle, J^0.5; 0 where a pair is not listed */
     double ahead_s;  /* >= 0 */
@@ -263,10 +269,10 @@ struct contact_bristles {
     size_t npair;
 };
 
-/* Refuses what no engine can work with, with ERROR_INPUT: indices out of range, numbers that are
- * not finite or not in their range (dynamic friction over static too), rotations that are not
- * orthonormal and right-handed, unsound meshes, pairs of one body with itself, of two
- * half-spaces, or given twice. Not RT-safe. */
+/* Checks a configuration and refuses with ERROR_INPUT what no engine can work with: indices out of
+ * range, numbers that are not finite or not in their range (dynamic friction over static too),
+ * rotations that are not orthonormal and right-handed, unsound meshes, pairs of one body with
+ * itself, of two half-spaces, or given twice. Not RT-safe. */
 enum error_code contact_config_check(const struct contact_config *config, struct error *error);
 
 /* Checks that an engine can take n motions: numbers within 1e9, and R a rotation within the error
@@ -277,19 +283,21 @@ enum error_code contact_check_motions(const struct body_motion *motion, size_t n
 
 struct contact_world;
 
+/* Functions of an engine. */
 struct contact_ops {
     const char *name;
-    /* Wrenches on all nbody bodies (overwritten). bristles: NULL = all relaxed, the only choice of
-     * a world without. Returns ERROR_NONE, ERROR_INPUT for a motion or a bristle that is not valid,
-     * or the engine's failure; wrench and rates are then undefined. */
+    /* Computes contact and friction: the wrenches on all nbody bodies (overwritten). bristles: NULL
+     * = all relaxed, the only choice of a world without. Returns ERROR_NONE, ERROR_INPUT for a
+     * motion or a bristle that is not valid, or the engine's failure; wrench and rates are then
+     * undefined. */
     enum error_code (*evaluate)(struct contact_world *world, const struct body_motion *motion,
                                 struct contact_bristles *bristles, struct contact_wrench *wrench);
-    /* Patches of the last evaluation; returns their number, writes at most max. */
+    /* Writes at most max patches of the last evaluation; returns how many there are. */
     size_t (*patches)(struct contact_world *world, struct contact_patch *patch, size_t max);
-    /* Tangents at the last evaluation; returns their number, writes at most max. May be NULL: then
-     * the world cannot be integrated implicitly. */
+    /* Computes at most max tangents at the last evaluation; returns how many there are. May be
+     * NULL: then the world cannot be integrated implicitly. */
     size_t (*tangents)(struct contact_world *world, struct contact_tangent *tangent, size_t max);
-    /* The engine's message after a failed evaluate. */
+    /* Returns the engine's message after a failed evaluate. */
     const char *(*failure)(const struct contact_world *world);
     void (*destroy)(struct contact_world *world);
 };
@@ -372,8 +380,8 @@ bool contact_simbody_find(char *path, size_t size);
  * Pairs whose bounding balls are apart cost a few instructions, several pairs at a time.
  * Nothing is kept from one evaluation for the next (bristles are the caller's), so the same motion
  * always gives the same bits on the same machine. The kernels are compiled for several instruction
- * sets, of which the best that the machine can run is taken; with another number of lanes sums have
- * another order, and may differ in their last bits.
+ * sets, of which the best that the machine can run is taken; all add up in the same order
+ * (contact/lanes.h) and give the same bits.
  *
  * Work at worst: for a half-space or a sphere the number of facets; in a pressure field the number
  * of pairs of a facet and a cell that meet, which even for meshes that are all within each other

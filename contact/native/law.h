@@ -107,8 +107,8 @@ static inline void batch_add_spring(struct native_batch *b, const double p[3], c
 }
 
 /* Adds up the springs from start on, or adds them to the tangent when there is one, and moves start
- * behind them. Always in the same order, so the same springs give the same bits on the same
- * machine; with another number of lanes the order is another. */
+ * behind them. Always in the same order, so the same springs give the same bits; the order depends
+ * on the number of lanes, which is the same for all instruction sets (contact/lanes.h). */
 void native_law_sum(struct native_batch *batch, const struct native_law *law,
                     const struct native_relative *relative, struct native_sum *sum);
 
