@@ -57,7 +57,7 @@ static bool capsules_may_meet(const struct broad_phase *broad, int i, int j, dou
     const struct broad_capsule *p = &broad->capsule[i], *q = &broad->capsule[j];
     double dx = b->x[j] - b->x[i], dy = b->y[j] - b->y[i], dz = b->z[j] - b->z[i];
     double apart2 = dx * dx + dy * dy + dz * dz, round = p->radius + q->radius + margin;
-    /* The separation along the line between the centers, times their distance */
+    /* Gap between the axes along the line between the centers, times the centers' distance */
     double gap = apart2 - fabs(p->half[0] * dx + p->half[1] * dy + p->half[2] * dz) -
                  fabs(q->half[0] * dx + q->half[1] * dy + q->half[2] * dz);
 

@@ -164,6 +164,8 @@ static enum error_code surface_check_mesh(const struct contact_surface *s, struc
         return error_set(error, ERROR_INPUT, "contact surface '%s': found no mesh, expected one",
                          s->name);
     }
+
+    /* The check takes time; it is left out where the maker of the mesh has done it */
     if (s->mesh->sound) {
         return ERROR_NONE;
     }
@@ -248,6 +250,8 @@ static enum error_code surface_check(const struct contact_config *config, size_t
         return error_set(error, ERROR_INPUT, "contact surface %zu: found no name, expected one",
                          index);
     }
+
+    /* Its body exists */
     if (s->body < -1 || (s->body >= 0 && (size_t)s->body >= config->nbody)) {
         return error_set(error, ERROR_INPUT,
                          "contact surface '%s': found body %d, expected -1 (the world) or 0 to one "

@@ -82,6 +82,7 @@ static bool mesh_is_in_range(struct mesh_checker *c)
         c->finding->fault = MESH_EMPTY;
         return false;
     }
+    /* Each corner's index, then its coordinates, which a bad index does not have */
     for (size_t half = 0; half < 3 * m->nface; half++) {
         int v = m->face[half / 3][half % 3];
 

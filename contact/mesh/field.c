@@ -140,10 +140,13 @@ static void field_sum_normals(const struct field_builder *b, double (*sum)[9])
             const double *at = s->vertex[s->face[f][i]];
             double *m = sum[s->face[f][i]], to[3], from[3], side[3], angle;
 
+            /* Angle of the triangle at this corner */
             vec3_sub(s->vertex[s->face[f][(i + 1) % 3]], at, to);
             vec3_sub(s->vertex[s->face[f][(i + 2) % 3]], at, from);
             vec3_cross(to, from, side);
             angle = portable_atan2(vec3_norm(side), vec3_dot(to, from));
+
+            /* n n^T and n, weighted */
             for (int k = 0; k < 3; k++) {
                 m[k] += angle * n[k] * n[k];
                 m[6 + k] += angle * n[k];
@@ -490,6 +493,8 @@ static enum error_code field_make_tree(struct field_builder *b, struct field *fi
         code = field_no_memory(b);
         goto done;
     }
+
+    /* Cells without volume are left out */
     for (size_t i = 0; i < most; i++) {
         if (prism_find_box(field, (int)i, &box[n])) {
             cell[n++] = (int)i;

@@ -27,6 +27,7 @@
  * edges. */
 #define FIELD_NO_VOLUME 1e-20
 
+/* The pressure field (depth) of a solid. */
 struct field {
     const struct solid *solid;
     double deepest; /* the largest depth, m */
@@ -55,8 +56,8 @@ struct field_prism {
  * is that of the prism, those of the others the opposite, where it lies right side out. */
 static const int field_tetrahedron[3][4] = {{0, 1, 2, 3}, {0, 1, 4, 3}, {0, 5, 4, 3}};
 
-/* Makes the field of a solid that outlives it. Memory from arena; the only error is ERROR_MEMORY.
- * Not RT-safe. */
+/* Computes the field of a solid that outlives it. Memory from arena; the only error is
+ * ERROR_MEMORY. Not RT-safe. */
 enum error_code field_make(const struct solid *solid, const char *name, struct arena *arena,
                            struct field *field, struct error *error);
 
@@ -82,11 +83,14 @@ static inline void field_find_prism(const struct field *field, int cell, struct 
     const double(*inner)[4] = outer + field->nvertex;
     int a = corner[0], b = corner[1], c = corner[2];
 
+    /* Three exchanges sort the corners; each turns the orientation around */
     out->sign = field_sort_two(&a, &b) * field_sort_two(&b, &c);
     out->sign *= field_sort_two(&a, &b);
     out->node[0] = outer[a];
     out->node[1] = outer[b];
     out->node[2] = outer[c];
+
+    /* In the innermost layer a tetrahedron to the innermost point */
     if (layer == field->nlayer) {
         out->nnode = 4;
         out->node[3] = inner[0];

@@ -32,6 +32,7 @@
 #define MESH_MAX_COORDINATE_M 1e6        /* keeps areas and volumes far from overflow */
 #define MESH_MAX_BOX_CELLS 256
 
+/* A triangle mesh: vertices, and three of their indices for each face. */
 struct mesh {
     const char *name;
     size_t nvertex, nface;
@@ -56,6 +57,7 @@ enum mesh_fault {
     MESH_INWARD,            /* encloses a negative volume: all faces run clockwise */
 };
 
+/* What mesh_check has found. */
 struct mesh_finding {
     enum mesh_fault fault;
     size_t face, other_face; /* the first face at fault and its counterpart */
@@ -69,7 +71,7 @@ struct mesh_finding {
 enum error_code mesh_check(const struct mesh *mesh, struct mesh_finding *finding,
                            struct error *error);
 
-/* The fault in words. */
+/* Returns the fault in words. */
 const char *mesh_fault_text(enum mesh_fault fault);
 
 /* Reads an OBJ file. Every fault (NaN, index out of range, missing faces, open or non-manifold
@@ -78,25 +80,27 @@ const char *mesh_fault_text(enum mesh_fault fault);
 enum error_code mesh_read_obj(const char *path, struct arena *arena, const struct mesh **mesh,
                               struct error *error);
 
-/* The same from memory; name stands for the file in messages and names the mesh. */
+/* Reads OBJ text from memory likewise; name stands for the file in messages and names the mesh. */
 enum error_code mesh_read_obj_text(const char *name, const char *text, size_t size,
                                    struct arena *arena, const struct mesh **mesh,
                                    struct error *error);
 
-/* An axis-aligned box about the origin, cells x cells rectangles of two triangles on each side: 12
- * cells^2 faces, 588 for 7. Memory from arena. */
+/* Makes an axis-aligned box about the origin, cells x cells rectangles of two triangles on each
+ * side: 12 cells^2 faces, 588 for 7. Memory from arena. */
 enum error_code mesh_box(const double half_extent[3], int cells, struct arena *arena,
                          const struct mesh **mesh, struct error *error);
 
-/* A capsule about the origin, its axis along z, its length without the ends: 16 sides, 4 rings to
- * an end, 256 faces. As wide as it has to be for its cross-section to have the area of the circle:
- * edges stand out by 1.3 % of the radius, sides stand in by 0.7 %; the ends hold 2.5 % less than
- * half-spheres do. Memory from arena. */
+/* Makes a capsule about the origin, its axis along z, its length without the ends: 16 sides, 4
+ * rings to an end, 256 faces. As wide as it has to be for its cross-section to have the area of the
+ * circle: edges stand out by 1.3 % of the radius, sides stand in by 0.7 %; the ends hold 2.5 % less
+ * than half-spheres do. Memory from arena. */
 enum error_code mesh_capsule(double radius, double length, struct arena *arena,
                              const struct mesh **mesh, struct error *error);
 
-/* Enclosed volume (m3, by the divergence theorem; negative inside out) and surface area (m2). */
+/* Computes the enclosed volume (m3, by the divergence theorem; negative inside out). */
 double mesh_volume(const struct mesh *mesh);
+
+/* Computes the surface area (m2). */
 double mesh_area(const struct mesh *mesh);
 
 #endif

@@ -157,6 +157,7 @@ static enum error_code obj_read_mesh(struct obj_reader *r, struct arena *arena,
                                .vertex = (const double(*)[3])r->vertex,
                                .face = (const int(*)[3])r->face};
 
+    /* Checked on the heap: a mesh that is refused leaves nothing in the arena */
     code = mesh_check(&draft, &finding, r->error);
     if (code != ERROR_NONE) {
         return code;

@@ -24,6 +24,8 @@ static bool obj_reserve_face(struct obj_reader *r)
     if (!face) {
         return false;
     }
+
+    /* The array is the reader's already, should the second one fail */
     r->face = face;
 
     struct obj_place(*place)[3] = realloc(r->corner_place, capacity * sizeof *place);
@@ -63,6 +65,8 @@ static bool obj_parse_corner(const struct obj_token *token, int64_t *vertex)
     if (!obj_parse_index(&at, end, vertex)) {
         return false;
     }
+
+    /* /vt, or / alone before the / of a normal */
     if (at < end && *at == '/' && at + 1 < end && at[1] != '/') {
         ++at;
         if (!obj_parse_index(&at, end, &unused)) {
@@ -74,6 +78,8 @@ static bool obj_parse_corner(const struct obj_token *token, int64_t *vertex)
             return false;
         }
     }
+
+    /* /vn */
     if (at < end && *at == '/') {
         ++at;
         if (!obj_parse_index(&at, end, &unused)) {
@@ -135,6 +141,7 @@ static bool obj_find_polygon_frame(const struct obj_reader *r, double normal[3],
         const double *here = obj_polygon_corner(r, i), *next = obj_polygon_corner(r, i + 1);
         double a[3], b[3], part[3];
 
+        /* Twice the vector area of the fan's triangle; the longest edge */
         vec3_sub(here, first, a);
         vec3_sub(next, first, b);
         vec3_cross(a, b, part);

@@ -22,6 +22,8 @@ static bool obj_reserve_vertex(struct obj_reader *r)
     if (!vertex) {
         return false;
     }
+
+    /* The array is the reader's already, should the second one fail */
     r->vertex = vertex;
 
     struct obj_place *place = realloc(r->vertex_place, capacity * sizeof *place);

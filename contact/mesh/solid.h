@@ -23,6 +23,7 @@
 /* Entries of an outline: SOLID_LANES can be read at once from each entry on, and from the next. */
 #define FACET_OUTLINE(count) (((count) + SOLID_LANES - 1) / SOLID_LANES * SOLID_LANES + SOLID_LANES)
 
+/* A convex flat polygon of the surface. */
 struct facet {
     int first, count;  /* corners: solid->ring[first] to [first + count - 1], counterclockwise */
     int nface;         /* triangles that tile it */
@@ -48,6 +49,7 @@ struct facet {
 /* Rows of solid->plane: a normal and its offset. */
 enum { PLANE_X, PLANE_Y, PLANE_Z, PLANE_OFFSET, PLANE_ROWS };
 
+/* A mesh ready for contact. */
 struct solid {
     size_t nvertex, nface, nfacet, npoint;
     struct box box;

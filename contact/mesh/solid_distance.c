@@ -75,6 +75,7 @@ static enum triangle_feature triangle_find_nearest(const double a[3], const doub
     return FEATURE_FACE;
 }
 
+/* Finds the point of a face nearest to p. */
 static enum triangle_feature face_find_nearest(const struct solid *s, int face, const double p[3],
                                                double out[3])
 {

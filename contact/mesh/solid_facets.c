@@ -84,6 +84,8 @@ static int plane_link_rim(struct solid_builder *b, int n, int seed, int *start)
         for (int e = 0; e < 3; e++) {
             int face = b->member[i], from = m->face[face][e];
 
+            /* An edge inside the plane is not on the rim; a vertex with two edges that leave it is
+             * where the rim touches itself */
             if (b->group[b->neighbor[face][e]] == seed) {
                 continue;
             }

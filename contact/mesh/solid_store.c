@@ -125,6 +125,8 @@ enum error_code solid_store_find(const struct mesh *mesh, struct arena *arena,
         *solid = &stored->solid;
         return ERROR_NONE;
     }
+
+    /* No store, or no room in it: the caller's own */
     own = arena_alloc(arena, 1, sizeof *own);
     if (!own) {
         return error_set(error, ERROR_MEMORY, "contact: no memory for '%s'", mesh->name);
@@ -143,6 +145,7 @@ enum error_code solid_store_find_field(const struct solid *solid, const char *na
     struct error full;
     enum error_code code;
 
+    /* Made on first use, as few solids need one */
     if (stored && !stored->has_field) {
         stored->has_field = !field_make(solid, name, &solid_store.arena, &stored->field, &full);
         solid_store.made += stored->has_field;
@@ -151,6 +154,8 @@ enum error_code solid_store_find_field(const struct solid *solid, const char *na
         *field = &stored->field;
         return ERROR_NONE;
     }
+
+    /* No store, or no room in it: the caller's own */
     own = arena_alloc(arena, 1, sizeof *own);
     if (!own) {
         return error_set(error, ERROR_MEMORY, "contact: no memory for the field of '%s'", name);

@@ -21,15 +21,15 @@ enum error_code solid_store_open(struct error *error);
  * any more. Allowed on a closed one. */
 void solid_store_close(void);
 
-/* How many solids and fields were made since it was opened. */
+/* Returns how many solids and fields were made since it was opened. */
 size_t solid_store_made(void);
 
-/* The solid of a sound mesh: that of the store or, when it is closed or full, one made in arena,
- * which points into mesh. The only error is ERROR_MEMORY. */
+/* Finds the solid of a sound mesh: that of the store or, when it is closed or full, one made in
+ * arena, which points into mesh. The only error is ERROR_MEMORY. */
 enum error_code solid_store_find(const struct mesh *mesh, struct arena *arena,
                                  const struct solid **solid, struct error *error);
 
-/* The field of a solid, likewise. */
+/* Finds the field of a solid, likewise. */
 enum error_code solid_store_find_field(const struct solid *solid, const char *name,
                                        struct arena *arena, const struct field **field,
                                        struct error *error);

@@ -102,6 +102,8 @@ enum error_code solid_find_surroundings(const struct solid_builder *b, const str
                          b->mesh->name);
         goto done;
     }
+
+    /* One face of each vertex, where walks around it begin */
     for (size_t f = 0; f < s->nface; f++) {
         for (int i = 0; i < 3; i++) {
             on.vertex_face[s->face[f][i]] = (int)f;
@@ -110,6 +112,7 @@ enum error_code solid_find_surroundings(const struct solid_builder *b, const str
     for (size_t i = 0; i < s->nfacet; i++) {
         struct facet *f = &b->facet[i];
 
+        /* n corners and nothing else make n - 2 triangles */
         if (f->nface == f->count - 2) {
             facet_find_surroundings(&on, b->ring_vertex + f->first, (int)i + 1, f);
         }

@@ -41,6 +41,7 @@ static void tree_put_median(struct tree_builder *b, int axis, int first, int las
     while (first < last) {
         int i = first, j = last, pivot = item[first + (last - first) / 2];
 
+        /* Partition (Hoare's): items before the pivot to the left, after it to the right */
         while (i <= j) {
             while (tree_item_before(b, axis, item[i], pivot)) {
                 ++i;
@@ -52,6 +53,8 @@ static void tree_put_median(struct tree_builder *b, int axis, int first, int las
                 tree_swap_items(&item[i++], &item[j--]);
             }
         }
+
+        /* On with the side that the middle is in */
         if (middle <= j) {
             last = j;
         } else if (middle >= i) {

@@ -17,6 +17,7 @@
 
 #define TREE_DEPTH_MAX 48 /* of a stack for a search; 2^32 items fill 33 */
 
+/* An axis-aligned box, m. */
 struct box {
     double low[3], high[3];
 };
@@ -40,6 +41,7 @@ struct tree_node {
     int size;  /* nodes below it and itself; its children: node + 1, node + 1 + node[1].size */
 };
 
+/* A bounding-volume tree over items, which are numbers of the caller's. */
 struct tree {
     const struct tree_node *node; /* node[0] is the root */
     const int *item;

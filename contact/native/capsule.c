@@ -191,6 +191,7 @@ static void capsules_add_axes(const struct native_capsule *first,
     const double axis[2][3] = {{0, 0, 1}, {relative->R[2], relative->R[5], relative->R[8]}};
     const double half[2] = {first->half, second->half};
 
+    /* Each axis in turn is the own one, as the law integrates over both */
     for (int own = 0; own < 2; own++) {
         struct axis_couple c = {
             .direction = axis[own],

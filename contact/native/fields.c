@@ -226,12 +226,15 @@ static void group_add(struct visit_group *g, const struct visit_depth *depth,
     double along0 = m->xx * depth->slope[0] + m->xy * depth->slope[1];
     double along1 = m->xy * depth->slope[0] + m->yy * depth->slope[1], x, y;
 
+    /* The first polygon sets the origin, near which little cancels */
     if (g->area <= 0) {
         g->x = m->x;
         g->y = m->y;
     }
     x = m->x - g->x;
     y = m->y - g->y;
+
+    /* Moments of area, then those of depth: mean depth at the centroid, and its slope */
     g->area += area;
     g->first[0] += area * x;
     g->first[1] += area * y;
@@ -872,6 +875,7 @@ static bool visit_find_near(struct visit *v, const struct box *where, struct box
             node += node->size;
             continue;
         }
+        /* Beyond NEAR_MOST cells are counted no further; the box is about all of them */
         if (node->count > 0) {
             *about = v->nnear > 0 ? *about : node->box;
             box_add_box(about, &node->box);

@@ -59,6 +59,7 @@ struct native_springs {
     size_t from, to;
 };
 
+/* The engine: a contact_world and all that it works with. */
 struct native_engine {
     struct contact_world world; /* first */
     size_t nbody, nsurface, npair, npatch;

@@ -157,6 +157,7 @@ static void gather_one_way(const struct native_batch *b, const struct native_law
     for (size_t start = b->start; start < b->n; start += n) {
         const double *const p[3] = {b->p[0] + start, b->p[1] + start, b->p[2] + start};
 
+        /* Moments of normal force, of stiffness and damping for the tangent, and of area */
         n = b->n - start < WEIGHTS_MAX ? b->n - start : WEIGHTS_MAX;
         find_weights(b, start, n, d, law, relative, &weights, sum);
         moments_add_springs(p, weights.normal, n, &normal);

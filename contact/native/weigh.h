@@ -15,6 +15,7 @@ LANES_INLINE void moments_add_springs(const double *const r[3], const double *we
 {
     lanes zeroth = {0}, first[3] = {{0}}, second[6] = {{0}};
 
+    /* w, w r and w r r (xx xy xz yy yz zz), then the sums of the lanes */
     for (size_t i = 0; i < n; i += LANES) {
         lanes w = lanes_load(weight + i);
         lanes x = lanes_load(r[0] + i), y = lanes_load(r[1] + i), z = lanes_load(r[2] + i);
