@@ -17,7 +17,7 @@
 #include "contact/mesh/tree.h"
 
 #define FACET_MAX_VERTICES 64
-#define SOLID_LANES 8  /* what is read side by side is padded to a multiple of this */
+#define SOLID_LANES 8  /* arrays that lanes read are padded to a multiple of this */
 #define FACET_POINTS 3 /* of quadrature in each part of a triangle between centroid and edge */
 
 /* Entries of an outline: SOLID_LANES can be read at once from each entry on, and from the next. */
@@ -73,7 +73,7 @@ struct solid {
     struct tree facets;
     const struct box *normal_bounds; /* of the normals under each node of the tree of facets */
 
-    /* Planes of the facets, of a convex solid: what is behind all of them is inside */
+    /* Planes of the facets, of a convex solid: a point behind all of them is inside */
     bool convex;
     const double *plane[PLANE_ROWS]; /* padded, the last repeated */
     size_t nplane;

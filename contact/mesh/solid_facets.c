@@ -272,7 +272,7 @@ enum error_code solid_make_facets(struct solid_builder *b, struct solid *s)
     return ERROR_NONE;
 }
 
-/* ---- what is kept for facets of more than three corners ---- */
+/* ---- points and outlines of facets of more than three corners ---- */
 
 /* Writes the points of quadrature in the triangle between a facet's centroid and its edge e, from
  * at on; returns the index after them. */

@@ -51,7 +51,7 @@ size_t solid_store_made(void)
     return solid_store.made;
 }
 
-/* ---- what is there ---- */
+/* ---- finding stored solids ---- */
 
 /* Finds the stored solid with the same vertices and faces, bit by bit; NULL when there is none. */
 static struct stored_solid *stored_solid_of_mesh(const struct mesh *mesh)
@@ -77,7 +77,7 @@ static struct stored_solid *stored_solid_of_solid(const struct solid *solid)
     return at;
 }
 
-/* ---- what is made ---- */
+/* ---- making solids ---- */
 
 /* Copies an array of the caller's into the store; NULL when that is full. */
 static void *stored_solid_copy(const void *from, size_t count, size_t size)

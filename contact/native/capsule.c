@@ -33,7 +33,7 @@ struct axis_couple {
     const double *direction, *other; /* of both, unit */
     double half, other_half;
     double between[3]; /* from the other's center to the own */
-    double reach;      /* sum of the radii, less the layers for what backs them */
+    double reach;      /* sum of the radii, m; for the backing less the layers */
     double round;      /* relative radius */
     double low, high;  /* where the own line is within reach of the other axis */
     bool is_first;     /* the own is the first capsule's */
@@ -128,7 +128,7 @@ static void couple_add_spring(const struct axis_couple *c, double s, double leng
         b->p[k][b->n] = at - (c->radius - share * depth) * sign * to[k];
     }
     b->force[b->n] = force;
-    b->depth[b->n] = depth * (ends ? 2.0 / 3 : 0.8); /* twice what is stored, over the force */
+    b->depth[b->n] = depth * (ends ? 2.0 / 3 : 0.8); /* twice the stored energy over the force */
     b->rate[b->n] = force / depth * (ends ? 2 : 1.5);
     b->n++;
     sum->depth = depth > sum->depth ? depth : sum->depth;

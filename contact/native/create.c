@@ -56,7 +56,7 @@ static bool shape_is_mesh(enum contact_shape shape)
     return shape == CONTACT_BOX || shape == CONTACT_MESH;
 }
 
-#define NOMINAL_DEPTH 0.25 /* of the radius, at which the area of what is curved is taken */
+#define NOMINAL_DEPTH 0.25 /* penetration over radius at which a curved surface's area is taken */
 
 /* Stiffness of bristles over that of the layers along the normal. Rigs' layers are softer than what
  * they stand for: those of COMAN have 8.3e7 Pa/m, and soles of rubber with a shear modulus of 1 to

@@ -27,7 +27,7 @@ struct bed {
     const double *base_normal, *other_normal, *origin; /* first's frame; the base's center */
     bool on_second;                                    /* the base is the second mesh's facet */
     double axis[2][3];                                 /* directions of the base's outline */
-    double along[3];                                   /* of the springs: what pushes the first */
+    double along[3];        /* unit, of the springs: the way they push the first */
     double cosine;          /* of the angle between springs and normals */
     double depth, slope[2]; /* at the origin, and how it grows in the base's plane */
 };
@@ -192,7 +192,8 @@ static void bed_add_around(const struct facets_between *m, const struct bed *bed
 static double spring_middle_depth(const struct solid *solid, const struct facet *facet,
                                   double cosine, const double middle[3], double half)
 {
-    /* Of what is nearby nothing can be nearer */
+    /* Within the clearance only faces that touch the facet can be nearest. When none is bent so far
+     * that the middle is nearer to it than DEPTH_FULL, no search is needed */
     if (half <= facet->clearance &&
         facet->bend_cosine * cosine - facet->bend_sine * positive_root(1 - cosine * cosine) >=
             DEPTH_FULL) {

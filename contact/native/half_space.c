@@ -112,7 +112,7 @@ static void half_space_add_bed(struct native_scratch *s, const struct solid *sol
     const struct tree_node *node = tree->node, *end = tree_end(tree);
 
     while (node != end) {
-        /* Facets all above the plane, or all turned away from it, do nothing */
+        /* Skips facets that are all above the plane or all turned away from it */
         if (box_least(&node->box, n) >= height ||
             box_least(&solid->normal_bounds[node - tree->node], n) >= 0) {
             node += node->size;

@@ -27,8 +27,8 @@ struct native_law {
     double us, ud, uv;         /* static, dynamic, viscous friction; uv in s/m */
     double transition_inverse; /* 1/v_t of the friction law, s/m */
     double hertz, hertz_share; /* E (two spheres, sphere and half-space), share of the first */
-    double layers, backing;    /* depth at which the layers end, m; what pushes too from there on,
-                                * Pa/m, 0 = nothing */
+    double layers, backing;    /* depth at which the layers end, m; stiffness added from there on,
+                                * Pa/m, 0 = none */
     double shear_root;         /* root of the bristles' stiffness s, (N/m)^0.5 */
 };
 

@@ -125,7 +125,7 @@ static void pose_relate(const struct native_pose *a, const struct native_pose *b
     mat3_apply_transposed(a->R, v, relative->v);
 }
 
-/* ---- what a pair does ---- */
+/* ---- force of a pair ---- */
 
 /* Checks whether a capsule reaches through the plane of any facet of a mesh near it; where it does
  * not, they do not touch. In the mesh's frame. A capsule is a mesh too for a mesh, up to 1.3 %

@@ -68,7 +68,7 @@ struct native_engine {
     bool *placed;             /* by surface: in this evaluation; those fixed in the world always */
     struct broad_phase broad;
     void (*find_near)(struct broad_phase *broad, uint64_t *near);
-    uint64_t *near; /* what it found */
+    uint64_t *near; /* bits of the pairs that it found */
     struct native_pair *pair;
     struct contact_patch *patch;    /* of the last evaluation */
     struct native_springs *springs; /* of each patch */

@@ -142,7 +142,7 @@ static void cap_add_edge(const struct circle *c, const double a[2], const double
         return;
     }
 
-    /* The piece from p to q is inside, what is before and after it outside */
+    /* The piece from p to q is inside, those before and after it are outside */
     t[0] = t[0] > 0 ? t[0] : 0;
     t[1] = t[1] < 1 ? t[1] : 1;
     for (int k = 0; k < 2; k++) {

@@ -499,7 +499,7 @@ static double hold_now(const struct springs *s, const struct slide *slide,
         rate[k] -= yield * y[k];
     }
 
-    /* Of friction's power what is not stored is dissipated */
+    /* The part of friction's power that is not stored is dissipated */
     sum->potential += square / 2;
     sum->power += fmax(0, grip->power - gain + yield * square);
     return yield;
