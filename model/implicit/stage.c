@@ -166,15 +166,31 @@ static void find_slope(struct plant *plant)
     }
 }
 
+/* Returns whether bodies touch, or a joint or the spring of a drive presses its stop: what throws
+ * joints. Where nothing strikes, motion is smooth and steps are as long as they are told to be. */
+static bool something_strikes(const struct plant *plant)
+{
+    const struct implicit *im = plant->implicit;
+    bool strikes = im->nactive > 0 || !im->stops_rest;
+
+    for (size_t d = 0; d < plant->ndrive && !strikes; d++) {
+        strikes = im->law[d] != SPRING_FREE;
+    }
+    return strikes;
+}
+
 /* Raises jump for joints whose rates turn out other than at the point, as a body at a lever's end
- * would: they strike stops, or are thrown by what lies beyond a linear stage. */
+ * would. */
 static void raise_jump_at_joints(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
     const struct robot *robot = plant->config.robot;
     const size_t first = robot->nv - robot->njoint;
 
-    for (size_t j = 0; j < robot->njoint && !plant->clamped; j++) {
+    if (plant->clamped || !something_strikes(plant)) {
+        return;
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
         const double lever = robot->joint[j].type == JOINT_REVOLUTE ? STRIKE_LEVER : 1.0;
 
         im->jump =

@@ -49,8 +49,8 @@ def test_each_joint_has_its_own_voltage():
     speaks; the plant says which terminal voltage each motor has."""
     from coman_hil import Simulator
     others = {RIGS / f"coman-{kind}.yaml" for kind in
-              ("bench", "cia402", "cia402-imu", "described", "foc-leg", "mini-cheetah", "moteus",
-               "odrive", "rest-bus", "robstride")}
+              ("cia402", "cia402-imu", "described", "foc-leg", "mini-cheetah", "moteus",
+               "odrive", "rest-bus", "robstride", "strict")}
     others |= {RIGS / "hyq.yaml", RIGS / "hyq-leg.yaml", RIGS / "xl330-pendulum.yaml",
                RIGS / "ak80-6-pendulum.yaml"}
     for path in sorted(set(RIGS.glob("*.yaml")) - others):

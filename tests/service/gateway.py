@@ -171,7 +171,7 @@ def test_an_unknown_bus_is_refused():
 
 
 def test_what_is_no_address_is_refused():
-    for text in ("x", "70000", ":1", "localhost:1", "1.2.3.4:x"):
+    for text in ("x", "70000", ":1", "local:1", "1.2.3.4:x"):
         ended = subprocess.run([PROGRAM, "run", RIG, "--transport", "local", "--ticks", "1",
                                 "--gateway", text],
                                capture_output=True, text=True, timeout=PATIENCE_S)
