@@ -234,6 +234,7 @@ def judge_history(run):
     names = ["q_RKneeSag_rad", "torque_RKneeSag_nm"]
     check(lead.hello["limits"]["rows"] is True, "a history is kept")
     lead.ask("pause")
+    lead.ask("step", count=5)
     begun = lead.ask("watch", rate_hz=60, rows=True, signals=names)["rows_after_s"]
     first = lead.ask("status")["tick"]
     lead.send({"id": "steps", "cmd": "step", "count": 700})
