@@ -7,7 +7,8 @@ target_compile_definitions(contact_count PRIVATE HIL_SOURCE_DIR="${CMAKE_SOURCE_
 
 # the native engine once more, with a count of the basic blocks that run
 if(CMAKE_C_COMPILER_ID STREQUAL GNU AND NOT HIL_SANITIZE)
-    file(GLOB contact_sources CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/contact/*.c)
+    file(GLOB contact_sources CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/contact/*.c
+        ${CMAKE_SOURCE_DIR}/contact/mesh/*.c ${CMAKE_SOURCE_DIR}/contact/native/*.c)
     add_library(contact_counted OBJECT ${contact_sources})
     target_link_libraries(contact_counted PRIVATE hil_flags)
     target_compile_options(contact_counted PRIVATE -O3 -Wno-psabi -fsanitize-coverage=trace-pc)
