@@ -255,10 +255,10 @@ static void the_manual_lists_everything_within_eighty_columns(void **state)
         assert_non_null(strstr(text, spec.option[i].help));
     }
     assert_non_null(strstr(text, "\n  -r, --record DIR"));
-    assert_non_null(
-        strstr(text, "column.\n\nAnother paragraph.\n"
-                     "  A line that begins with two spaces goes on four spaces from the left, so\n"
-                     "    that it is seen\n"));
+    assert_non_null(strstr(
+        text, "column.\n\nAnother paragraph.\n"
+              "  A line that begins with two spaces goes on four spaces from the left, so that\n"
+              "    it is seen\n"));
     for (const char *line = text; *line; line += strcspn(line, "\n") + 1) {
         assert_true(strcspn(line, "\n") <= 80);
     }
