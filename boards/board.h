@@ -2,9 +2,9 @@
 /*
  * The boards of a rig: motor drivers and force-torque boards that speak on the buses. They receive
  * frames, turn them into bridge voltages, and send telemetry made from the plant's sensors. Each
- * bus speaks one protocol of the list in boards/protocols.h, each a folder of its own with its wire
- * format in protocol.h. Every message with its lengths and fields, or object of a dictionary, is a
- * row of a table in the same folder; boards/messages.h lists all messages.
+ * bus speaks one protocol of the list in boards/protocol_list.h, each a folder of its own with its
+ * wire format in protocol.h. Every message with its lengths and fields, or object of a dictionary,
+ * is a row of a table in the same folder; boards/messages.h lists all messages.
  *
  * Once a tick the loop calls, in this order: boards_receive for every frame that arrived,
  * boards_control (state machines, time-outs, control modes -> voltages), and, after the plant has
@@ -46,8 +46,8 @@ struct protocol;
 struct described_protocol;
 
 struct boards_bus_config {
-    const struct protocol *protocol; /* what the boards speak (boards/protocols.h); NULL: the first
-                                      * of the list */
+    const struct protocol *protocol; /* what the boards speak; NULL: the first of the
+                                      * list (boards/protocol_list.h) */
     bool fd;                         /* CAN FD frames, where the protocol has them */
     bool padded; /* a command may be padded to 8 bytes, whatever its length is */
     const struct described_protocol *described; /* of a protocol that a file describes; outlives

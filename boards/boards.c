@@ -4,7 +4,7 @@
  * address, its bootloader), and the phases of a tick.
  */
 #include "boards/board_private.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "canbus/frame.h"
 
 #include <string.h>

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Checks whether a configuration of boards can be built: addresses, axes, channels, ranges. */
 #include "boards/board_private.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 
 #include <math.h>
 

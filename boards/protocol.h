@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A protocol as a module: all that the rest of the program knows of what the boards of a bus speak.
- * Each folder of boards/ fills one struct protocol, boards/protocols.h lists them, and nobody else
- * asks which one a bus has. What a protocol can do is data, how it
- * does it is a function; NULL stands where a protocol has nothing to add, as the line above says.
+ * Each folder of boards/ fills one struct protocol, boards/protocol_list.h lists them, and nobody
+ * else asks which one a bus has. What a protocol can do is data, how it does it is a function; NULL
+ * stands where a protocol has nothing to add, as the line above says.
  *
  * The tables are immutable. No function here is RT-safe: the loop works with the functions of the
  * boards and buses that make_bus and make_board have made (boards/board_private.h).

@@ -4,7 +4,7 @@
 #include "base/count.h"
 #include "base/text.h"
 #include "boards/described/protocol.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "model/hydraulics/hydraulic.h"
 #include "rig/builder_private.h"
 

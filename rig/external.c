@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Checks which boards of a rig file may be external: real ones on the same bus. */
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "rig/builder_private.h"
 
 /* Refuses keys that only an external board may have. */

@@ -9,7 +9,7 @@
 #include "base/count.h"
 #include "base/hash.h"
 #include "base/text.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "contact/mesh/mesh.h"
 #include "rig/builder_private.h"
 #include "base/config.h"

@@ -4,7 +4,7 @@
 #include "rig/schema.h"
 
 #include "base/count.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "canbus/lockstep.h"
 #include "base/config.h"
 #include "rig/rig.h"

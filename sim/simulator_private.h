@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What the parts of the simulator share: assembly.c makes it, simulator.c runs and closes it,
- * machine.c is what the loop calls, status.c, signals.c and recording.c what it publishes and
- * records, events.c its log, access.c what others may see. Not RT-safe but where it says so.
+ * tick_phases.c is what the loop calls, status.c, signals.c and recording.c what it publishes and
+ * records, events.c its log, simulator_access.c what others may see. Not RT-safe but where it
+ * says so.
  */
 #ifndef SIM_PRIVATE_H
 #define SIM_PRIVATE_H
@@ -89,7 +90,7 @@ struct simulator {
 enum error_code simulator_assemble(struct simulator *simulator, char notice[256],
                                    struct error *error);
 
-/* ---- machine.c, status.c: RT-safe ---- */
+/* ---- tick_phases.c, status.c: RT-safe ---- */
 
 struct loop_machine simulator_machine(struct simulator *simulator);
 

@@ -3,8 +3,8 @@
  * What the parts of the page's server share: server.c has the thread, connection.c the bytes from
  * and to a client, http_respond.c answers requests of HTTP, message.c carries out what a client
  * asks, control_link.c passes the rest on to the control socket; hello.c and its parts describe the
- * scene, state.c makes the binary states, trace.c hears the buses. All in the server's thread but
- * for what viewer.h says. Not RT-safe.
+ * scene, state_message.c makes the binary states, trace.c hears the buses. All in the server's
+ * thread but for what viewer.h says. Not RT-safe.
  */
 #ifndef VIEWER_PRIVATE_H
 #define VIEWER_PRIVATE_H
@@ -206,7 +206,7 @@ bool viewer_give_place(struct viewer *viewer, struct viewer_client *client,
 
 void viewer_give_order(struct viewer *viewer, enum viewer_order order);
 
-/* ---- end.c ---- */
+/* ---- run_end.c ---- */
 
 /* Tells a client how the run has ended, once; it is disconnected unless it stays. */
 void client_tell_end(struct viewer *viewer, struct viewer_client *client);
@@ -244,7 +244,7 @@ bool control_link_send(struct viewer_client *client, const char *text, size_t si
 /* Reads answers of the control socket and passes them to the client. */
 void control_link_read(struct viewer *viewer, struct viewer_client *client);
 
-/* ---- hello.c, hello_scene.c, database.c, mesh.c, visual.c ---- */
+/* ---- hello.c, hello_scene.c, database.c, mesh.c, stl_file.c ---- */
 
 /* Describes what does not change during a run; NULL = no memory. */
 json_t *viewer_hello(const struct viewer *viewer);
@@ -265,7 +265,7 @@ const struct viewer_file *viewer_visual_file(struct viewer *viewer, size_t visua
 /* Returns the first visual with the same file. */
 size_t viewer_visual_source(const struct robot *robot, size_t visual);
 
-/* ---- state.c ---- */
+/* ---- state_message.c ---- */
 
 enum error_code viewer_create_state(struct viewer *viewer, struct error *error);
 

@@ -6,7 +6,7 @@
 #include "base/count.h"
 #include "base/options.h"
 #include "base/whole_file.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "manual/eds.h"
 
 #include <string.h>

@@ -7,7 +7,7 @@
 #include "app/import/write.h"
 #include "base/count.h"
 #include "base/options.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "manual/import.h"
 
 #include <stdio.h>

@@ -9,7 +9,7 @@
 #include "base/options.h"
 #include "base/text.h"
 #include "boards/described/protocol.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "manual/protocol.h"
 
 #include <string.h>

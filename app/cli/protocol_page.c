@@ -5,7 +5,7 @@
 #include "base/count.h"
 #include "base/options.h"
 #include "boards/described/protocol.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 
 #include <inttypes.h>
 #include <stdarg.h>

@@ -3,7 +3,7 @@
 #include "app/cli/topics.h"
 #include "app/scenario/scenario.h"
 #include "base/options.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "faults/faults.h"
 #include "manual/board.h"
 #include "manual/bus.h"

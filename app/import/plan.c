@@ -2,7 +2,7 @@
 /* Plans which joint is on which bus. */
 #include "app/import/plan.h"
 
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 
 #include <stdio.h>
 

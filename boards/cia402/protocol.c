@@ -6,7 +6,7 @@
 #include "boards/cia402/eds.h"
 #include "boards/cia402/frames.h"
 #include "boards/cia402/object_list.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "manual/protocol_cia402.h"
 
 /* Creates a board by its kind (struct protocol). */

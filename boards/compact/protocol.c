@@ -3,7 +3,7 @@
 #include "boards/compact/board.h"
 #include "boards/compact/messages.h"
 #include "boards/compact/table.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "manual/protocol_compact.h"
 
 /* Creates a board of the configured kind (struct protocol). */

@@ -5,7 +5,7 @@
 #include "boards/board_private.h"
 #include "boards/described/board.h"
 #include "boards/described/messages.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 
 /* Creates a board by its kind (struct protocol). */
 static struct board *described_make_board(const struct board_config *config, struct arena *arena)

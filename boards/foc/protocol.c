@@ -4,7 +4,7 @@
 #include "boards/foc/table.h"
 #include "boards/icub/board.h"
 #include "boards/icub/messages.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "manual/protocol_foc.h"
 
 #include <math.h>

@@ -2,7 +2,7 @@
 /* The protocol of the BLL boards, icub, as a module. */
 #include "boards/icub/board.h"
 #include "boards/icub/messages.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "manual/protocol_icub.h"
 
 #include <string.h>

@@ -5,7 +5,7 @@
 #include "boards/board_private.h"
 #include "boards/moteus/board.h"
 #include "boards/moteus/table.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "manual/protocol_moteus.h"
 
 /* Creates a controller, the only kind of board (struct protocol). */

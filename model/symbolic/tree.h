@@ -89,7 +89,7 @@ void tree_write_inertia(const struct tree *tree, double *inertia);
 /* Returns the hash of frames, groups and places: of everything but mass properties and gravity. */
 uint64_t tree_hash(const struct tree *tree);
 
-/* Groups of bodies for at most lanes lanes (lanes.c); tree->body is complete. */
+/* Groups of bodies for at most lanes lanes (limb_lanes.c); tree->body is complete. */
 enum error_code tree_assign_lanes(struct tree *tree, int lanes, struct error *error);
 
 #endif

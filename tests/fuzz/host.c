@@ -8,7 +8,7 @@
 #include "boards/described/protocol.h"
 #include "boards/icub/protocol.h"
 #include "boards/messages.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "canbus/lockstep.h"
 #include "tasks/host.h"
 #include "tests/fuzz/fuzz.h"

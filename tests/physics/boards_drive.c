@@ -18,7 +18,7 @@
 #include "boards/compact/protocol.h"
 #include "boards/described/protocol.h"
 #include "boards/foc/protocol.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "tests/physics/plant_rig.h"
 
 #include <math.h>

@@ -10,7 +10,7 @@
  * more with the inertias of the robot in both, which shows what import has repaired.
  */
 #include "app/import/import.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "base/random.h"
 #include "base/vec3.h"
 #include "model/plant.h"

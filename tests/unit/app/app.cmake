@@ -54,10 +54,10 @@ hil_test(bench_latency_tap SOURCES unit/app/bench/latency_tap.c LIBS bench LABEL
 hil_test(bench_throughput SOURCES unit/app/bench/throughput.c LIBS bench LABELS unit)
 hil_test(bench_pendulum_plain SOURCES unit/app/bench/pendulum_plain.c LIBS bench LABELS unit)
 
-foreach(name scenario expect limits signal)
+foreach(name scenario judge_expectations limits signal)
     hil_test(scenario_${name} SOURCES unit/app/scenario/${name}.c LIBS scenario LABELS unit)
 endforeach()
-target_link_options(test_scenario_expect PRIVATE -Wl,--wrap=scenario_signal_find)
+target_link_options(test_scenario_judge_expectations PRIVATE -Wl,--wrap=scenario_signal_find)
 
 hil_test(sweep_sweep SOURCES unit/app/sweep/sweep.c LIBS sweep LABELS unit)
 

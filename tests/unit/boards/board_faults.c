@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Faults of boards: power, hanging firmware; no fault shows on another board or out of its time. */
 #include "tests/unit/boards/fault_bench.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 
 /* Frames of the whole run of a base, hashed; without those of leg1 when others_only. */
 static uint64_t run_hash(const char *line, bool others_only)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What boards tell of their CAN controllers: by hand, and with a wire that counts. */
 #include "boards/foc/protocol.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "canbus/wire/wire.h"
 #include "tests/unit/boards/board_bench.h"
 

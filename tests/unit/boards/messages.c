@@ -6,7 +6,7 @@
  */
 #include "boards/compact/protocol.h"
 #include "boards/messages.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "tests/unit/boards/board_bench.h"
 
 enum { MESSAGES_MAX = 2048 };

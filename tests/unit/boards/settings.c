@@ -3,7 +3,7 @@
  * speak. */
 #include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "tests/unit/boards/board_bench.h"
 
 static size_t find(const struct board_bench *bench, size_t board, size_t axis, const char *name,

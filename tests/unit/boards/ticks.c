@@ -8,7 +8,7 @@
 #include "base/count.h"
 #include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "tests/unit/boards/board_bench.h"
 
 #define MS INT64_C(1000000)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The buses of rigs: what each speaks, what that allows on it, how far it is loaded. */
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "rig/rig.h"
 
 #include "tests/unit/rig/rig_bench.h"

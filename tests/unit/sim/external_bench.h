@@ -11,7 +11,7 @@
 #include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
 #include "boards/icub/protocol.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "canbus/frame.h"
 #include "model/drives/actuator.h"
 

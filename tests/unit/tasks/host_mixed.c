@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A host with another protocol on each of its buses, and anything at all on them. */
 #include "boards/described/protocol.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "tests/unit/tasks/host_bench.h"
 
 enum { ICUB, FOC, COMPACT };

@@ -4,7 +4,7 @@
 #include "app/import/import.h"
 #include "app/import/write.h"
 #include "base/count.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "rig/rig.h"
 
 #include <math.h>

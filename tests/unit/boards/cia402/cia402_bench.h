@@ -4,7 +4,7 @@
 #define TESTS_UNIT_BOARDS_CIA402_CIA402_BENCH_H
 
 #include "boards/cia402/protocol.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "tests/unit/boards/board_bench.h"
 
 static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_cia402},

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The compact protocol on its buses: identifiers, room on the wire, configurations, events. */
 #include "tests/unit/boards/compact/compact_bench.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 
 static void identifiers_are_apart_and_ordered_by_urgency(void **state)
 {

@@ -4,7 +4,7 @@
 #define TESTS_UNIT_BOARDS_COMPACT_COMPACT_BENCH_H
 
 #include "boards/compact/table.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "tests/unit/boards/board_bench.h"
 
 static const struct boards_bus_config buses[BENCH_BUSES] = {

@@ -5,7 +5,7 @@
  * the torque that they have to make.
  */
 #include "boards/described/protocol.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 
 #include "tests/unit/boards/board_bench.h"
 

@@ -4,7 +4,7 @@
 #define TESTS_UNIT_BOARDS_FOC_FOC_BENCH_H
 
 #include "boards/foc/protocol.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "tests/unit/boards/board_bench.h"
 
 #define GEAR 100.0

@@ -3,7 +3,7 @@
 #include "boards/compact/table.h"
 #include "boards/foc/protocol.h"
 #include "boards/sensing/sensing.h"
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 #include "tests/unit/boards/board_bench.h"
 
 #define LIMIT_C 70.0

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The protocols that boards speak, and how they are found. Immutable; RT-safe but for
  * protocols_list. */
-#ifndef BOARDS_PROTOCOLS_H
-#define BOARDS_PROTOCOLS_H
+#ifndef BOARDS_PROTOCOL_LIST_H
+#define BOARDS_PROTOCOL_LIST_H
 
 #include "base/yaml.h"
 #include "boards/protocol.h"

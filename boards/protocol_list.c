@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The table of the protocols; see the header. */
-#include "boards/protocols.h"
+/* Lists the protocols: boards/CMakeLists.txt makes the list of the folders that are modules. */
+#include "boards/protocol_list.h"
 
 #include "base/count.h"
 

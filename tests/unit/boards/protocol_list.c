@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The list of protocols: each is found by its name, has what everyone may ask for, and is refused
  * what it cannot do. */
-#include "boards/protocols.h"
+#include "boards/protocol_list.h"
 
 #include "base/count.h"
 #include "boards/described/protocol.h"
