@@ -19,8 +19,8 @@ hil_script_test(service_wire_budget COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/ser
                 $<TARGET_FILE:coman-hil> LABELS service TIMEOUT 60)
 # The address space of a guest process has no room for the shadow memory of the sanitizers.
 if(NOT HIL_SANITIZE)
-    hil_script_test(service_run_vcan LABELS service TIMEOUT 200
-        COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 180
+    hil_script_test(service_run_vcan LABELS service TIMEOUT 320
+        COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 300
                 ${CMAKE_CURRENT_SOURCE_DIR}/service/run_vcan.sh)
     hil_script_test(service_rest_bus_vcan LABELS service TIMEOUT 160
         COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 150
