@@ -269,10 +269,10 @@ static void check_print_sensors(const struct rig *rig)
         print_error("F/T force", "N", &s->ft[0].force);
         print_error("F/T torque", "N m", &s->ft[0].torque);
     }
-    print_error("gyro", "rad/s", &s->gyro);
-    print_error("accelerometer", "m/s2", &s->accel);
-    print_error("magnetometer", "T", &s->magnetic);
-    print_error("orientation", "of 1", &s->orientation);
+    print_error("gyro", "rad/s", &s->imu.gyro);
+    print_error("accelerometer", "m/s2", &s->imu.accel);
+    print_error("magnetometer", "T", &s->imu.magnetic);
+    print_error("orientation", "of 1", &s->imu.orientation);
     printf("faults      %zu armed\n", rig->nfault);
     for (size_t i = 0; i < rig->nfault; i++) {
         printf("  %s\n", rig->fault[i].name);

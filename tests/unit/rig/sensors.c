@@ -37,7 +37,7 @@ static void without_the_sections_all_is_ideal(void **state)
         assert_memory_equal(&rig->sensing.joint[j].link_encoder, &none, sizeof none);
         assert_true(rig->sensing.joint[j].thermal.resistance_ohm == 0.0);
     }
-    assert_memory_equal(&rig->sensing.gyro, &none, sizeof none);
+    assert_memory_equal(&rig->sensing.imu.gyro, &none, sizeof none);
 }
 
 static void what_a_joint_gives_replaces_the_channel_of_all(void **state)
@@ -70,9 +70,9 @@ static void what_a_joint_gives_replaces_the_channel_of_all(void **state)
     assert_true(rig->sensing.joint[2].thermal.resistance_ohm == 0.0); /* has no motor */
     assert_true(rig->sensing.ft[0].crosstalk == 0.0 && rig->sensing.ft[1].crosstalk == 0.01);
     assert_true(rig->sensing.ft[1].force.full_scale == 2000.0);
-    assert_true(rig->sensing.gyro.ramp_per_s == 0.1);
-    assert_true(rig->sensing.magnetic.offset == 1e-6);
-    assert_true(rig->sensing.orientation.latency_ns == 4000000);
+    assert_true(rig->sensing.imu.gyro.ramp_per_s == 0.1);
+    assert_true(rig->sensing.imu.magnetic.offset == 1e-6);
+    assert_true(rig->sensing.imu.orientation.latency_ns == 4000000);
 }
 
 static void a_supply_has_the_bus_that_is_given(void **state)
