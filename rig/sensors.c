@@ -284,8 +284,8 @@ static enum error_code sensors_check_crosstalk(struct rig_builder *b, const stru
     return ERROR_NONE;
 }
 
-/* Sets the clocks: those of the boards that carry the joints and sensors, by their order in the rig;
- * what no board carries has the first one's. */
+/* Sets the clocks: those of the boards that carry the joints and sensors, by their order in the
+ * rig; what no board carries has the first one's. */
 static void sensors_assign_clocks(const struct rig_builder *b, struct sensor_joint *joint,
                                   struct sensor_ft *ft)
 {

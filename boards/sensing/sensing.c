@@ -111,7 +111,7 @@ static double sensing_heat_winding(const struct sensing *s, size_t j,
     return thermal->ambient_c + state->heated_c;
 }
 
-/* Returns the angle that an eccentric ring shows, without its error where it was calibrated, at 0. */
+/* Returns the angle that an eccentric ring shows, without its error where it was calibrated: 0. */
 static double sensing_eccentric_angle(const struct sensing *s, size_t j, double q)
 {
     const double *part = s->joint[j].eccentricity_rad, *phase = s->state[j].eccentric_phase_rad;

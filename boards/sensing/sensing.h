@@ -23,8 +23,8 @@
  * correlation exp(-t / instability_s). It is at work from the start.
  *
  * Boards have clocks of their own. One that samples every period_ns of a clock that is wrong by
- * d (at most drift_ppm, drawn from the seed as is its phase) has sampled last at a whole multiple of
- * period_ns (1 + d) behind its phase: between two samples its values stand still.
+ * d (at most drift_ppm, drawn from the seed as is its phase) has sampled last at a whole multiple
+ * of period_ns (1 + d) behind its phase: between two samples its values stand still.
  *
  * The inertial sensor's gyro and accelerometer are turned by the small angles of their
  * misalignment. Its orientation is the true attitude, or what an attitude filter of its own makes

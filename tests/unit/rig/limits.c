@@ -109,6 +109,7 @@ static const struct limit rig_limits[] = {
     {"tasks.walk.left_m_s", -2, 2},
     {"tasks.walk.turn_rad_s", -2, 2},
     {"tasks.walk.attitude_per_s", 0, 1000},
+    {"tasks.walk.lean_per_s", 0, 20},
     {"tasks.walk.com_per_s", 0, 200},
     {"tasks.walk.com_walking_per_s", 0, 200},
     {"tasks.walk.com_walking_m_s", 0, 2},

@@ -135,8 +135,8 @@ static void bias_of_the_gyro_tilts_and_turns_it(void **state)
     }
 }
 
-/* In a field with a dip of d a tilt of e about north, which nothing corrects, is taken for a heading
- * of e tan(d). */
+/* In a field with a dip of d a tilt of e about north, which nothing corrects, is taken for a
+ * heading of e tan(d). */
 static void tilt_leaks_into_the_heading_by_the_dip(void **state)
 {
     struct bench *bench = *state;
@@ -155,8 +155,8 @@ static void tilt_leaks_into_the_heading_by_the_dip(void **state)
     assert_close(yaw_of(bench->measured->imu.quaternion), e * 41.1 / 22.8, 0.01 * e);
 }
 
-/* Turning about the vertical by a turn and a half without any correction: the integral of a constant
- * rate is exact. */
+/* Turning about the vertical by a turn and a half without any correction: the integral of a
+ * constant rate is exact. */
 static void integrates_the_rate(void **state)
 {
     struct bench *bench = *state;

@@ -63,8 +63,8 @@ static void low_pass_starts_settled(void **state)
     }
 }
 
-/* Six plays of half widths r = F/2, F/4 ... F/64, each of the weight w = h / (2 - 1/32): once around
- * the amplitude A their loops have the area sum 4 w r (A - r), r < A, and in the middle the
+/* Six plays of half widths r = F/2, F/4 ... F/64, each of the weight w = h / (2 - 1/32): once
+ * around the amplitude A their loops have the area sum 4 w r (A - r), r < A, and in the middle the
  * branches are sum 2 w min(r, A - r) apart. */
 static void hysteresis_encloses_the_area_of_its_plays(void **state)
 {
