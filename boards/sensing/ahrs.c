@@ -77,7 +77,8 @@ static void ahrs_turn(double q[4], const double turn[3])
 void ahrs_update(struct ahrs *ahrs, const struct ahrs_config *config, const double gyro_rad_s[3],
                  const double accel_m_s2[3], const double magnetic_t[3], double dt_s)
 {
-    double R[9], tilt[3], heading[3], turn[3];
+    const struct ahrs before = *ahrs;
+    double R[9], tilt[3], heading[3], turn[3], sum = 0.0;
 
     mat3_from_quaternion(ahrs->quaternion, R);
     ahrs_find_errors(R, accel_m_s2, magnetic_t, tilt, heading);
@@ -90,6 +91,15 @@ void ahrs_update(struct ahrs *ahrs, const struct ahrs_config *config, const doub
         ahrs->bias_rad_s[k] -= dt_s * config->bias_per_s2 *
                                (tilt[k] + (config->magnetic_per_s > 0.0 ? heading[k] : 0.0));
         ahrs->rate_rad_s[k] = gyro_rad_s[k];
+        sum += ahrs->bias_rad_s[k];
     }
     ahrs_turn(ahrs->quaternion, turn);
+
+    /* Readings beyond all numbers, as faults make them, leave it as it was */
+    for (int i = 0; i < 4; i++) {
+        sum += ahrs->quaternion[i];
+    }
+    if (!isfinite(sum)) {
+        *ahrs = before;
+    }
 }

@@ -41,7 +41,7 @@ void ahrs_align(struct ahrs *ahrs, const double accel_m_s2[3], const double magn
                 const double gyro_rad_s[3]);
 
 /* Updates it by one step of dt_s at whose end the readings were taken; a specific force or field
- * of 0 corrects nothing. */
+ * of 0 corrects nothing, and readings too large to compute with leave it as it was. */
 void ahrs_update(struct ahrs *ahrs, const struct ahrs_config *config, const double gyro_rad_s[3],
                  const double accel_m_s2[3], const double magnetic_t[3], double dt_s);
 

@@ -217,6 +217,31 @@ static void without_field_and_force_nothing_is_corrected(void **state)
     }
 }
 
+/* What a fault makes of gyro, accelerometer or field is no end of the attitude. */
+static void readings_beyond_all_numbers_are_left_out(void **state)
+{
+    struct bench *bench = *state;
+    const double R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    double *const reading[] = {bench->truth.imu.gyro_rad_s, bench->truth.imu.accel_m_s2,
+                               bench->truth.imu.magnetic_t};
+
+    bench->config.imu.ahrs = (struct ahrs_config){true, 1.0, 1.0, 0.1};
+    rest(bench, R);
+    start(bench);
+    tick(bench);
+    for (size_t i = 0; i < sizeof reading / sizeof *reading; i++) {
+        double kept = reading[i][1];
+
+        reading[i][1] = 1e300;
+        tick(bench);
+        reading[i][1] = kept;
+        for (int k = 0; k < 5; k++) {
+            tick(bench);
+        }
+        assert_close(bench->measured->imu.quaternion[0], 1.0, 1e-12);
+    }
+}
+
 static void refuses_impossible_filters(void **state)
 {
     struct bench *bench = *state;
@@ -242,6 +267,7 @@ int main(void)
         TEST(integrates_the_rate),
         TEST(misaligned_axes_are_turned),
         TEST(without_field_and_force_nothing_is_corrected),
+        TEST(readings_beyond_all_numbers_are_left_out),
         TEST(refuses_impossible_filters),
     };
 
