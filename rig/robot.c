@@ -67,6 +67,54 @@ static void rig_add_point(struct robot_inertia *inertia, double mass, const doub
     inertia->mass = total;
 }
 
+/* Hangs a tool on a force-torque sensor in the place of what the robot file says. */
+static enum error_code rig_hang_tool(struct rig_builder *b, struct robot_ft_sensor *ft,
+                                     const struct raw_tool *tool)
+{
+    struct error why;
+
+    ft->distal.mass = tool->mass_kg;
+    memcpy(ft->distal.com, tool->com_m, sizeof ft->distal.com);
+    memcpy(ft->distal.I, tool->inertia_kg_m2, sizeof ft->distal.I);
+    return robot_check_inertia(&ft->distal, &why)
+               ? yaml_error(b->error, &tool->mark, "%s", why.text)
+               : ERROR_NONE;
+}
+
+/* Hangs what the rig says on the force-torque sensors: on all, then on single ones. */
+static enum error_code rig_hang_tools(struct rig_builder *b)
+{
+    const struct raw_sensors *raw = &b->raw->sensors;
+    bool given = raw->every_ft.tool_given;
+    struct robot *robot;
+    enum error_code code;
+    int index;
+
+    for (size_t i = 0; i < raw->nft; i++) {
+        given = given || raw->ft[i].tool_given;
+    }
+    if (!given) {
+        return ERROR_NONE;
+    }
+
+    /* The robot file's own stays as it is */
+    code = robot_copy(b->robot, b->arena, &robot, b->error);
+    for (size_t f = 0; raw->every_ft.tool_given && f < b->robot->nft && !code; f++) {
+        code = rig_hang_tool(b, &robot->ft[f], &raw->every_ft.tool);
+    }
+    for (size_t i = 0; i < raw->nft && !code; i++) {
+        code = rig_find(b, &raw->ft[i].mark, "F/T sensor", raw->ft[i].name,
+                        RIG_NAMES(b->robot->ft, b->robot->nft), &index);
+        if (!code && raw->ft[i].tool_given) {
+            code = rig_hang_tool(b, &robot->ft[index], &raw->ft[i].tool);
+        }
+    }
+    if (!code) {
+        b->robot = robot;
+    }
+    return code;
+}
+
 /* Adds a mass to the load of the body's force-torque sensors, which carry it as well. */
 static enum error_code rig_hang_mass(struct rig_builder *b, struct robot *robot, int body,
                                      const struct yaml_real_entry *added)
@@ -158,6 +206,7 @@ enum error_code rig_build_robot(struct rig_builder *b)
 
     code = code ? code : robot_load(path, raw->variant, b->arena, &b->robot, b->error);
     code = code ? code : rig_replace_springs(b);
+    code = code ? code : rig_hang_tools(b);
     code = code ? code : rig_add_masses(b);
     if (code) {
         return code;

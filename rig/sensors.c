@@ -3,10 +3,12 @@
 #include "rig/sensors.h"
 
 #include "base/count.h"
+#include "boards/protocol.h"
 #include "rig/builder_private.h"
 
 #include <float.h>
 #include <math.h>
+#include <string.h>
 
 #define AT(member) offsetof(struct STRUCT, member)
 
@@ -21,6 +23,12 @@ static const struct yaml_field channel_fields[] = {
     {"lsb", YAML_REAL, false, AT(lsb), .min = DBL_MIN, .max = 1e6},
     {"latency_s", YAML_REAL, false, AT(latency_s), .min = 0.0,
      .max = 1e-9 * (double)SENSING_LATENCY_MAX_NS},
+    {"bandwidth_hz", YAML_REAL, false, AT(bandwidth_hz), .min = 1e-3, .max = 1e6},
+    {"hysteresis", YAML_REAL, false, AT(hysteresis), .min = 0.0, .max = 0.2},
+    {"instability_rms", YAML_REAL, false, AT(instability_rms), .min = 0.0, .max = 1e6},
+    {"instability_s", YAML_REAL, false, AT(instability_s), .min = 1e-3, .max = 1e6},
+    {"offset_per_k", YAML_REAL, false, AT(offset_per_k), .min = -1e6, .max = 1e6},
+    {"gain_per_k", YAML_REAL, false, AT(gain_per_k), .min = -1.0, .max = 1.0},
 };
 #undef STRUCT
 static const struct yaml_schema channel_schema = {
@@ -46,6 +54,19 @@ static const struct yaml_schema winding_schema = {
     .defaults = &winding_defaults,
 };
 
+#define STRUCT raw_warm_up
+static const struct yaml_field warm_up_fields[] = {
+    {"rise_k", YAML_REAL, true, AT(rise_k), .min = -100.0, .max = 200.0},
+    {"time_constant_s", YAML_REAL, true, AT(time_constant_s), .min = 1e-3, .max = 1e6},
+};
+#undef STRUCT
+static const struct yaml_schema warm_up_schema = {
+    .what = "the warming of a sensor",
+    .size = sizeof(struct raw_warm_up),
+    .fields = warm_up_fields,
+    .field_count = ARRAY_COUNT(warm_up_fields),
+};
+
 #define CHANNEL(key, member, given)                                                                \
     {                                                                                              \
         key, YAML_MAP, false, AT(member), .schema = &channel_schema, .given_offset = AT(given)     \
@@ -60,6 +81,10 @@ static const struct yaml_field joint_fields[] = {
     CHANNEL("temperature_c", temperature, temperature_given),
     {"winding", YAML_MAP, false, AT(winding), .schema = &winding_schema,
      .given_offset = AT(winding_given)},
+    {"warm_up", YAML_MAP, false, AT(warm_up), .schema = &warm_up_schema,
+     .given_offset = AT(warm_up_given)},
+    {"eccentricity_rad", YAML_REALS, false, AT(eccentricity_rad), .count = 2, .min = 0.0,
+     .max = 0.1, .given_offset = AT(eccentricity_given)},
     {"motor_encoder_from_start", YAML_BOOL, false, .offset = AT(incremental),
      .given_offset = AT(incremental_given)},
 };
@@ -72,12 +97,29 @@ static const struct yaml_schema joint_schema = {
     .name_offset = offsetof(struct raw_joint_sensors, name),
 };
 
+#define STRUCT raw_tool
+static const struct yaml_field tool_fields[] = {
+    {"mass_kg", YAML_REAL, true, AT(mass_kg), .min = 1e-6, .max = 1e3},
+    {"com_m", YAML_REALS, true, AT(com_m), .count = 3, .min = -10.0, .max = 10.0},
+    {"inertia_kg_m2", YAML_REALS, false, AT(inertia_kg_m2), .count = 6, .min = -1e3, .max = 1e3},
+};
+#undef STRUCT
+static const struct yaml_schema tool_schema = {
+    .what = "what hangs beyond a force-torque sensor",
+    .size = sizeof(struct raw_tool),
+    .fields = tool_fields,
+    .field_count = ARRAY_COUNT(tool_fields),
+};
+
 #define STRUCT raw_ft_sensors
 static const struct yaml_field ft_fields[] = {
     CHANNEL("force_n", force, force_given),
     CHANNEL("torque_nm", torque, torque_given),
     {"crosstalk", YAML_REAL, false, AT(crosstalk), .min = 0.0, .max = 1.0,
      .given_offset = AT(crosstalk_given)},
+    {"warm_up", YAML_MAP, false, AT(warm_up), .schema = &warm_up_schema,
+     .given_offset = AT(warm_up_given)},
+    {"tool", YAML_MAP, false, AT(tool), .schema = &tool_schema, .given_offset = AT(tool_given)},
 };
 #undef STRUCT
 static const struct yaml_schema ft_schema = {
@@ -88,12 +130,32 @@ static const struct yaml_schema ft_schema = {
     .name_offset = offsetof(struct raw_ft_sensors, name),
 };
 
+#define STRUCT raw_ahrs
+static const struct yaml_field ahrs_fields[] = {
+    {"accel_per_s", YAML_REAL, true, AT(accel_per_s), .min = 0.0, .max = 100.0},
+    {"magnetic_per_s", YAML_REAL, false, AT(magnetic_per_s), .min = 0.0, .max = 100.0},
+    {"bias_per_s2", YAML_REAL, false, AT(bias_per_s2), .min = 0.0, .max = 100.0},
+};
+#undef STRUCT
+static const struct yaml_schema ahrs_schema = {
+    .what = "the attitude filter of the inertial sensor",
+    .size = sizeof(struct raw_ahrs),
+    .fields = ahrs_fields,
+    .field_count = ARRAY_COUNT(ahrs_fields),
+};
+
 #define STRUCT raw_imu_sensors
 static const struct yaml_field imu_fields[] = {
     {"gyro_rad_s", YAML_MAP, false, AT(gyro), .schema = &channel_schema},
     {"accel_m_s2", YAML_MAP, false, AT(accel), .schema = &channel_schema},
     {"magnetic_t", YAML_MAP, false, AT(magnetic), .schema = &channel_schema},
     {"orientation", YAML_MAP, false, AT(orientation), .schema = &channel_schema},
+    {"gyro_misalignment_rad", YAML_REALS, false, AT(gyro_misalignment_rad), .count = 3, .min = -0.5,
+     .max = 0.5},
+    {"accel_misalignment_rad", YAML_REALS, false, AT(accel_misalignment_rad), .count = 3,
+     .min = -0.5, .max = 0.5},
+    {"warm_up", YAML_MAP, false, AT(warm_up), .schema = &warm_up_schema},
+    {"ahrs", YAML_MAP, false, AT(ahrs), .schema = &ahrs_schema, .given_offset = AT(ahrs_given)},
 };
 #undef STRUCT
 static const struct yaml_schema imu_schema = {
@@ -103,6 +165,20 @@ static const struct yaml_schema imu_schema = {
     .field_count = ARRAY_COUNT(imu_fields),
 };
 
+#define STRUCT raw_clocks
+static const struct yaml_field clocks_fields[] = {
+    {"period_s", YAML_REAL, true, AT(period_s), .min = 1e-6,
+     .max = 1e-9 * (double)SENSING_LATENCY_MAX_NS},
+    {"drift_ppm", YAML_REAL, false, AT(drift_ppm), .min = 0.0, .max = SENSING_CLOCK_DRIFT_MAX_PPM},
+};
+#undef STRUCT
+static const struct yaml_schema clocks_schema = {
+    .what = "the sampling clocks of the boards",
+    .size = sizeof(struct raw_clocks),
+    .fields = clocks_fields,
+    .field_count = ARRAY_COUNT(clocks_fields),
+};
+
 #define STRUCT raw_sensors
 static const struct yaml_field sensors_fields[] = {
     {"every_joint", YAML_MAP, false, AT(every_joint), .schema = &joint_schema},
@@ -110,6 +186,7 @@ static const struct yaml_field sensors_fields[] = {
     {"every_ft", YAML_MAP, false, AT(every_ft), .schema = &ft_schema},
     {"fts", YAML_DICT, false, AT(ft), AT(nft), .schema = &ft_schema},
     {"imu", YAML_MAP, false, AT(imu), .schema = &imu_schema},
+    {"clocks", YAML_MAP, false, AT(clocks), .schema = &clocks_schema},
 };
 #undef STRUCT
 const struct yaml_schema rig_sensors_schema = {
@@ -133,7 +210,19 @@ static struct sensor_error sensor_error_of(const struct raw_channel *raw)
         .full_scale = raw->full_scale,
         .lsb = raw->lsb,
         .latency_ns = llround(raw->latency_s * 1e9),
+        .bandwidth_hz = raw->bandwidth_hz,
+        .hysteresis = raw->hysteresis,
+        .instability_rms = raw->instability_rms,
+        .instability_s = raw->instability_s,
+        .offset_per_k = raw->offset_per_k,
+        .gain_per_k = raw->gain_per_k,
     };
+}
+
+/* Returns the warming of a sensor. */
+static struct sensor_warm_up sensor_warm_up_of(const struct raw_warm_up *raw)
+{
+    return (struct sensor_warm_up){raw->rise_k, raw->time_constant_s};
 }
 
 /* Replaces the channels that raw gives. */
@@ -166,6 +255,10 @@ static void sensors_apply_joint(const struct raw_joint_sensors *raw, const struc
             .time_constant_s = raw->winding.time_constant_s,
         };
     }
+    to->warm_up = raw->warm_up_given ? sensor_warm_up_of(&raw->warm_up) : to->warm_up;
+    if (raw->eccentricity_given) {
+        memcpy(to->eccentricity_rad, raw->eccentricity_rad, sizeof to->eccentricity_rad);
+    }
     to->incremental = raw->incremental_given ? raw->incremental : to->incremental;
 }
 
@@ -175,6 +268,7 @@ static void sensors_apply_ft(const struct raw_ft_sensors *raw, struct sensor_ft 
     to->force = raw->force_given ? sensor_error_of(&raw->force) : to->force;
     to->torque = raw->torque_given ? sensor_error_of(&raw->torque) : to->torque;
     to->crosstalk = raw->crosstalk_given ? raw->crosstalk : to->crosstalk;
+    to->warm_up = raw->warm_up_given ? sensor_warm_up_of(&raw->warm_up) : to->warm_up;
 }
 
 /* Checks that a sensor with crosstalk has full scales. */
@@ -188,6 +282,118 @@ static enum error_code sensors_check_crosstalk(struct rig_builder *b, const stru
                           ft->name);
     }
     return ERROR_NONE;
+}
+
+/* Sets the clocks: those of the boards that carry the joints and sensors, by their order in the
+ * rig; what no board carries has the first one's. */
+static void sensors_assign_clocks(const struct rig_builder *b, struct sensor_joint *joint,
+                                  struct sensor_ft *ft)
+{
+    const struct boards_config *boards = &b->rig->boards;
+
+    for (size_t i = 0; i < boards->nboard; i++) {
+        const struct board_config *board = &boards->board[i];
+
+        const size_t most = b->rig->bus[board->bus].protocol->axes_max;
+
+        for (size_t a = 0; a < most && board->kind == BOARD_MOTOR; a++) {
+            if (board->axis[a].joint >= 0) {
+                joint[board->axis[a].joint].clock = i;
+            }
+        }
+        if (board->kind == BOARD_FT) {
+            ft[board->ft].clock = i;
+        } else if (board->kind == BOARD_INERTIAL) {
+            b->rig->sensing.imu.clock = i;
+        }
+    }
+}
+
+/* Checks that a channel has what its errors need: a low pass below half the rate of the ticks, a
+ * full scale for hysteresis, both numbers of instability. */
+static enum error_code sensors_check_channel(struct rig_builder *b, const struct raw_channel *raw)
+{
+    const double half_hz = 0.5e9 / (double)b->rig->tick_ns;
+
+    if (raw->bandwidth_hz >= half_hz) {
+        return yaml_error(b->error, &raw->mark,
+                          "found bandwidth_hz %g, expected less than half the rate of the ticks, "
+                          "%g",
+                          raw->bandwidth_hz, half_hz);
+    }
+    if (raw->hysteresis > 0.0 && raw->full_scale == 0.0) {
+        return yaml_error(b->error, &raw->mark,
+                          "found hysteresis without full_scale, expected both");
+    }
+    if ((raw->instability_rms > 0.0) != (raw->instability_s > 0.0)) {
+        return yaml_error(b->error, &raw->mark,
+                          "found one of instability_rms and instability_s, expected both or none");
+    }
+    return ERROR_NONE;
+}
+
+/* Checks the channels of a joint, or of all. */
+static enum error_code sensors_check_joint(struct rig_builder *b,
+                                           const struct raw_joint_sensors *raw)
+{
+    const struct raw_channel *const channel[] = {&raw->link_encoder, &raw->motor_encoder,
+                                                 &raw->current, &raw->torque, &raw->temperature};
+    enum error_code code = ERROR_NONE;
+
+    for (size_t i = 0; i < ARRAY_COUNT(channel) && !code; i++) {
+        code = sensors_check_channel(b, channel[i]);
+    }
+    return code;
+}
+
+/* Checks the channels of a force-torque sensor, or of all. */
+static enum error_code sensors_check_ft(struct rig_builder *b, const struct raw_ft_sensors *raw)
+{
+    enum error_code code = sensors_check_channel(b, &raw->force);
+
+    return code ? code : sensors_check_channel(b, &raw->torque);
+}
+
+/* Checks the channels of all sensors. */
+static enum error_code sensors_check_channels(struct rig_builder *b)
+{
+    const struct raw_sensors *raw = &b->raw->sensors;
+    const struct raw_channel *const imu[] = {&raw->imu.gyro, &raw->imu.accel, &raw->imu.magnetic,
+                                             &raw->imu.orientation};
+    enum error_code code = sensors_check_joint(b, &raw->every_joint);
+
+    for (size_t i = 0; i < raw->njoint && !code; i++) {
+        code = sensors_check_joint(b, &raw->joint[i]);
+    }
+    code = code ? code : sensors_check_ft(b, &raw->every_ft);
+    for (size_t i = 0; i < raw->nft && !code; i++) {
+        code = sensors_check_ft(b, &raw->ft[i]);
+    }
+    for (size_t i = 0; i < ARRAY_COUNT(imu) && !code; i++) {
+        code = sensors_check_channel(b, imu[i]);
+    }
+    return code;
+}
+
+/* Returns the inertial sensor. */
+static struct sensor_imu sensors_imu_of(const struct raw_imu_sensors *raw)
+{
+    struct sensor_imu imu = {
+        .gyro = sensor_error_of(&raw->gyro),
+        .accel = sensor_error_of(&raw->accel),
+        .magnetic = sensor_error_of(&raw->magnetic),
+        .orientation = sensor_error_of(&raw->orientation),
+        .warm_up = sensor_warm_up_of(&raw->warm_up),
+        .ahrs = {.on = raw->ahrs_given,
+                 .accel_per_s = raw->ahrs.accel_per_s,
+                 .magnetic_per_s = raw->ahrs.magnetic_per_s,
+                 .bias_per_s2 = raw->ahrs.bias_per_s2},
+    };
+
+    memcpy(imu.gyro_misalignment_rad, raw->gyro_misalignment_rad, sizeof imu.gyro_misalignment_rad);
+    memcpy(imu.accel_misalignment_rad, raw->accel_misalignment_rad,
+           sizeof imu.accel_misalignment_rad);
+    return imu;
 }
 
 enum error_code rig_build_sensors(struct rig_builder *b)
@@ -242,12 +448,12 @@ enum error_code rig_build_sensors(struct rig_builder *b)
         .nft = robot->nft,
         .joint = joint,
         .ft = ft,
-        .gyro = sensor_error_of(&raw->imu.gyro),
-        .accel = sensor_error_of(&raw->imu.accel),
-        .magnetic = sensor_error_of(&raw->imu.magnetic),
-        .orientation = sensor_error_of(&raw->imu.orientation),
+        .imu = sensors_imu_of(&raw->imu),
+        .clocks = {.period_ns = llround(raw->clocks.period_s * 1e9),
+                   .drift_ppm = raw->clocks.drift_ppm},
         .tick_ns = b->rig->tick_ns,
         .seed = b->rig->seed,
     };
-    return ERROR_NONE;
+    sensors_assign_clocks(b, joint, ft);
+    return sensors_check_channels(b);
 }

@@ -15,6 +15,9 @@ static const char *const foot_force_name[BODY_SIDES] = {"r_leg_ft", "l_leg_ft"};
  * edge until it lies flat on the ground. */
 #define ANCHOR_SHARE 0.3
 
+/* Largest tilt of the board that is taken out, rad: three times what such a board is off by. */
+#define LEAN_MAX_RAD 0.15
+
 struct estimator {
     struct estimate_config config;
     const struct body_model *model;
@@ -23,6 +26,7 @@ struct estimator {
     double *angle;            /* by axis of the host */
     struct body_pose *pose;   /* by link, in the pelvis's frame */
     bool located;             /* the observer of the center of mass has its first value */
+    double lean[2]; /* what the board's attitude is turned by about the world's x and y, rad */
     struct estimate now;
 };
 
@@ -81,7 +85,25 @@ enum error_code estimator_create(const struct estimate_config *config,
 
 /* ---- attitude ---- */
 
-/* Computes the rotation pelvis to world out of the quaternion that the inertial board reports. */
+/* Turns R back by the tilt of the board, about horizontal axes of the world. */
+static void estimate_upright(const struct estimator *estimator, double R[9])
+{
+    const double lean[3] = {estimator->lean[0], estimator->lean[1], 0.0};
+    double angle = vec3_norm(lean), axis[3], back[9], old[9];
+
+    if (!(angle > 0.0)) {
+        return;
+    }
+    for (int k = 0; k < 3; k++) {
+        axis[k] = lean[k] / angle;
+    }
+    mat3_about_axis(axis, -angle, back);
+    memcpy(old, R, sizeof old);
+    mat3_mul(back, old, R);
+}
+
+/* Computes the rotation pelvis to world out of the quaternion that the inertial board reports,
+ * less its tilt. */
 static void estimate_board_attitude(const struct estimator *estimator, double R[9])
 {
     const struct host_motion *motion = host_motion(estimator->host);
@@ -90,6 +112,7 @@ static void estimate_board_attitude(const struct estimator *estimator, double R[
     mat3_from_quaternion(motion->quaternion, sensor);
     mat3_transpose(estimator->model->imu.rotation, back);
     mat3_mul(sensor, back, R);
+    estimate_upright(estimator, R);
 }
 
 /* Rotates R by a rotation vector in its own frame, rad: R <- R * exp(turn). */
@@ -244,13 +267,25 @@ static void estimate_odometry(struct estimator *estimator)
 
 /* ---- center of mass ---- */
 
+/* Updates the tilt of the board. Seen from a frame that is tilted by e about y, forces accelerate
+ * the center of mass by g e along x, which the encoders do not see: the observer's error settles at
+ * -g e / l^2. About x the same with the other sign. */
+static void estimate_lean(struct estimator *estimator, const double apart[3], double l, double dt_s)
+{
+    const double rate = estimator->config.lean_per_s * l * l / estimator->model->gravity_m_s2;
+    const double most = LEAN_MAX_RAD;
+
+    estimator->lean[0] = fmax(-most, fmin(most, estimator->lean[0] + rate * apart[1] * dt_s));
+    estimator->lean[1] = fmax(-most, fmin(most, estimator->lean[1] - rate * apart[0] * dt_s));
+}
+
 /* Updates the observer of the center of mass: forces give its acceleration, encoders its
  * position (a Luenberger observer, critically damped). l: its double pole, 1/s. */
 static void estimate_center_of_mass(struct estimator *estimator, double l, double dt_s)
 {
     const struct body_model *model = estimator->model;
     struct estimate *now = &estimator->now;
-    double com[3], seen[3];
+    double com[3], seen[3], apart[3];
 
     body_center_of_mass(model, estimator->pose, com);
     mat3_apply(now->R, com, seen);
@@ -262,11 +297,12 @@ static void estimate_center_of_mass(struct estimator *estimator, double l, doubl
     for (int k = 0; k < 3; k++) {
         double force = now->foot[0].force_n[k] + now->foot[1].force_n[k];
         double acceleration = force / model->mass_kg - (k == 2 ? model->gravity_m_s2 : 0);
-        double apart = seen[k] - now->com_m[k];
 
-        now->com_m[k] += (now->com_m_s[k] + 2 * l * apart) * dt_s;
-        now->com_m_s[k] += (acceleration + l * l * apart) * dt_s;
+        apart[k] = seen[k] - now->com_m[k];
+        now->com_m[k] += (now->com_m_s[k] + 2 * l * apart[k]) * dt_s;
+        now->com_m_s[k] += (acceleration + l * l * apart[k]) * dt_s;
     }
+    estimate_lean(estimator, apart, l, dt_s);
 }
 
 /* Computes the zero-moment point of both feet together: the mean of the centers of pressure,
@@ -313,6 +349,7 @@ void estimator_start(struct estimator *estimator)
     double middle[3] = {0};
 
     memset(now, 0, sizeof *now);
+    memset(estimator->lean, 0, sizeof estimator->lean);
     mat3_identity(now->R);
     if (host_motion(estimator->host)->quaternion_time_ns >= 0) {
         estimate_board_attitude(estimator, now->R);

@@ -155,6 +155,8 @@ struct hold_config {
 struct estimate_config {
     double attitude_per_s;    /* rate at which the gyro's attitude is corrected toward the
                                * board's, or toward gravity */
+    double lean_per_s;        /* rate at which the tilt of the board's attitude is found by the
+                               * forces of the feet; 0: it has none */
     double com_per_s;         /* bandwidth of the correction of the center of mass by the
                                * encoders */
     double com_walking_per_s; /* the same while it is told to walk fast; 0: com_per_s */

@@ -241,6 +241,12 @@ static void print_error(const char *what, const char *unit, const struct sensor_
         printf("  %-16s noise %g, offset %g, gain error %g, step %g %s, %g ms late\n", what,
                e->noise_rms, e->offset, e->gain_error, e->lsb, unit, (double)e->latency_ns * 1e-6);
     }
+    if (e->bandwidth_hz > 0.0 || e->hysteresis > 0.0 || e->instability_rms > 0.0) {
+        printf("  %-16s bandwidth %g Hz (0: all passes), hysteresis %g of %g, instability %g in %g "
+               "s\n",
+               "", e->bandwidth_hz, e->hysteresis, e->full_scale, e->instability_rms,
+               e->instability_s);
+    }
 }
 
 /* Prints the sensors that are not ideal, joints by the first one's, with a note when others differ,
@@ -254,7 +260,8 @@ static void check_print_sensors(const struct rig *rig)
     /* Compare the errors of all joints with the first one's */
     for (size_t j = 1; j < s->njoint; j++) {
         differ += memcmp(&joint[j].link_encoder, &joint[0].link_encoder,
-                         sizeof *joint - offsetof(struct sensor_joint, link_encoder)) != 0;
+                         offsetof(struct sensor_joint, clock) -
+                             offsetof(struct sensor_joint, link_encoder)) != 0;
     }
     printf("sensors     of %zu joints, %zu F/T, seed %" PRIu64 "%s\n", s->njoint, s->nft, rig->seed,
            differ ? ", not all joints alike" : "");
@@ -269,10 +276,18 @@ static void check_print_sensors(const struct rig *rig)
         print_error("F/T force", "N", &s->ft[0].force);
         print_error("F/T torque", "N m", &s->ft[0].torque);
     }
-    print_error("gyro", "rad/s", &s->gyro);
-    print_error("accelerometer", "m/s2", &s->accel);
-    print_error("magnetometer", "T", &s->magnetic);
-    print_error("orientation", "of 1", &s->orientation);
+    print_error("gyro", "rad/s", &s->imu.gyro);
+    print_error("accelerometer", "m/s2", &s->imu.accel);
+    print_error("magnetometer", "T", &s->imu.magnetic);
+    print_error("orientation", "of 1", &s->imu.orientation);
+    if (s->imu.ahrs.on) {
+        printf("  attitude filter  %g /s to the specific force, %g /s to north, bias %g /s2\n",
+               s->imu.ahrs.accel_per_s, s->imu.ahrs.magnetic_per_s, s->imu.ahrs.bias_per_s2);
+    }
+    if (s->clocks.period_ns > 0) {
+        printf("  boards' clocks   %g ms, %g ppm\n", (double)s->clocks.period_ns * 1e-6,
+               s->clocks.drift_ppm);
+    }
     printf("faults      %zu armed\n", rig->nfault);
     for (size_t i = 0; i < rig->nfault; i++) {
         printf("  %s\n", rig->fault[i].name);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Creates the sensors: ranges checked, delay lines and random streams laid out. */
 #include "base/portable_math.h"
+#include "base/vec3.h"
 #include "faults/kinds.h"
 #include "boards/sensing/private.h"
 
@@ -8,68 +9,48 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Checks whether a number is finite and not negative. */
-static bool sensing_is_not_negative(double value)
+/* Checks the warming of a sensor and that its board has a clock; sets up what its channels have in
+ * common. */
+static enum error_code sensing_make_device(struct sensing *s, struct sensor_device *device,
+                                           const char *name, const struct sensor_warm_up *warm_up,
+                                           size_t clock, struct error *error)
 {
-    return isfinite(value) && value >= 0.0;
-}
+    const bool warms = warm_up->rise_k != 0.0;
 
-/* Checks that the terms of a sensor's error are possible. */
-static enum error_code sensor_error_check(const struct sensor_error *e, const char *name,
-                                          struct error *error)
-{
-    if (!isfinite(e->gain_error) || !isfinite(e->offset) || !isfinite(e->ramp_per_s) ||
-        !sensing_is_not_negative(e->noise_rms) || !sensing_is_not_negative(e->drift_per_sqrt_s) ||
-        !sensing_is_not_negative(e->full_scale) || !sensing_is_not_negative(e->lsb)) {
+    if (!isfinite(warm_up->rise_k) ||
+        (warms && !(warm_up->time_constant_s > 0.0 && isfinite(warm_up->time_constant_s)))) {
         return error_set(error, ERROR_INPUT,
-                         "sensor %s: found an error term that is negative or not a number", name);
+                         "sensor %s: found a warming without a time constant above 0", name);
     }
-    if (e->latency_ns < 0 || e->latency_ns > SENSING_LATENCY_MAX_NS) {
-        return error_set(error, ERROR_INPUT,
-                         "sensor %s: found a latency of %g s, expected 0 to %g s", name,
-                         (double)e->latency_ns * 1e-9, (double)SENSING_LATENCY_MAX_NS * 1e-9);
-    }
+    device->warm_up = *warm_up;
+    device->keep =
+        warms ? portable_exp(-1e-9 * (double)s->config.tick_ns / warm_up->time_constant_s) : 0.0;
+    device->clock = s->nclock > 0 ? &s->clock[clock] : NULL;
     return ERROR_NONE;
 }
 
-/* Returns whether a sensor has no error at all. */
-static bool sensor_error_is_ideal(const struct sensor_error *e)
+/* Draws the phases of an eccentric encoder. */
+static enum error_code sensing_make_eccentricity(struct sensing *s, size_t j, struct error *error)
 {
-    return e->gain_error == 0.0 && e->offset == 0.0 && e->noise_rms == 0.0 &&
-           e->drift_per_sqrt_s == 0.0 && e->ramp_per_s == 0.0 && e->full_scale == 0.0 &&
-           e->lsb == 0.0 && e->latency_ns == 0;
-}
-
-/* Returns the number of samples that a delay needs: the newest and those up to one beyond it. */
-static size_t delay_line_length(int64_t delay_ns, int64_t tick_ns)
-{
-    return delay_ns > 0 ? (size_t)((delay_ns + tick_ns - 1) / tick_ns) + 1 : 0;
-}
-
-/* Creates a channel, with random streams that bear its name: they depend on the seed and nothing
- * else. */
-static enum error_code sensing_make_channel(struct sensing *s, size_t index, const char *name,
-                                            const char *what, const struct sensor_error *from,
-                                            struct arena *arena, struct error *error)
-{
-    struct channel *channel = &s->channel[index];
+    const struct sensor_joint *joint = &s->joint[j];
+    struct random_stream random;
     char stream[160];
-    enum error_code code = sensor_error_check(from, name, error);
 
-    if (code) {
-        return code;
+    if (!sensing_is_not_negative(joint->eccentricity_rad[0]) ||
+        !sensing_is_not_negative(joint->eccentricity_rad[1])) {
+        return error_set(error, ERROR_INPUT,
+                         "sensor %s: found an eccentricity that is negative or not a number",
+                         joint->name);
     }
-    channel->error = *from;
-    channel->ideal = sensor_error_is_ideal(from);
-    s->ideal = s->ideal && channel->ideal;
-    snprintf(stream, sizeof stream, "noise %s.%s", name, what);
-    channel->noise = random_named(s->config.seed, stream);
-    snprintf(stream, sizeof stream, "drift %s.%s", name, what);
-    channel->walk = random_named(s->config.seed, stream);
-    channel->length = delay_line_length(from->latency_ns, s->config.tick_ns);
-    channel->line = arena_alloc(arena, channel->length + 1, sizeof *channel->line);
-    return channel->line ? ERROR_NONE
-                         : error_set(error, ERROR_MEMORY, "no memory left for sensor %s", name);
+    snprintf(stream, sizeof stream, "eccentricity %s", joint->name);
+    random = random_named(s->config.seed, stream);
+    for (int k = 0; k < 2; k++) {
+        s->state[j].eccentric_phase_rad[k] = 6.283185307179586 * random_uniform(&random);
+        if (joint->eccentricity_rad[k] > 0.0) {
+            s->channel[sensing_joint_channel(j, SENSOR_LINK_ENCODER)].ideal = s->ideal = false;
+        }
+    }
+    return ERROR_NONE;
 }
 
 /* Creates the channels of a joint and the thermal model of its winding. */
@@ -87,6 +68,8 @@ static enum error_code sensing_make_joint(struct sensing *s, size_t j, struct ar
         [SENSOR_TEMPERATURE] = &joint->temperature,
     };
     const struct sensor_thermal *thermal = &joint->thermal;
+    struct sensor_device *device = &s->device[j];
+    enum error_code code;
 
     /* The winding's heat */
     if (!sensing_is_not_negative(thermal->resistance_ohm) || !isfinite(thermal->ambient_c) ||
@@ -103,15 +86,12 @@ static enum error_code sensing_make_joint(struct sensing *s, size_t j, struct ar
             ? portable_exp(-1e-9 * (double)s->config.tick_ns / thermal->time_constant_s)
             : 0.0;
 
-    for (size_t i = 0; i < SENSOR_JOINT_CHANNELS; i++) {
-        enum error_code code = sensing_make_channel(s, sensing_joint_channel(j, i), joint->name,
-                                                    what[i], from[i], arena, error);
-
-        if (code) {
-            return code;
-        }
+    code = sensing_make_device(s, device, joint->name, &joint->warm_up, joint->clock, error);
+    for (size_t i = 0; i < SENSOR_JOINT_CHANNELS && !code; i++) {
+        code = sensing_make_channel(s, sensing_joint_channel(j, i), joint->name, what[i], from[i],
+                                    device, arena, error);
     }
-    return ERROR_NONE;
+    return code ? code : sensing_make_eccentricity(s, j, error);
 }
 
 /* Fills the mixing matrix of a force-torque sensor: ones on the diagonal, crosstalk as a part of
@@ -151,34 +131,65 @@ static enum error_code sensing_make_ft(struct sensing *s, size_t f, struct arena
 {
     static const char *const what[SENSOR_FT_CHANNELS] = {"fx", "fy", "fz", "tx", "ty", "tz"};
 
-    for (size_t i = 0; i < SENSOR_FT_CHANNELS; i++) {
-        enum error_code code =
-            sensing_make_channel(s, sensing_ft_channel(s, f, i), s->ft[f].name, what[i],
-                                 i < 3 ? &s->ft[f].force : &s->ft[f].torque, arena, error);
+    const struct sensor_ft *ft = &s->ft[f];
+    struct sensor_device *device = &s->device[s->config.njoint + f];
+    enum error_code code = sensing_make_device(s, device, ft->name, &ft->warm_up, ft->clock, error);
 
-        if (code) {
-            return code;
+    for (size_t i = 0; i < SENSOR_FT_CHANNELS && !code; i++) {
+        code = sensing_make_channel(s, sensing_ft_channel(s, f, i), ft->name, what[i],
+                                    i < 3 ? &ft->force : &ft->torque, device, arena, error);
+    }
+    return code ? code : sensing_make_crosstalk(s, f, error);
+}
+
+/* Checks the inertial sensor's attitude filter and misalignments, and computes the turned axes. */
+static enum error_code sensing_make_attitude(struct sensing *s, struct error *error)
+{
+    const struct sensor_imu *imu = &s->config.imu;
+    const double *const turn[2] = {imu->gyro_misalignment_rad, imu->accel_misalignment_rad};
+
+    for (int i = 0; i < 2; i++) {
+        double angle = vec3_norm(turn[i]), axis[3], R[9];
+
+        if (!isfinite(angle)) {
+            return error_set(error, ERROR_INPUT,
+                             "sensor imu: found a misalignment that is not a number");
+        }
+        mat3_identity(s->misaligned[i]);
+        if (angle > 0.0) {
+            for (int k = 0; k < 3; k++) {
+                axis[k] = turn[i][k] / angle;
+            }
+            mat3_about_axis(axis, angle, R);
+            mat3_transpose(R, s->misaligned[i]);
+            s->ideal = false;
         }
     }
-    return sensing_make_crosstalk(s, f, error);
+    s->ideal = s->ideal && !imu->ahrs.on;
+    return sensing_is_not_negative(imu->ahrs.accel_per_s) &&
+                   sensing_is_not_negative(imu->ahrs.magnetic_per_s) &&
+                   sensing_is_not_negative(imu->ahrs.bias_per_s2)
+               ? ERROR_NONE
+               : error_set(error, ERROR_INPUT,
+                           "sensor imu: found a gain of the attitude filter that is negative or "
+                           "not a number");
 }
 
 /* Creates the channels of the inertial sensor. */
 static enum error_code sensing_make_imu(struct sensing *s, struct arena *arena, struct error *error)
 {
-    const struct sensor_error *const from[] = {&s->config.gyro, &s->config.accel,
-                                               &s->config.magnetic, &s->config.orientation};
+    const struct sensor_imu *imu = &s->config.imu;
+    const struct sensor_error *const from[] = {&imu->gyro, &imu->accel, &imu->magnetic,
+                                               &imu->orientation};
+    struct sensor_device *device = &s->device[s->config.njoint + s->config.nft];
+    enum error_code code = sensing_make_attitude(s, error);
 
-    for (size_t i = 0; i < SENSOR_IMU_CHANNELS; i++) {
-        enum error_code code =
-            sensing_make_channel(s, sensing_imu_channel(s, i), "imu", sensor_imu_channels[i],
-                                 from[i < 9 ? i / 3 : 3], arena, error);
-
-        if (code) {
-            return code;
-        }
+    code = code ? code : sensing_make_device(s, device, "imu", &imu->warm_up, imu->clock, error);
+    for (size_t i = 0; i < SENSOR_IMU_CHANNELS && !code; i++) {
+        code = sensing_make_channel(s, sensing_imu_channel(s, i), "imu", sensor_imu_channels[i],
+                                    from[i < 9 ? i / 3 : 3], device, arena, error);
     }
-    return ERROR_NONE;
+    return code;
 }
 
 /* Adds the entry of channel k of a fault. */
@@ -193,7 +204,7 @@ static enum error_code sensing_add_fault(struct sensing *s, const struct fault *
     to->channel = fault->index + k;
     to->random = random_named(faults_seed(s->config.faults), stream);
     if (fault->kind == FAULT_DELAYED) {
-        to->length = delay_line_length((int64_t)(fault->value[0] * 1e9), s->config.tick_ns);
+        to->length = sensing_delay_line_length((int64_t)(fault->value[0] * 1e9), s->config.tick_ns);
     }
     to->line = arena_alloc(arena, to->length + 1, sizeof *to->line);
     return to->line ? ERROR_NONE
@@ -231,6 +242,48 @@ static enum error_code sensing_make_faults(struct sensing *s, struct arena *aren
     return ERROR_NONE;
 }
 
+/* Draws how fast the boards' clocks run and when they sample. */
+static enum error_code sensing_make_clocks(struct sensing *s, struct arena *arena,
+                                           struct error *error)
+{
+    const struct sensor_clocks *clocks = &s->config.clocks;
+    size_t count = s->config.imu.clock + 1;
+
+    if (clocks->period_ns < 0 || clocks->period_ns > SENSING_LATENCY_MAX_NS ||
+        !sensing_is_not_negative(clocks->drift_ppm) ||
+        clocks->drift_ppm > SENSING_CLOCK_DRIFT_MAX_PPM) {
+        return error_set(error, ERROR_INPUT, "sensors: found clocks of %g s and %g ppm",
+                         1e-9 * (double)clocks->period_ns, clocks->drift_ppm);
+    }
+    if (clocks->period_ns == 0) {
+        return ERROR_NONE;
+    }
+    for (size_t j = 0; j < s->config.njoint; j++) {
+        count = s->joint[j].clock >= count ? s->joint[j].clock + 1 : count;
+    }
+    for (size_t f = 0; f < s->config.nft; f++) {
+        count = s->ft[f].clock >= count ? s->ft[f].clock + 1 : count;
+    }
+    s->clock = arena_alloc(arena, count, sizeof *s->clock);
+    if (!s->clock) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the sensors' clocks");
+    }
+    s->nclock = count;
+    s->ideal = false;
+    for (size_t c = 0; c < count; c++) {
+        struct random_stream random;
+        char stream[64];
+
+        snprintf(stream, sizeof stream, "clock %zu", c);
+        random = random_named(s->config.seed, stream);
+        s->clock[c].period_ns =
+            (double)clocks->period_ns *
+            (1.0 + 1e-6 * clocks->drift_ppm * (2.0 * random_uniform(&random) - 1.0));
+        s->clock[c].phase_ns = s->clock[c].period_ns * random_uniform(&random);
+    }
+    return ERROR_NONE;
+}
+
 /* Allocates all arrays by joint, force-torque sensor and channel; returns false without memory. */
 static bool sensing_allocate(struct sensing *s, struct arena *arena)
 {
@@ -242,10 +295,11 @@ static bool sensing_allocate(struct sensing *s, struct arena *arena)
     s->ft = arena_alloc(arena, nft + 1, sizeof *s->ft);
     s->mix = arena_alloc(arena, nft + 1, sizeof *s->mix);
     s->state = arena_alloc(arena, njoint + 1, sizeof *s->state);
+    s->device = arena_alloc(arena, njoint + nft + 1, sizeof *s->device);
     s->measured.motor = arena_alloc(arena, njoint + 1, sizeof *s->measured.motor);
     s->measured.ft = arena_alloc(arena, nft + 1, sizeof *s->measured.ft);
-    if (!s->channel || !s->joint || !s->ft || !s->mix || !s->state || !s->measured.motor ||
-        !s->measured.ft) {
+    if (!s->channel || !s->joint || !s->ft || !s->mix || !s->state || !s->device ||
+        !s->measured.motor || !s->measured.ft) {
         return false;
     }
     for (size_t j = 0; j < njoint; j++) {
@@ -276,7 +330,11 @@ enum error_code sensing_create(const struct sensing_config *config, struct arena
         return error_set(error, ERROR_MEMORY, "no memory left for the sensors");
     }
 
-    /* Every sensor with its channels, then the faults that act on them */
+    /* Clocks, every sensor with its channels, then the faults that act on them */
+    code = sensing_make_clocks(s, arena, error);
+    if (code) {
+        return code;
+    }
     for (size_t j = 0; j < config->njoint; j++) {
         code = sensing_make_joint(s, j, arena, error);
         if (code) {

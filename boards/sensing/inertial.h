@@ -3,8 +3,9 @@
  * Conversions of inertial boards, whatever they speak: from what was measured
  * (boards/sensing/sensing.h) to what they tell. RT-safe.
  *
- * The orientation is the sensor's own as measured, which is the true attitude with the errors of
- * the rig's key `orientation`: no filter runs here. Everything derived follows from it:
+ * The orientation is the sensor's own as measured: the true attitude, or that of the filter which
+ * the rig's key `ahrs` asks for, with the errors of the key `orientation`. No filter runs here;
+ * everything derived follows from it:
  *
  * Euler angles: roll, pitch, yaw with R = Rz(yaw) Ry(pitch) Rx(roll), R from the sensor's axes to
  * the world's, z up; pitch within +-90 degrees, the others within +-180.

@@ -7,12 +7,39 @@
 #include "base/random.h"
 #include "boards/sensing/sensing.h"
 
+#define SENSING_PLAYS 6 /* operators of a hysteresis, each half as wide as the one before it */
+
+/* Clock of a board. */
+struct sampling_clock {
+    double period_ns, phase_ns; /* in the simulation's time */
+    int64_t age_ns;             /* of its last sample */
+};
+
+/* What the channels of a sensor have in common. */
+struct sensor_device {
+    const struct sampling_clock *clock;
+    struct sensor_warm_up warm_up;
+    double keep;   /* exp(-tick / tau) */
+    double warm_k; /* above its temperature at the start */
+};
+
+/* Low pass: y = b0 (x + 2 x1 + x2) - a1 y1 - a2 y2. */
+struct low_pass {
+    double b0, a1, a2;
+    double x[2], y[2];
+};
+
 /* One quantity on its way to the boards. */
 struct channel {
     struct sensor_error error;
     bool ideal;
-    struct random_stream noise, walk;
+    struct random_stream noise, walk, wander;
     double drift, ramp;
+    double bias, bias_keep; /* instability: its value, and exp(-tick / tau) */
+    double play[SENSING_PLAYS];
+    struct low_pass low_pass;
+    const struct sensor_device *device;
+    bool clocked; /* follows the clock of its board */
     double last;  /* what came out the last time */
     double *line; /* of the delay, circular, newest at line[at] */
     size_t length, at;
@@ -37,6 +64,7 @@ struct joint_state {
     double heated_c;  /* winding above ambient */
     double keep;      /* exp(-tick/tau) */
     double last_q, last_qm;
+    double eccentric_phase_rad[2];
 };
 
 struct sensing {
@@ -46,6 +74,11 @@ struct sensing {
     size_t nchannel;
     struct channel *channel;
     double (*mix)[SENSOR_FT_CHANNELS][SENSOR_FT_CHANNELS]; /* by F/T sensor */
+    size_t nclock;
+    struct sampling_clock *clock;
+    struct sensor_device *device; /* joints, F/T sensors, inertial sensor */
+    double misaligned[2][9];      /* from the true axes to those of gyro and accelerometer */
+    struct ahrs ahrs;
     struct joint_state *state;
     struct sensor_fault *fault;
     size_t nfault;
@@ -55,6 +88,31 @@ struct sensing {
     double last_quaternion[4]; /* truth of the inertial sensor, its sign made continuous */
     bool started;
 };
+
+/* ---- the chain (channel.c); RT-safe ---- */
+
+/* Returns what x was delay_ns ago, linear between two ticks. The newest entry of the line is
+ * line[at]; the line reaches at least that far back. */
+double sensing_read_delay_line(const double *line, size_t length, size_t at, int64_t delay_ns,
+                               int64_t tick_ns);
+
+/* Returns the sensor's reading of x, in the order that boards/sensing/sensing.h gives. */
+double sensing_measure_channel(const struct sensing *sensing, struct channel *channel, double x);
+
+/* ---- creation (create_channel.c); not RT-safe ---- */
+
+/* Creates channel `index`, with random streams that bear its name: they depend on the seed and
+ * nothing else. ERROR_INPUT on an impossible error, ERROR_MEMORY. */
+enum error_code sensing_make_channel(struct sensing *sensing, size_t index, const char *name,
+                                     const char *what, const struct sensor_error *from,
+                                     struct sensor_device *device, struct arena *arena,
+                                     struct error *error);
+
+/* Returns the number of samples that a delay needs: the newest and those up to one beyond it. */
+size_t sensing_delay_line_length(int64_t delay_ns, int64_t tick_ns);
+
+/* Checks whether a number is finite and not negative. */
+bool sensing_is_not_negative(double value);
 
 /* ---- the number of a channel (faults/faults.h) ---- */
 

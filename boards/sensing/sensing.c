@@ -1,74 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads the sensors: one chain for every channel, and what comes before it. */
+/* Reads the sensors: what comes before the chain of every channel, and its faults. */
 #include "boards/sensing/private.h"
+
+#include "base/vec3.h"
 
 #include <math.h>
 #include <string.h>
-
-/* ---- the chain ---- */
-
-/* Returns what x was delay_ns ago, linear between two ticks. The newest entry of the line is
- * line[at]; the line reaches at least that far back. */
-static double delay_line_read(const double *line, size_t length, size_t at, int64_t delay_ns,
-                              int64_t tick_ns)
-{
-    size_t whole = (size_t)(delay_ns / tick_ns);
-    double part = (double)(delay_ns % tick_ns) / (double)tick_ns;
-    double younger = line[(at + length - whole) % length];
-
-    if (part == 0.0) {
-        return younger;
-    }
-    return younger + part * (line[(at + length - whole - 1) % length] - younger);
-}
-
-/* Appends x to the delay line of a channel; returns x of its latency ago. */
-static double channel_delay(struct channel *channel, double x, int64_t tick_ns, bool started)
-{
-    if (channel->length == 0) {
-        return x;
-    }
-    /* Before the first sample the quantity is taken to have been constant */
-    for (size_t i = 0; !started && i < channel->length; i++) {
-        channel->line[i] = x;
-    }
-    channel->at = (channel->at + 1) % channel->length;
-    channel->line[channel->at] = x;
-    return delay_line_read(channel->line, channel->length, channel->at, channel->error.latency_ns,
-                           tick_ns);
-}
-
-/* Returns x after the converter: cut to the full scale, rounded to steps of lsb. */
-static double sensor_error_convert(const struct sensor_error *e, double x)
-{
-    if (e->full_scale > 0.0) {
-        x = fmax(-e->full_scale, fmin(e->full_scale, x));
-    }
-    return e->lsb > 0.0 ? e->lsb * floor(x / e->lsb + 0.5) : x;
-}
-
-/* Returns the sensor's reading of x, in the order that boards/sensing/sensing.h gives. */
-static double channel_measure(struct sensing *s, struct channel *channel, double x)
-{
-    const struct sensor_error *e = &channel->error;
-    double tick_s = 1e-9 * (double)s->config.tick_ns;
-
-    if (channel->ideal) {
-        return x;
-    }
-    x = channel_delay(channel, x, s->config.tick_ns, s->started);
-    if (s->started) {
-        channel->ramp += e->ramp_per_s * tick_s;
-        if (e->drift_per_sqrt_s > 0.0) {
-            channel->drift += e->drift_per_sqrt_s * sqrt(tick_s) * random_gaussian(&channel->walk);
-        }
-    }
-    x += e->gain_error * x + e->offset + channel->drift + channel->ramp;
-    if (e->noise_rms > 0.0) {
-        x += s->noise_scale * e->noise_rms * random_gaussian(&channel->noise);
-    }
-    return sensor_error_convert(e, x);
-}
 
 /* ---- faults ---- */
 
@@ -97,8 +34,8 @@ static double sensor_fault_disturb(const struct sensing *s, struct sensor_fault 
         }
         return f->held;
     case FAULT_DELAYED:
-        return delay_line_read(f->line, f->length, f->at, (int64_t)(fault->value[0] * 1e9),
-                               s->config.tick_ns);
+        return sensing_read_delay_line(f->line, f->length, f->at, (int64_t)(fault->value[0] * 1e9),
+                                       s->config.tick_ns);
     case FAULT_INTERMITTENT: /* gaps begin and end at random */
         f->gap = random_gap(&f->random, f->gap, fault->value[0], fault->value[1],
                             1e-9 * (double)s->config.tick_ns);
@@ -126,7 +63,7 @@ static double sensing_read_channel(struct sensing *s, size_t index, double x)
 {
     struct channel *channel = &s->channel[index];
 
-    x = channel_measure(s, channel, x);
+    x = channel->ideal ? x : sensing_measure_channel(s, channel, x);
     for (size_t i = 0; i < s->nfault; i++) {
         struct sensor_fault *f = &s->fault[i];
 
@@ -174,6 +111,18 @@ static double sensing_heat_winding(const struct sensing *s, size_t j,
     return thermal->ambient_c + state->heated_c;
 }
 
+/* Returns the angle that an eccentric ring shows, without its error where it was calibrated: 0. */
+static double sensing_eccentric_angle(const struct sensing *s, size_t j, double q)
+{
+    const double *part = s->joint[j].eccentricity_rad, *phase = s->state[j].eccentric_phase_rad;
+    double shown = q;
+
+    for (int k = 0; k < 2 && (part[0] > 0.0 || part[1] > 0.0); k++) {
+        shown += part[k] * (portable_sin((k + 1) * q + phase[k]) - portable_sin(phase[k]));
+    }
+    return shown;
+}
+
 /* Returns the rate that an encoder's readings show, or the truth where it is ideal. */
 static double sensing_encoder_rate(const struct sensing *s, size_t channel, double now,
                                    double *last, double truth)
@@ -198,7 +147,7 @@ static void sensing_read_joint(struct sensing *s, size_t j, const struct motor_s
         state->start_rad = truth->qm;
     }
     *out = *truth;
-    out->q = sensing_read_channel(s, link, truth->q);
+    out->q = sensing_read_channel(s, link, sensing_eccentric_angle(s, j, truth->q));
     out->qm = sensing_read_channel(s, motor, truth->qm - state->start_rad);
     out->qd = sensing_encoder_rate(s, link, out->q, &state->last_q, truth->qd);
     if (state->restarts) {
@@ -237,6 +186,30 @@ static void sensing_read_ft(struct sensing *s, size_t f, const struct ft_sense *
     }
 }
 
+/* Computes a vector in axes that are turned from the true ones: itself where they are not. */
+static void sensing_turn(const double R[9], const double angle_rad[3], const double truth[3],
+                         double turned[3])
+{
+    if (angle_rad[0] == 0.0 && angle_rad[1] == 0.0 && angle_rad[2] == 0.0) {
+        memcpy(turned, truth, 3 * sizeof *turned);
+    } else {
+        mat3_apply(R, truth, turned);
+    }
+}
+
+/* Updates the sensor's own attitude filter by its readings of this tick. */
+static void sensing_update_ahrs(struct sensing *s)
+{
+    const struct imu_sense *imu = &s->measured.imu;
+
+    if (!s->started) {
+        ahrs_align(&s->ahrs, imu->accel_m_s2, imu->magnetic_t, imu->gyro_rad_s);
+    } else {
+        ahrs_update(&s->ahrs, &s->config.imu.ahrs, imu->gyro_rad_s, imu->accel_m_s2,
+                    imu->magnetic_t, 1e-9 * (double)s->config.tick_ns);
+    }
+}
+
 /* Reads the orientation. A quaternion and its opposite are one rotation: the channels, which
  * interpolate, get the one near the last. Their output has any length; 0 stays 0, an unknown
  * orientation. */
@@ -265,17 +238,22 @@ static void sensing_read_orientation(struct sensing *s, const double truth[4])
 /* Reads the inertial sensor. */
 static void sensing_read_imu(struct sensing *s, const struct imu_sense *truth)
 {
+    const struct sensor_imu *imu = &s->config.imu;
     struct imu_sense *out = &s->measured.imu;
+    double rate[3], force[3];
 
+    sensing_turn(s->misaligned[0], imu->gyro_misalignment_rad, truth->gyro_rad_s, rate);
+    sensing_turn(s->misaligned[1], imu->accel_misalignment_rad, truth->accel_m_s2, force);
     for (size_t i = 0; i < 3; i++) {
-        out->gyro_rad_s[i] =
-            sensing_read_channel(s, sensing_imu_channel(s, i), truth->gyro_rad_s[i]);
-        out->accel_m_s2[i] =
-            sensing_read_channel(s, sensing_imu_channel(s, 3 + i), truth->accel_m_s2[i]);
+        out->gyro_rad_s[i] = sensing_read_channel(s, sensing_imu_channel(s, i), rate[i]);
+        out->accel_m_s2[i] = sensing_read_channel(s, sensing_imu_channel(s, 3 + i), force[i]);
         out->magnetic_t[i] =
             sensing_read_channel(s, sensing_imu_channel(s, 6 + i), truth->magnetic_t[i]);
     }
-    sensing_read_orientation(s, truth->quaternion);
+    if (imu->ahrs.on) {
+        sensing_update_ahrs(s);
+    }
+    sensing_read_orientation(s, imu->ahrs.on ? s->ahrs.quaternion : truth->quaternion);
 }
 
 void sensing_scale_noise(struct sensing *s, double factor)
@@ -305,6 +283,23 @@ void sensing_restart_counter(struct sensing *s, size_t joint)
     }
 }
 
+/* Updates what sensors have in common: how long ago their boards sampled, how warm they are. */
+static void sensing_update_devices(struct sensing *s, int64_t now_ns)
+{
+    for (size_t c = 0; c < s->nclock; c++) {
+        struct sampling_clock *clock = &s->clock[c];
+        double age = fmod((double)now_ns - clock->phase_ns, clock->period_ns);
+
+        clock->age_ns = (int64_t)(age < 0.0 ? age + clock->period_ns : age);
+    }
+    for (size_t d = 0; s->started && d < s->config.njoint + s->config.nft + 1; d++) {
+        struct sensor_device *device = &s->device[d];
+
+        device->warm_k =
+            device->warm_up.rise_k + (device->warm_k - device->warm_up.rise_k) * device->keep;
+    }
+}
+
 const struct plant_sensors *sensing_sample(struct sensing *s, int64_t now_ns,
                                            const struct plant_sensors *truth)
 {
@@ -316,6 +311,7 @@ const struct plant_sensors *sensing_sample(struct sensing *s, int64_t now_ns,
     s->measured.oil_pa = truth->oil_pa;
     s->measured.njoint = truth->njoint;
     s->measured.nft = truth->nft;
+    sensing_update_devices(s, now_ns);
     for (size_t j = 0; j < s->config.njoint; j++) {
         sensing_read_joint(s, j, &truth->motor[j]);
     }

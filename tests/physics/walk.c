@@ -38,6 +38,8 @@ struct walk {
     int64_t steps;
     double forward_m_s, left_m_s, turn_rad_s;
     double push_at_s, push_n[3]; /* 0.1 s long; not when push_at_s is 0 */
+    double turned_rad;           /* inertial sensor, about the pelvis's y; the task knows nothing */
+    double lean_per_s;
 
     struct arena arena;
     struct rig rig;
@@ -47,6 +49,7 @@ struct walk {
     double before[3];                /* true center of mass, a tick ago */
     double lead[2];                  /* of the estimate's origin on the world's */
     double com, com_rate, dcm, tilt; /* sums of squares of what is off */
+    double pitch_late;               /* mean of the pitch's error in the last 4 s */
     size_t count;
     double end[3], yaw, lowest, counted; /* of the pelvis; steps */
     double apart_m;                      /* the right foot ahead of the left one */
@@ -90,7 +93,10 @@ static void compare_estimate(struct walk *w, const double *value, double t)
         w->dcm += pow(apart - w->lead[k] + rate / OMEGA_PER_S, 2);
     }
     if (t > 3) {
-        w->tilt += pow(value[w->column[PITCH]] - asin(-pelvis->R[6]), 2);
+        double pitch = value[w->column[PITCH]] - asin(-pelvis->R[6]);
+
+        w->pitch_late += t > w->seconds - 4 ? pitch / 4000 : 0;
+        w->tilt += pow(pitch, 2);
         w->tilt += pow(value[w->column[ROLL]] - atan2(pelvis->R[7], pelvis->R[8]), 2);
         w->count++;
     }
@@ -117,6 +123,23 @@ static void watch_walk(void *context, int64_t now_ns)
     if (w->lowest < 0.3) {
         simulator_stop(w->simulator);
     }
+}
+
+/* Turns the plant's inertial sensor; the task's model keeps it as it was. */
+static void turn_sensor(struct walk *w)
+{
+    const double axis[3] = {0, 1, 0};
+    struct robot *robot;
+    struct robot_frame *frame;
+    struct error error;
+    double turn[9], old[9];
+
+    assert_int_equal(robot_copy(w->rig.robot, &w->arena, &robot, &error), ERROR_NONE);
+    frame = &robot->frame[robot->imu_frame];
+    memcpy(old, frame->rotation, sizeof old);
+    mat3_about_axis(axis, w->turned_rad, turn);
+    mat3_mul(turn, old, frame->rotation);
+    w->rig.robot = robot;
 }
 
 static void find_columns(struct walk *w)
@@ -159,7 +182,11 @@ static void perform(struct walk *w)
     w->config.forward_m_s = w->forward_m_s;
     w->config.left_m_s = w->left_m_s;
     w->config.turn_rad_s = w->turn_rad_s;
+    w->config.balance.estimate.lean_per_s = w->lean_per_s;
     w->rig.walk = &w->config;
+    if (w->turned_rad != 0) {
+        turn_sensor(w);
+    }
     config.hold = rig->hold;
 
     assert_int_equal(simulator_create(&config, &w->arena, &w->simulator, notice, &error),
@@ -209,6 +236,24 @@ static void walks_forward_and_stops(void **state)
      * to 1 cm further than planned */
     assert_true(w.end[0] > 0.5 && w.end[0] < 0.7);
     assert_true(fabs(w.end[1]) < 0.1 && fabs(w.yaw) < 0.1);
+}
+
+/* A board whose attitude pitches 2 degrees too little: the forces of the feet tell, with a time
+ * constant of 1 / lean_per_s; what is left is what the mean force is off the vertical by. */
+static void finds_the_vertical_by_the_forces_of_the_feet(void **state)
+{
+    const double wrong = 0.035;
+    struct walk believes = {"coman-compact-imu", "walk", 14, .forward_m_s = 0.15,
+                            .turned_rad = wrong};
+    struct walk finds = believes;
+
+    (void)state;
+    perform(&believes);
+    assert_true(fabs(fabs(believes.pitch_late) - wrong) < 0.002);
+    finds.lean_per_s = 0.4;
+    perform(&finds);
+    expect_upright(&finds);
+    assert_true(fabs(finds.pitch_late) < 0.15 * wrong);
 }
 
 /* At twice the speed and faster, as fast as it is asked to and straight on. */
@@ -409,6 +454,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(walks_forward_and_stops),
+        cmocka_unit_test(finds_the_vertical_by_the_forces_of_the_feet),
         cmocka_unit_test(walks_faster),
         cmocka_unit_test(walks_backward_on_buses_with_flexible_data_rate),
         cmocka_unit_test(walks_sideways_and_turns),

@@ -10,7 +10,7 @@ program=$2
 # shellcheck source=/dev/null
 . "$(dirname "$0")/guard_lib.sh"
 
-echo 1..24
+echo 1..25
 
 guarded "$rigs/coman.yaml" --transport local --clock lockstep --task squat --ticks 3000 --wire ideal
 verdict "lockstep on ideal buses makes no system call" only
@@ -31,6 +31,9 @@ done
 
 guarded "$rigs/walk-flat.yaml" --transport local --clock lockstep --task walk --ticks 5500
 verdict "a walk, its estimator and plan among it" only
+
+guarded "$rigs/walk-sensors.yaml" --transport local --clock lockstep --task walk --ticks 5500
+verdict "a walk by an attitude filter and boards with clocks of their own" only
 
 guarded "$rigs/coman-sensors.yaml" --transport local --clock free --ticks 3000 --energy --settle
 verdict "noisy sensors, the account of energy and a settled start" only

@@ -236,6 +236,38 @@ static void masses_hang_below_force_torque_sensors(void **state)
             "found -1 kg on body \"upper\", expected more than -1 kg, all that it has");
 }
 
+/* A tool takes the place of what the robot file hangs there; the dynamics stay those of the
+ * file. */
+static void tools_hang_below_force_torque_sensors(void **state)
+{
+    const struct robot *plain = load("extends: toy.yaml\n")->robot, *robot;
+
+    (void)state;
+    robot = load("extends: toy.yaml\n"
+                 "sensors:\n"
+                 "  every_ft: {tool: {mass_kg: 2, com_m: [0.1, 0, 0]}}\n"
+                 "  fts: {foot_ft: {tool: {mass_kg: 0.3, com_m: [0, 0, -0.1],\n"
+                 "                         inertia_kg_m2: [2e-4, 0, 0, 9e-4, 0, 1e-3]}}}\n")
+                ->robot;
+    assert_true(robot->ft[0].distal.mass == 0.3 && robot->ft[0].distal.com[2] == -0.1);
+    assert_true(robot->ft[0].distal.I[3] == 9e-4 && robot->ft[1].distal.mass == 2.0);
+    assert_true(robot->ft[1].distal.com[0] == 0.1 && robot->ft[1].distal.I[0] == 0.0);
+    assert_true(robot->hash == plain->hash);
+
+    /* What is added to the body hangs below the sensor as well */
+    robot = load("extends: toy.yaml\n"
+                 "robot: {added_mass_kg: {lower: 1.5}}\n"
+                 "sensors: {fts: {foot_ft: {tool: {mass_kg: 0.3, com_m: [0, 0, -0.1]}}}}\n")
+                ->robot;
+    assert_near(robot->ft[0].distal.mass, 1.8, 1e-15);
+    refused("extends: toy.yaml\n"
+            "sensors: {fts: {foot_ft: {tool: {mass_kg: 1, com_m: [0, 0, 0],\n"
+            "  inertia_kg_m2: [1, 0, 0, 0.1, 0, 0.1]}}}}\n",
+            "the largest exceeds the sum of the others");
+    refused("extends: toy.yaml\nsensors: {fts: {fot_ft: {tool: {mass_kg: 1, com_m: [0, 0, 0]}}}}\n",
+            "\"foot_ft\"");
+}
+
 static void refuses_springs_of_joints_that_have_none(void **state)
 {
     (void)state;
@@ -361,6 +393,7 @@ int main(void)
         cmocka_unit_test(replaces_springs_by_name),
         cmocka_unit_test(adds_masses_to_bodies),
         cmocka_unit_test(masses_hang_below_force_torque_sensors),
+        cmocka_unit_test(tools_hang_below_force_torque_sensors),
         cmocka_unit_test(refuses_springs_of_joints_that_have_none),
         cmocka_unit_test(a_held_base_is_one_of_infinite_mass),
         cmocka_unit_test(surfaces_and_frames_of_a_held_base_stay_where_they_were),

@@ -37,7 +37,7 @@ static void without_the_sections_all_is_ideal(void **state)
         assert_memory_equal(&rig->sensing.joint[j].link_encoder, &none, sizeof none);
         assert_true(rig->sensing.joint[j].thermal.resistance_ohm == 0.0);
     }
-    assert_memory_equal(&rig->sensing.gyro, &none, sizeof none);
+    assert_memory_equal(&rig->sensing.imu.gyro, &none, sizeof none);
 }
 
 static void what_a_joint_gives_replaces_the_channel_of_all(void **state)
@@ -70,9 +70,55 @@ static void what_a_joint_gives_replaces_the_channel_of_all(void **state)
     assert_true(rig->sensing.joint[2].thermal.resistance_ohm == 0.0); /* has no motor */
     assert_true(rig->sensing.ft[0].crosstalk == 0.0 && rig->sensing.ft[1].crosstalk == 0.01);
     assert_true(rig->sensing.ft[1].force.full_scale == 2000.0);
-    assert_true(rig->sensing.gyro.ramp_per_s == 0.1);
-    assert_true(rig->sensing.magnetic.offset == 1e-6);
-    assert_true(rig->sensing.orientation.latency_ns == 4000000);
+    assert_true(rig->sensing.imu.gyro.ramp_per_s == 0.1);
+    assert_true(rig->sensing.imu.magnetic.offset == 1e-6);
+    assert_true(rig->sensing.imu.orientation.latency_ns == 4000000);
+}
+
+/* Each key of the dynamics reaches its sensor; boards' clocks are numbered as the boards are. */
+static void dynamics_of_sensors_have_keys_of_their_own(void **state)
+{
+    const struct rig *rig = load_toy_rig_with(
+        "sensors:\n"
+        "  every_joint:\n"
+        "    torque_nm: {bandwidth_hz: 200, hysteresis: 0.005, full_scale: 80, offset_per_k: "
+        "0.02,\n"
+        "                gain_per_k: 1e-4, instability_rms: 0.1, instability_s: 30}\n"
+        "    eccentricity_rad: [0.006, 0.003]\n"
+        "    warm_up: {rise_k: 10, time_constant_s: 600}\n"
+        "  joints: {knee: {eccentricity_rad: [0, 0]}}\n"
+        "  every_ft: {warm_up: {rise_k: 5, time_constant_s: 60}}\n"
+        "  imu:\n"
+        "    gyro_misalignment_rad: [0.001, 0.002, 0.003]\n"
+        "    accel_misalignment_rad: [0.004, 0.005, 0.006]\n"
+        "    warm_up: {rise_k: 3, time_constant_s: 30}\n"
+        "    ahrs: {accel_per_s: 0.2, bias_per_s2: 0.01}\n"
+        "  clocks: {period_s: 0.001, drift_ppm: 50}\n");
+    const struct sensing_config *s = &rig->sensing;
+    const struct sensor_error *torque = &s->joint[0].torque;
+
+    (void)state;
+    assert_true(torque->bandwidth_hz == 200.0 && torque->hysteresis == 0.005);
+    assert_true(torque->offset_per_k == 0.02 && torque->gain_per_k == 1e-4);
+    assert_true(torque->instability_rms == 0.1 && torque->instability_s == 30.0);
+    assert_true(s->joint[0].eccentricity_rad[0] == 0.006 && s->joint[0].warm_up.rise_k == 10.0);
+    assert_true(s->joint[0].eccentricity_rad[1] == 0.003);
+    assert_true(s->joint[1].eccentricity_rad[0] == 0.0 && s->joint[1].warm_up.rise_k == 10.0);
+    assert_true(s->ft[1].warm_up.time_constant_s == 60.0);
+    assert_true(s->imu.gyro_misalignment_rad[2] == 0.003);
+    assert_true(s->imu.accel_misalignment_rad[0] == 0.004 && s->imu.warm_up.rise_k == 3.0);
+    assert_true(s->imu.ahrs.on && s->imu.ahrs.accel_per_s == 0.2);
+    assert_true(s->imu.ahrs.magnetic_per_s == 0.0 && s->imu.ahrs.bias_per_s2 == 0.01);
+    assert_true(s->clocks.period_ns == 1000000 && s->clocks.drift_ppm == 50.0);
+    for (size_t i = 0; i < rig->boards.nboard; i++) {
+        const struct board_config *board = &rig->boards.board[i];
+
+        if (board->kind == BOARD_MOTOR) {
+            assert_int_equal(s->joint[board->axis[0].joint].clock, i);
+        } else if (board->kind == BOARD_FT) {
+            assert_int_equal(s->ft[board->ft].clock, i);
+        }
+    }
 }
 
 static void a_supply_has_the_bus_that_is_given(void **state)
@@ -104,6 +150,14 @@ static void refuses_wrong_sensors(void **state)
     refused("sensors: {every_joint: {torque_nm: {noise_rms: -1}}}\n", "-1");
     refused("sensors: {every_joint: {torque_nm: {latency_s: 2}}}\n", "2");
     refused("sensors: {every_ft: {crosstalk: 0.1}}\n", "full_scale");
+    refused("sensors: {every_joint: {torque_nm: {hysteresis: 0.1}}}\n", "full_scale");
+    refused("sensors: {fts: {wrist_ft: {force_n: {bandwidth_hz: 1e5}}}}\n",
+            "half the rate of the ticks");
+    refused("sensors: {imu: {gyro_rad_s: {instability_rms: 1}}}\n", "instability_s");
+    refused("sensors: {joints: {knee: {current_a: {instability_s: 1}}}}\n", "instability_rms");
+    refused("sensors: {every_joint: {eccentricity_rad: [0.5, 0]}}\n", "0.5");
+    refused("sensors: {imu: {ahrs: {}}}\n", "accel_per_s");
+    refused("sensors: {clocks: {drift_ppm: 50}}\n", "period_s");
 }
 
 static void faults_are_lines_in_their_order(void **state)
@@ -146,6 +200,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(without_the_sections_all_is_ideal),
         cmocka_unit_test(what_a_joint_gives_replaces_the_channel_of_all),
+        cmocka_unit_test(dynamics_of_sensors_have_keys_of_their_own),
         cmocka_unit_test(a_supply_has_the_bus_that_is_given),
         cmocka_unit_test(refuses_wrong_sensors),
         cmocka_unit_test(faults_are_lines_in_their_order),

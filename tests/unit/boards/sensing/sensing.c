@@ -8,61 +8,7 @@
 
 #include <cmocka.h>
 
-#include "boards/sensing/sensing.h"
-
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
-enum { JOINTS = 2, FTS = 1, TICK_NS = 1000000, SAMPLES = 100000 };
-
-struct bench {
-    struct arena arena;
-    struct sensor_joint joint[JOINTS];
-    struct sensor_ft ft[FTS];
-    struct sensing_config config;
-    struct sensing *sensing;
-    struct faults *faults;
-    struct plant_sensors truth;
-    struct motor_sense motor[JOINTS];
-    struct ft_sense sense;
-    const struct plant_sensors *measured;
-};
-
-static void assert_close(double value, double expected, double tolerance)
-{
-    if (!(fabs(value - expected) <= tolerance)) {
-        fail_msg("found %.12g, expected %.12g within %g", value, expected, tolerance);
-    }
-}
-
-static int set_up(void **state)
-{
-    static struct bench bench;
-    struct error error;
-
-    memset(&bench, 0, sizeof bench);
-    assert_int_equal(arena_init(&bench.arena, 8 << 20, &error), ERROR_NONE);
-    bench.joint[0].name = "hip";
-    bench.joint[1].name = "knee";
-    bench.ft[0].name = "foot";
-    bench.config = (struct sensing_config){.njoint = JOINTS,
-                                           .nft = FTS,
-                                           .joint = bench.joint,
-                                           .ft = bench.ft,
-                                           .tick_ns = TICK_NS,
-                                           .seed = 1};
-    bench.truth = (struct plant_sensors){
-        .supply_v = 48.0, .njoint = JOINTS, .nft = FTS, .motor = bench.motor, .ft = &bench.sense};
-    *state = &bench;
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    arena_fini(&((struct bench *)*state)->arena);
-    return 0;
-}
+#include "tests/unit/boards/sensing/sensing_bench.h"
 
 /* Arms the faults of the lines given, up to the NULL. */
 static void arm(struct bench *bench, const char *const *line)
@@ -89,24 +35,6 @@ static void arm(struct bench *bench, const char *const *line)
     assert_int_equal(faults_create(fault, count, 3, &bench->arena, &bench->faults, &error),
                      ERROR_NONE);
     bench->config.faults = bench->faults;
-}
-
-static void start(struct bench *bench)
-{
-    struct error error;
-
-    if (sensing_create(&bench->config, &bench->arena, &bench->sensing, &error)) {
-        fail_msg("%s", error.text);
-    }
-}
-
-static void tick(struct bench *bench)
-{
-    if (bench->faults) {
-        faults_step(bench->faults, bench->truth.time_ns);
-    }
-    bench->measured = sensing_sample(bench->sensing, bench->truth.time_ns, &bench->truth);
-    bench->truth.time_ns += TICK_NS;
 }
 
 /* ---- errors ---- */
@@ -185,7 +113,7 @@ static void noise_depends_on_the_seed_and_on_no_other_channel(void **state)
         if (round == 1) { /* much more noise elsewhere, and other faults */
             bench->joint[0].torque.noise_rms = 2.0;
             bench->joint[1].current.noise_rms = 1.0;
-            bench->config.gyro.noise_rms = 1.0;
+            bench->config.imu.gyro.noise_rms = 1.0;
             arm(bench, (const char *const[]){"sensor imu garbage 1", NULL});
         }
         bench->config.seed = round == 2 ? 2 : 1;
@@ -277,8 +205,8 @@ static void drift_grows_as_a_random_walk_and_a_ramp(void **state)
 
     for (int round = 0; round < 100; round++) {
         bench->joint[0].torque.drift_per_sqrt_s = bench->joint[1].torque.drift_per_sqrt_s = k;
-        bench->config.gyro.ramp_per_s = 0.25;
-        bench->config.accel.drift_per_sqrt_s = k;
+        bench->config.imu.gyro.ramp_per_s = 0.25;
+        bench->config.imu.accel.drift_per_sqrt_s = k;
         bench->config.seed = (uint64_t)round;
         start(bench);
         for (int i = 0; i <= 200; i++) {
@@ -305,8 +233,8 @@ static void late_orientation_turns_through_the_sign_change(void **state)
     struct bench *bench = *state;
     const double rate = 30.0, late_s = 0.0205;
 
-    bench->config.orientation.latency_ns = 20500000;
-    bench->config.magnetic.offset = 1e-6;
+    bench->config.imu.orientation.latency_ns = 20500000;
+    bench->config.imu.magnetic.offset = 1e-6;
     start(bench);
     for (int i = 0; i < 400; i++) {
         double half = 0.5 * rate * i * 1e-3, then = half - 0.5 * rate * late_s;
@@ -334,7 +262,7 @@ static void orientation_noise_is_half_its_angle(void **state)
     const double s = 0.01;
     double square = 0.0;
 
-    bench->config.orientation.noise_rms = 0.5 * s;
+    bench->config.imu.orientation.noise_rms = 0.5 * s;
     bench->truth.imu.quaternion[0] = 0.6;
     bench->truth.imu.quaternion[3] = 0.8;
     start(bench);
@@ -598,8 +526,6 @@ static void faults_on_one_channel_act_in_their_order(void **state)
     tick(bench);
     assert_true(bench->measured->motor[1].torque_nm == 8.0);
 }
-
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
 
 int main(void)
 {

@@ -1,0 +1,105 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Attitude filter of an inertial sensor; boards/sensing/ahrs.h has its equations. */
+#include "boards/sensing/ahrs.h"
+
+#include "base/portable_math.h"
+#include "base/vec3.h"
+
+#include <math.h>
+#include <string.h>
+
+void ahrs_align(struct ahrs *ahrs, const double accel_m_s2[3], const double magnetic_t[3],
+                const double gyro_rad_s[3])
+{
+    double norm = vec3_norm(accel_m_s2), length, R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    double *north = R, *west = R + 3, *up = R + 6; /* rows: the world's axes in the sensor's */
+
+    memset(ahrs, 0, sizeof *ahrs);
+    memcpy(ahrs->rate_rad_s, gyro_rad_s, sizeof ahrs->rate_rad_s);
+    for (int k = 0; k < 3 && norm > 0.0; k++) {
+        up[k] = accel_m_s2[k] / norm;
+    }
+    vec3_cross(up, magnetic_t, west);
+    length = vec3_norm(west);
+    if (!(length > 0.0)) {
+        /* No field: north is the sensor's axis nearest to the horizontal plane */
+        const double axis[3] = {fabs(up[0]) < 0.9, 0.0, fabs(up[0]) >= 0.9};
+
+        vec3_cross(up, axis, west);
+        length = vec3_norm(west);
+    }
+    for (int k = 0; k < 3; k++) {
+        west[k] /= length;
+    }
+    vec3_cross(west, up, north);
+    quaternion_from_mat3(R, ahrs->quaternion);
+}
+
+/* Computes what corrects the rate, times 1 / gain: turn about the horizontal axes that brings the
+ * estimated vertical to the specific force, and the rate about the vertical that brings the
+ * estimated field to magnetic north. */
+static void ahrs_find_errors(const double R[9], const double accel_m_s2[3],
+                             const double magnetic_t[3], double tilt[3], double heading[3])
+{
+    const double *up = R + 6;
+    double force = vec3_norm(accel_m_s2), field[3], level;
+
+    vec3_cross(accel_m_s2, up, tilt);
+    mat3_apply(R, magnetic_t, field);
+    level = sqrt(field[0] * field[0] + field[1] * field[1]);
+    for (int k = 0; k < 3; k++) {
+        tilt[k] = force > 0.0 ? tilt[k] / force : 0.0;
+        heading[k] = level > 0.0 ? -field[1] / level * up[k] : 0.0;
+    }
+}
+
+/* Turns a unit quaternion by a rotation vector in its own frame. */
+static void ahrs_turn(double q[4], const double turn[3])
+{
+    double angle = vec3_norm(turn), sine, cosine, k, x, y, z, norm;
+    const double w0 = q[0], x0 = q[1], y0 = q[2], z0 = q[3];
+
+    portable_sincos(0.5 * angle, &sine, &cosine);
+    k = angle > 0.0 ? sine / angle : 0.0;
+    x = k * turn[0];
+    y = k * turn[1];
+    z = k * turn[2];
+    q[0] = w0 * cosine - x0 * x - y0 * y - z0 * z;
+    q[1] = w0 * x + x0 * cosine + y0 * z - z0 * y;
+    q[2] = w0 * y - x0 * z + y0 * cosine + z0 * x;
+    q[3] = w0 * z + x0 * y - y0 * x + z0 * cosine;
+    norm = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    for (int i = 0; i < 4; i++) {
+        q[i] /= norm;
+    }
+}
+
+void ahrs_update(struct ahrs *ahrs, const struct ahrs_config *config, const double gyro_rad_s[3],
+                 const double accel_m_s2[3], const double magnetic_t[3], double dt_s)
+{
+    const struct ahrs before = *ahrs;
+    double R[9], tilt[3], heading[3], turn[3], sum = 0.0;
+
+    mat3_from_quaternion(ahrs->quaternion, R);
+    ahrs_find_errors(R, accel_m_s2, magnetic_t, tilt, heading);
+    for (int k = 0; k < 3; k++) {
+        /* The rate over the step is the mean of those at its ends */
+        double rate = 0.5 * (gyro_rad_s[k] + ahrs->rate_rad_s[k]) - ahrs->bias_rad_s[k];
+
+        turn[k] =
+            dt_s * (rate + config->accel_per_s * tilt[k] + config->magnetic_per_s * heading[k]);
+        ahrs->bias_rad_s[k] -= dt_s * config->bias_per_s2 *
+                               (tilt[k] + (config->magnetic_per_s > 0.0 ? heading[k] : 0.0));
+        ahrs->rate_rad_s[k] = gyro_rad_s[k];
+        sum += ahrs->bias_rad_s[k];
+    }
+    ahrs_turn(ahrs->quaternion, turn);
+
+    /* Readings beyond all numbers, as faults make them, leave it as it was */
+    for (int i = 0; i < 4; i++) {
+        sum += ahrs->quaternion[i];
+    }
+    if (!isfinite(sum)) {
+        *ahrs = before;
+    }
+}
