@@ -144,7 +144,7 @@ static void make_real(struct sensing_config *config)
     }
     config->joint = joint;
     config->ft = ft;
-    config->gyro = config->accel = error;
+    config->imu.gyro = config->imu.accel = error;
 }
 
 static void live_with(const struct fault *fault, size_t count, bool real)
