@@ -44,7 +44,7 @@ names()
 print(*sorted(c.get("name") for c in tree.parse(sys.argv[1]).iter("testcase")), sep="\n")' "$1"
 }
 
-echo 1..10
+echo 1..11
 
 name="there are at least twenty scenarios"
 if [ "$(find "$scenarios" -name '*.yaml' | wc -l)" -ge 20 ]
@@ -127,6 +127,21 @@ if run 1 --output "$work/results" --junit "$work/early.xml" "$work/config/scenar
     grep -q 'the run ended there: [12] of 3 expectations not judged' "$work/out" &&
     [ "$(wc -l <"$work/results/early-1/signals.csv")" -lt \
         "$(wc -l <"$work/results/wrong-1/signals.csv")" ]
+then ok "$name"; else not_ok "$name"; fi
+
+name="what cannot be recorded fails all the same, and says why there is no recording"
+mkdir -p "$work/full/wrong-1" && ln -s /dev/full "$work/full/wrong-1/signals.csv" &&
+    : >"$work/file"
+failed_unrecorded()
+{
+    run 1 --to-the-end --output "$1" --junit "$work/bare.xml" \
+        "$work/config/scenarios/wrong.yaml" &&
+        [ "$(totals "$work/bare.xml")" = "2 2 0" ] &&
+        grep -q 'quiet bus: frames seen' "$work/out" &&
+        grep -q "not recorded: .*$2" "$work/out"
+}
+if failed_unrecorded "$work/file/no" "Not a directory" &&
+    failed_unrecorded "$work/full" "No space left on device"
 then ok "$name"; else not_ok "$name"; fi
 
 name="a run whose STEP never comes is ended, the others go on"

@@ -340,6 +340,15 @@ static void a_mutation_has_to_make_its_expectations_fail(void **state)
     assert_int_equal(result.status, SCENARIO_FAILED);
     assert_string_equal(result.message, "two: no mutation of the scenario makes it fail");
 
+    /* What could not be recorded is judged all the same */
+    jobs[0].outcome.verdict[1] = (struct scenario_verdict){.judged = true, .text = "seen 2 times"};
+    strcpy(jobs[0].outcome.unrecorded, "cannot make the directory d");
+    scenario_judge(&jobs[0], &result);
+    assert_int_equal(result.status, SCENARIO_FAILED);
+    assert_string_equal(result.message,
+                        "two: seen 2 times\nnot recorded: cannot make the directory d");
+    assert_string_equal(result.record, "");
+
     jobs[1].outcome.ran = false;
     scenario_judge(&jobs[1], &result);
     assert_int_equal(result.status, SCENARIO_BROKEN);
