@@ -9,7 +9,7 @@
 #include <string.h>
 #include <time.h>
 
-/* The most that the angles of a recording span, in ranges of the joint: its stops yield a little. */
+/* The most that the angles of a recording span, in ranges of the joint, whose stops yield. */
 static const double RANGES_MAX = 1.5;
 
 /* Sets the numbers that a bench has in the place of its drive's. */

@@ -51,7 +51,7 @@ static enum hil_client_code begin(struct hil_client *client, struct task *tasks,
     return code;
 }
 
-/* Stops the controller when the board of a motor has switched it off, which is no error of a step. */
+/* Fails when the board of a motor has switched it off, which is no error of a step. */
 static enum hil_client_code check(struct hil_client *client)
 {
     const int tripped = hil_client_find_tripped(client, 0);

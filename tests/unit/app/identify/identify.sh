@@ -59,7 +59,8 @@ awk -F, 'NR == 1 { for (i = 1; i <= NF; i++) q = $i == "q_pivot_rad" ? i : q }
     NR > 1 { $q *= 57.29578 } { print }' OFS=, "$work/record/signals.csv" >"$work/degrees.csv"
 "$hil" identify "$work/start/rigs/arm.yaml" --recording "$work/degrees.csv" --free R_ohm \
     >"$work/out" 2>&1
-[ $? -eq 2 ] && grep -q 'but joint pivot turns from -3.2 to 3.2 rad: are they in radians' "$work/out"
+[ $? -eq 2 ] &&
+    grep -q 'but joint pivot turns from -3.2 to 3.2 rad: are they in radians' "$work/out"
 result $? "angles in degrees are refused"
 
 "$hil" identify "$work/start/rigs/arm.yaml" --recording "$work/record/signals.csv" \
