@@ -53,7 +53,7 @@ without_can()
     ! python3 -c 'import socket; socket.socket(socket.AF_CAN, socket.SOCK_RAW, 1)' 2>/dev/null
 }
 
-echo 1..33
+echo 1..34
 
 # ---- runs and their length ----
 name="a free run without a controller ends at its length and lets the robot fall"
@@ -102,6 +102,19 @@ for i in 1 2; do
 done
 run 0 free run "$rig" --transport local --clock free --task squat --duration 0.5 \
     --record "$work/free" --quiet
+
+name="a lockstep run that ends before its first tick has a summary without shares of nothing"
+"$program" run "$rig" --transport local --gateway 0 --clock lockstep --quiet --ready "$work/ready" \
+    >"$work/out" 2>"$work/err" </dev/null &
+pid=$!
+for ((turn = 0; turn < 600; turn++)); do
+    [ -e "$work/ready" ] || ! kill -0 $pid 2>/dev/null && break
+    sleep 0.1
+done
+kill -TERM $pid 2>/dev/null
+wait $pid && grep -q '^  0 ticks' "$work/out" && grep -q 'contact: 1 evaluations' "$work/out" &&
+    ! grep -qE '(inf|nan) %' "$work/out"
+result $? "$name"
 
 name="two lockstep runs give byte-identical candump logs and signals"
 if [ -s "$work/lockstep1/candump.log" ] &&
