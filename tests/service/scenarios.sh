@@ -44,7 +44,7 @@ names()
 print(*sorted(c.get("name") for c in tree.parse(sys.argv[1]).iter("testcase")), sep="\n")' "$1"
 }
 
-echo 1..12
+echo 1..13
 
 name="there are at least twenty scenarios"
 if [ "$(find "$scenarios" -name '*.yaml' | wc -l)" -ge 20 ]
@@ -179,6 +179,13 @@ if run 2 "$work/config/scenarios/named.yaml" &&
         "$work/config/scenarios/named.yaml" && run 2 "$work/config/scenarios/named.yaml" &&
     grep -q 'found bus "can3", expected one of torso, left_leg, right_leg, left_arm, right_arm' \
         "$work/err"
+then ok "$name"; else not_ok "$name"; fi
+
+name="results that cannot be written are refused before anything runs"
+if run 3 --junit "$work/no/results.xml" "$work/config/scenarios/wrong.yaml" &&
+    [ ! -s "$work/out" ] && grep -q "no/results.xml" "$work/err" &&
+    : >"$work/old.xml" && run 1 --junit "$work/old.xml" --output "$work/results" \
+        "$work/config/scenarios/early.yaml" && [ "$(totals "$work/old.xml")" = "2 2 0" ]
 then ok "$name"; else not_ok "$name"; fi
 
 name="a stimulus that repeats faster than the ticks come is refused"

@@ -192,6 +192,8 @@ static void refuses_with_place_and_reason(void **state)
         {"task: squat\n", "found both a task and a host"},
         {"mutations: [{name: m}]\n", "neither of fault and without"},
         {"mutations: [{name: m, without: nothing}]\n", "expected the label of a stimulus"},
+        {"stimuli: [{label: drive}]\nmutations: [{name: m, without: drve}]\n",
+         "expected the label of a stimulus; did you mean \"drive\"?"},
         {"mutations: [{name: m, fault: f, fails: [stand]}]\n", "did you mean \"stands\"?"},
         {"seed: ${sed}\nparameters:\n  seed: {values: [1]}\n",
          ":6:7: found ${sed}, expected ${NAME}"},
