@@ -53,7 +53,7 @@ without_can()
     ! python3 -c 'import socket; socket.socket(socket.AF_CAN, socket.SOCK_RAW, 1)' 2>/dev/null
 }
 
-echo 1..34
+echo 1..35
 
 # ---- runs and their length ----
 name="a free run without a controller ends at its length and lets the robot fall"
@@ -147,6 +147,9 @@ then ok "$name"; else not_ok "$name"; fi
 
 # ---- wrong command lines ----
 none=(--record "$work/none")
+wrong 2 "a bus of --slcan that is not there is refused with those that are" \
+    'slcan: found no bus "leg", expected one of torso, left_leg, right_leg, left_arm, right_arm' \
+    run "$rig" --transport local --slcan leg="$work/leg" --duration 1
 wrong 2 "an unknown option is refused" "expected" run "$rig" --durations 1
 wrong 2 "a length that is not a number is refused" "expected a number" run "$rig" --duration nan
 wrong 2 "a negative length is refused" "expected a number" run "$rig" --duration -1
