@@ -504,6 +504,27 @@ static enum error_code described_build_list(struct described_loader *l,
     return ERROR_NONE;
 }
 
+/* Refuses a host that switches axes on and never sends them a set-point: a task would wait in vain
+ * for its joints to move. */
+static enum error_code described_check_commands(const struct described_loader *l)
+{
+    const struct raw_described_host *raw = &l->raw->host;
+
+    for (size_t f = 0; f < l->made->nframe && raw->non > 0 && raw->ncommand == 0; f++) {
+        const struct described_frame *frame = &l->made->frame[f];
+
+        for (size_t i = 0; frame->from_host && i < frame->nfield; i++) {
+            if (described_is_set_point(frame->field[i].meaning)) {
+                return yaml_error(l->error, &raw->mark,
+                                  "found a host without command, expected the frames that carry "
+                                  "set-points, as \"%s\"",
+                                  frame->name);
+            }
+        }
+    }
+    return ERROR_NONE;
+}
+
 /* Builds the lists of the host's steps and finds the states that it commands. */
 static enum error_code described_build_host(struct described_loader *l)
 {
@@ -517,6 +538,7 @@ static enum error_code described_build_host(struct described_loader *l)
     code = code ? code : described_build_list(l, raw->on, raw->non, &made->host.on);
     code = code ? code : described_build_list(l, raw->off, raw->noff, &made->host.off);
     code = code ? code : described_build_list(l, raw->command, raw->ncommand, &made->host.command);
+    code = code ? code : described_check_commands(l);
 
     /* States that the host commands: the first that drives, the first that is off */
     made->host.off_state = made->host.on_state = made->off_state;
