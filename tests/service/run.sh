@@ -147,8 +147,8 @@ then ok "$name"; else not_ok "$name"; fi
 
 # ---- wrong command lines ----
 none=(--record "$work/none")
-wrong 2 "a host by a name is refused before anything starts" '--http: found host "labpc", expected' \
-    run "$rig" --transport local --http labpc:8080 --duration 1
+wrong 2 "a host by a name is refused before anything starts" \
+    '--http: found host "labpc", expected' run "$rig" --transport local --http labpc:8080 --duration 1
 wrong 2 "a bus of --slcan that is not there is refused with those that are" \
     'slcan: found no bus "leg", expected one of torso, left_leg, right_leg, left_arm, right_arm' \
     run "$rig" --transport local --slcan leg="$work/leg" --duration 1
@@ -172,8 +172,8 @@ wrong 2 "a rig that is not there is refused" "No such file" run "$work/no-such.y
 wrong 4 "lockstep on local buses without a task is refused" "nobody can send" \
     run "$rig" --transport local --clock lockstep "${none[@]}"
 if without_can; then
-    wrong 4 "a kernel without CAN is told apart" "no CAN.*run --transport local" run "$rig" --transport socketcan \
-        "${none[@]}"
+    wrong 4 "a kernel without CAN is told apart" "no CAN.*run --transport local" \
+        run "$rig" --transport socketcan "${none[@]}"
 else
     wrong 2 "an interface that is not there is told apart" "no-such-if" \
         run "$rig" --bus torso=no-such-if "${none[@]}"
