@@ -148,7 +148,8 @@ then ok "$name"; else not_ok "$name"; fi
 # ---- wrong command lines ----
 none=(--record "$work/none")
 wrong 2 "a host by a name is refused before anything starts" \
-    '--http: found host "labpc", expected' run "$rig" --transport local --http labpc:8080 --duration 1
+    '--http: found host "labpc", expected' \
+    run "$rig" --transport local --http labpc:8080 --duration 1
 wrong 2 "a bus of --slcan that is not there is refused with those that are" \
     'slcan: found no bus "leg", expected one of torso, left_leg, right_leg, left_arm, right_arm' \
     run "$rig" --transport local --slcan leg="$work/leg" --duration 1
