@@ -240,6 +240,22 @@ fail:
     return error->code;
 }
 
+/* Refuses a bus that the gateway does not have, with those that it has. */
+static enum error_code gateway_slcan_refuse_bus(const struct gateway *gateway, const char *name,
+                                                struct error *error)
+{
+    char list[256] = "";
+
+    for (size_t i = 0; i < gateway->config.nbus; i++) {
+        size_t used = strlen(list);
+
+        snprintf(list + used, sizeof list - used, "%s%s", i ? ", " : "",
+                 gateway->config.bus[i].name);
+    }
+    return error_set(error, ERROR_INPUT, "slcan: found no bus \"%.64s\", expected one of %s", name,
+                     list);
+}
+
 enum error_code gateway_slcan_start(struct gateway *gateway, struct error *error)
 {
     enum error_code code = ERROR_NONE;
@@ -252,7 +268,7 @@ enum error_code gateway_slcan_start(struct gateway *gateway, struct error *error
         const struct gateway_slcan *slcan = &gateway->config.slcan[i];
 
         if (!gateway_find_bus(gateway, slcan->bus, &gateway->slcan_bus[i])) {
-            return error_set(error, ERROR_INPUT, "slcan: found no bus \"%.64s\"", slcan->bus);
+            return gateway_slcan_refuse_bus(gateway, slcan->bus, error);
         }
         code = slcan->path ? gateway_slcan_open_terminal(gateway, i, error)
                            : gateway_listen_at(slcan->host, slcan->port,

@@ -158,7 +158,8 @@ static enum error_code socketcan_explain_no_socket(int code, struct error *error
     case EPROTONOSUPPORT:
         return error_set(error, ERROR_UNSUPPORTED,
                          "this kernel has no CAN: raw CAN sockets are not available; load can and "
-                         "can_raw (`modprobe can-raw`) or use a bus of kind local");
+                         "can_raw (`modprobe can-raw`), or keep the buses inside the process: run "
+                         "--transport local, with --task, or --gateway for other programs");
     case EPERM:
     case EACCES:
         return error_set(error, ERROR_SYSTEM,

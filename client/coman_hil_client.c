@@ -1822,6 +1822,23 @@ static enum hil_client_code client_switch(struct hil_client *client, const bool 
     return code ? code : client_pass(client, SETTLE_TICKS);
 }
 
+/* Says why a joint is not on: its board refuses, or no frame has come from any. */
+static enum hil_client_code client_fail_enable(struct hil_client *client, const char *joint,
+                                               const struct hil_client_joint *state)
+{
+    if (client->core->frames == 0) {
+        return client_fail(client, HIL_CLIENT_BOARD,
+                           "%s does not switch on: no frame has come from any board%s", joint,
+                           client->core->lockstep
+                               ? ""
+                               : ": is the run paused, or in lockstep (options.lockstep)?");
+    }
+    return client_fail(client, HIL_CLIENT_BOARD,
+                       "%s does not switch on: mode \"%s\", faults 0x%" PRIx32
+                       "; the simulator's log may say what its board wants first",
+                       joint, state->mode, state->faults);
+}
+
 enum hil_client_code hil_client_enable(struct hil_client *client, const char *const *joints,
                                        size_t njoint, enum hil_client_quantity quantity)
 {
@@ -1848,12 +1865,8 @@ enum hil_client_code hil_client_enable(struct hil_client *client, const char *co
         if (i == core->njoint) {
             return HIL_CLIENT_OK;
         }
-        code = ticks >= ENABLE_TICKS
-                   ? client_fail(client, HIL_CLIENT_BOARD,
-                                 "%s does not switch on: mode \"%s\", faults 0x%" PRIx32
-                                 "; the simulator's log may say what its board wants first",
-                                 core->joint[i].name, state.mode, state.faults)
-                   : client_pass(client, SETTLE_TICKS);
+        code = ticks >= ENABLE_TICKS ? client_fail_enable(client, core->joint[i].name, &state)
+                                     : client_pass(client, SETTLE_TICKS);
     }
     return code;
 }
@@ -1869,6 +1882,19 @@ enum hil_client_code hil_client_command(struct hil_client *client, int joint,
     }
     client->core->joint[joint].value = value;
     return HIL_CLIENT_OK;
+}
+
+int hil_client_find_tripped(const struct hil_client *client, int first)
+{
+    for (size_t i = first > 0 ? (size_t)first : 0; i < client->core->njoint; i++) {
+        struct hil_client_joint state;
+
+        hil_client_read(client, (int)i, &state);
+        if (client->core->joint[i].quantity && !state.is_on) {
+            return (int)i;
+        }
+    }
+    return -1;
 }
 
 enum hil_client_code hil_client_read(const struct hil_client *client, int joint,

@@ -45,6 +45,8 @@
  * What a caller passes is not kept; strings that are returned live until hil_client_close. A client
  * belongs to one thread at a time.
  *
+ * A motor whose board trips is no error of a step: hil_client_find_tripped names it.
+ *
  * Real time. Only open and close allocate. find, read, command and signal are RT-safe: no system
  * call. The others send and receive without allocating, and end with HIL_CLIENT_TIMEOUT.
  */
@@ -166,6 +168,10 @@ enum hil_client_code hil_client_step(struct hil_client *client, int ticks);
  * takes in what has come, after a wait for the first frame. */
 enum hil_client_code hil_client_write(struct hil_client *client);
 enum hil_client_code hil_client_receive(struct hil_client *client, int timeout_ms);
+
+/* Returns the first joint from first on that hil_client_enable has switched on and whose board no
+ * longer says so, as after a trip; -1 = none. Steps succeed all the same: ask after each. */
+int hil_client_find_tripped(const struct hil_client *client, int first);
 
 /* Reads what was reported last. HIL_CLIENT_INPUT, without a message: there is no such joint or
  * sensor. */

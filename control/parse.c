@@ -248,14 +248,28 @@ static enum error_code request_read_patterns(const struct key *key, const json_t
     return ERROR_NONE;
 }
 
+/* Refuses a value that a tunable cannot have, with the tunable's name. */
+static enum error_code request_wrong_setting(const char *tunable, const json_t *value,
+                                             struct error *error)
+{
+    const char *text = json_string_value(value);
+
+    return error_set(error, ERROR_INPUT, "set: %.80s: found %s%.40s%s, expected a number", tunable,
+                     text ? "\"" : "", text ? text : json_type_name(value), text ? "\"" : "");
+}
+
 /* Reads the value of a key into its field of the request. */
 static enum error_code request_read_key(const struct key *key, const json_t *value,
                                         struct control_request *request, struct error *error)
 {
+    const char *tunable = json_string_value(json_object_get(request->root, "name"));
     void *to = (char *)request + key->offset;
 
     switch (key->type) {
     case KEY_REAL:
+        if (key->command == CONTROL_SET && tunable && !json_is_number(value)) {
+            return request_wrong_setting(tunable, value, error);
+        }
         return request_read_real(key, value, to, error);
     case KEY_WHOLE:
         return request_read_whole(key, value, to, error);

@@ -525,7 +525,8 @@ static enum error_code rig_find_protocol(struct rig_builder *b, const struct yam
                : ERROR_NONE;
 }
 
-/* Checks that a protocol with CAN FD frames is on a CAN FD bus. */
+/* Checks that a protocol with CAN FD frames is on a CAN FD bus, and that no frame is sent more
+ * often than there are ticks. */
 static enum error_code rig_check_format(struct rig_builder *b, const struct raw_bus *raw,
                                         const struct described_protocol *protocol)
 {
@@ -535,6 +536,18 @@ static enum error_code rig_check_format(struct rig_builder *b, const struct raw_
                               "found bus \"%s\" of classic CAN, expected fd: true and a "
                               "data_bitrate: frame %s of protocol %s is a CAN FD one",
                               raw->name, protocol->frame[i].name, protocol->name);
+        }
+    }
+    for (size_t i = 0; i < protocol->nframe; i++) {
+        const struct described_frame *frame = &protocol->frame[i];
+
+        if (frame->period_ns > 0 && frame->period_ns < b->rig->tick_ns) {
+            return yaml_error(
+                b->error, &raw->mark,
+                "found frame %s of protocol %s every %g s on bus \"%s\", expected the "
+                "tick of %g s or more",
+                frame->name, protocol->name, (double)frame->period_ns * 1e-9, raw->name,
+                (double)b->rig->tick_ns * 1e-9);
         }
     }
     return ERROR_NONE;

@@ -549,6 +549,18 @@ static enum error_code rig_make(const struct raw_rig *raw, struct arena *arena,
     return ERROR_NONE;
 }
 
+/* Adds the name of the rig's file to an error that has its place in another one, which the rig
+ * extends or refers to: the user may never have seen that one. */
+static enum error_code rig_name_file(const char *path, enum error_code code, struct error *error)
+{
+    size_t used = error ? strlen(error->text) : 0;
+
+    if (code == ERROR_INPUT && error && !strstr(error->text, path)) {
+        snprintf(error->text + used, sizeof error->text - used, " (read for %.200s)", path);
+    }
+    return code;
+}
+
 enum error_code rig_load(const char *path, struct arena *arena, const struct rig **rig,
                          struct error *error)
 {
@@ -556,8 +568,12 @@ enum error_code rig_load(const char *path, struct arena *arena, const struct rig
     char found[PATH_MAX];
     enum error_code code = config_locate(CONFIG_RIG, path, found, error);
 
-    code = code ? code : yaml_read_file(found, &rig_file_schema, arena, &raw, error);
-    return code ? code : rig_make(&raw, arena, rig, error);
+    if (code) {
+        return code;
+    }
+    code = yaml_read_file(found, &rig_file_schema, arena, &raw, error);
+    code = code ? code : rig_make(&raw, arena, rig, error);
+    return rig_name_file(found, code, error);
 }
 
 enum error_code rig_load_text(const char *name, const char *text, size_t size, struct arena *arena,
@@ -566,11 +582,11 @@ enum error_code rig_load_text(const char *name, const char *text, size_t size, s
     struct raw_rig raw;
     enum error_code code = yaml_read_text(name, text, size, &rig_file_schema, arena, &raw, error);
 
-    if (code) {
-        return code;
+    if (!code) {
+        raw.hash -= hash_bytes(HASH_START, text, size);
+        code = rig_make(&raw, arena, rig, error);
     }
-    raw.hash -= hash_bytes(HASH_START, text, size);
-    return rig_make(&raw, arena, rig, error);
+    return rig_name_file(name, code, error);
 }
 
 const char *rig_contact_name(const struct rig *rig, size_t motion)

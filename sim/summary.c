@@ -125,11 +125,16 @@ static void summary_print_phases(const struct summary *summary, FILE *out)
         summary_print_histogram("wake-up", &stats->wakeup, 0, out);
     }
     if (contact->evaluations) {
-        fprintf(out,
-                "  contact: %" PRIu64 " evaluations, %.1f us each, %.1f %% of plant and sensors\n",
-                contact->evaluations, summary_us(contact->spent_ns) / (double)contact->evaluations,
-                100.0 * (double)contact->spent_ns /
-                    (double)(stats->phase[PHASE_PLANT].sum + stats->phase[PHASE_SENSORS].sum));
+        int64_t around = stats->phase[PHASE_PLANT].sum + stats->phase[PHASE_SENSORS].sum;
+
+        fprintf(out, "  contact: %" PRIu64 " evaluations, %.1f us each", contact->evaluations,
+                summary_us(contact->spent_ns) / (double)contact->evaluations);
+        /* A run that ends before its first tick has evaluated its start alone */
+        if (around > 0) {
+            fprintf(out, ", %.1f %% of plant and sensors",
+                    100.0 * (double)contact->spent_ns / (double)around);
+        }
+        fputc('\n', out);
     }
 }
 

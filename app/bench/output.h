@@ -11,7 +11,8 @@
 #define BENCH_OUT_OPTION(folder, files)                                                            \
     {                                                                                              \
         .name = "--out", .type = OPTION_STRING, .argument = "DIR",                                 \
-        .help = "write " files " into this folder, which is made if necessary", .value = (folder)  \
+        .help = "write " files " into this folder, which is made if necessary", .value = (folder), \
+        .letter = "-o"                                                                             \
     }
 
 #define BENCH_PEERS_OPTION(path)                                                                   \

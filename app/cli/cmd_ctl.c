@@ -203,6 +203,15 @@ static void print_answer(const struct ctl_options *o, const struct ctl_command *
     }
 }
 
+/* Checks whether a request asked for what matches a pattern, and nothing does. */
+static bool answer_matches_nothing(const json_t *request, const json_t *answer)
+{
+    const char *what = json_string_value(json_object_get(request, "what"));
+
+    return what && json_object_get(request, "match") &&
+           json_array_size(json_object_get(answer, what)) == 0;
+}
+
 /* Sends the request, prints the answer, and goes on where the command does: rows, or waiting for
  * the end. */
 static int ctl_converse(struct ctl_client *client, const struct ctl_options *o, int udp,
@@ -221,6 +230,14 @@ static int ctl_converse(struct ctl_client *client, const struct ctl_options *o, 
     }
     if (strcmp(command->name, "subscribe") == 0) {
         status = ctl_follow_rows(client, o, udp, answer);
+    } else if (answer_matches_nothing(request, answer)) {
+        error_set(&error, ERROR_INPUT,
+                  "found nothing that \"%.80s\" matches, expected a pattern "
+                  "of %s: \"coman-hil ctl list %s\" prints them",
+                  json_string_value(json_object_get(request, "match")),
+                  json_string_value(json_object_get(request, "what")),
+                  json_string_value(json_object_get(request, "what")));
+        status = command_fail("ctl", &error);
     } else {
         print_answer(o, command, answer);
     }

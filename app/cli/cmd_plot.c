@@ -164,6 +164,25 @@ static enum error_code plot_write(const struct svg_plot *panel, size_t npanel, c
     return whole_file_close(&file, code, error);
 }
 
+/* Refuses a span of time in which the file has no row, with the one that it has. */
+static enum error_code plot_refuse_span(const struct plot_options *o, const char *const *name,
+                                        struct error *error)
+{
+    struct signals all;
+    enum error_code code = signals_read(o->file, name, 1, -1e9, 1e9, &all, error);
+
+    if (!code) {
+        code =
+            all.count == 0
+                ? error_set(error, ERROR_INPUT, "%.200s: found no row, expected some", o->file)
+                : error_set(error, ERROR_INPUT,
+                            "found no row from %g to %g s, expected times within %g to %g s",
+                            o->span[0], o->span[1], all.value[0][0], all.value[0][all.count - 1]);
+    }
+    signals_free(&all);
+    return code;
+}
+
 /* Reads the chosen signals and draws them. */
 static enum error_code plot_signals(const struct plot_options *o, const char *const *name,
                                     size_t count, struct error *error)
@@ -174,7 +193,9 @@ static enum error_code plot_signals(const struct plot_options *o, const char *co
     enum error_code code =
         signals_read(o->file, name, count, o->span[0], o->span[1], &signals, error);
 
-    if (!code) {
+    if (!code && signals.count == 0) {
+        code = plot_refuse_span(o, name, error);
+    } else if (!code) {
         const struct svg_axis x = {
             .label = !strcmp(signals.first_title, "time_s") ? "time, s" : signals.first_title};
         size_t npanel = plot_arrange(name, &signals, &x, series, panel);
@@ -275,6 +296,11 @@ int cmd_plot(int argc, char **argv)
     if (!o.output && !o.list && isatty(STDOUT_FILENO)) {
         error_set(&error, ERROR_INPUT,
                   "found a terminal to write an SVG to, expected --output FILE.svg or FILE.png");
+        return options_fail(&spec, &error);
+    }
+    if (o.span[0] > o.span[1]) {
+        error_set(&error, ERROR_INPUT, "--from: found %g s behind --to %g s, expected it before",
+                  o.span[0], o.span[1]);
         return options_fail(&spec, &error);
     }
     code = plot_find_file(&o, &error);

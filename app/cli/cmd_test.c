@@ -8,6 +8,7 @@
 #include "app/scenario/scenario.h"
 #include "base/count.h"
 #include "base/options.h"
+#include "base/whole_file.h"
 #include "manual/test.h"
 #include "base/config.h"
 #include "rt/clock.h"
@@ -319,6 +320,19 @@ static size_t test_parallel(const struct test_options *options)
     return options->jobs ? (size_t)options->jobs : processors > 0 ? (size_t)processors : 1;
 }
 
+/* Checks whether a file can be written, and leaves what is there as it is. */
+static enum error_code test_probe_file(const char *path, struct error *error)
+{
+    struct whole_file file;
+    struct error unused;
+    enum error_code code = whole_file_open(&file, path, error);
+
+    if (!code) {
+        whole_file_close(&file, ERROR_INPUT, &unused);
+    }
+    return code;
+}
+
 /* Makes all runs, prints and writes the results; returns the exit status. */
 static int run_plan(struct test_runs *plan, const struct test_options *options)
 {
@@ -332,6 +346,11 @@ static int run_plan(struct test_runs *plan, const struct test_options *options)
     struct clock *time = clock_monotonic();
     int64_t begin = clock_now(time);
     struct error error;
+
+    /* A file that cannot be written is refused before the runs, which may take long */
+    if (options->junit && test_probe_file(options->junit, &error)) {
+        return command_fail("test", &error);
+    }
 
     /* Results are printed as jobs end, in the order of the plan */
     if (scenario_jobs_run(plan->job, plan->njob, &jobs, &error)) {

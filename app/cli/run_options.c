@@ -161,6 +161,15 @@ bool run_options_read(int argc, char **argv, struct run_options *out, int *statu
     return true;
 }
 
+/* Checks whether a host is a numeric address: names are not looked up. */
+static bool run_options_is_numeric(const char *host)
+{
+    struct in6_addr v6;
+    struct in_addr v4;
+
+    return inet_pton(AF_INET, host, &v4) == 1 || inet_pton(AF_INET6, host, &v6) == 1;
+}
+
 enum error_code run_options_parse_address(const char *option, const char *text, const char *example,
                                           char host[RUN_HOST_SIZE], const char **given,
                                           uint16_t *port, struct error *error)
@@ -186,6 +195,12 @@ enum error_code run_options_parse_address(const char *option, const char *text, 
     /* The one name that needs no look-up */
     if (!strcmp(host, "localhost")) {
         snprintf(host, RUN_HOST_SIZE, "127.0.0.1");
+    }
+    if (colon && !run_options_is_numeric(host)) {
+        return error_set(error, ERROR_INPUT,
+                         "%s: found host \"%.60s\", expected localhost or a numeric address, for "
+                         "example 127.0.0.1",
+                         option, host);
     }
     *given = colon ? host : NULL;
     *port = (uint16_t)number;

@@ -406,6 +406,9 @@ static enum error_code find_columns(const struct bench_columns *columns, const s
     return ERROR_NONE;
 }
 
+/* The longest mean time between two rows of a recording, s. */
+static const double ROW_S = 0.5;
+
 /* Reads the rows of a table into arrays of `most` entries. */
 static enum error_code read_rows(struct csv *csv, const int column[COLUMNS], size_t most,
                                  struct recording *r, struct error *error)
@@ -432,6 +435,13 @@ static enum error_code read_rows(struct csv *csv, const int column[COLUMNS], siz
     if (!code && r->count < 16) {
         return error_set(error, ERROR_INPUT, "%s: found %zu rows, expected 16 or more", csv->path,
                          r->count);
+    }
+    /* A drive answers within milliseconds: rows that far apart are in another unit of time */
+    if (!code && r->time[r->count - 1] - r->time[0] > ROW_S * (double)(r->count - 1)) {
+        return error_set(error, ERROR_INPUT,
+                         "%s: found %zu rows in %.9g s, expected one in %g s or more: is the "
+                         "time in seconds?",
+                         csv->path, r->count, r->time[r->count - 1] - r->time[0], ROW_S);
     }
     r->supply = supply / (double)(r->count ? r->count : 1);
     return code;

@@ -441,6 +441,12 @@ enum error_code fit_prepare(const struct bench *bench, const char *const *key, s
         if (one.parameter == IDENTIFY_NONE) {
             return fit_refuse_key(one.key, error);
         }
+        for (size_t k = 0; k < problem->nfree; k++) {
+            if (problem->free[k].parameter == one.parameter) {
+                return error_set(error, ERROR_INPUT, "found \"%.63s\" again, expected it once",
+                                 one.key);
+            }
+        }
         if (problem->nfree == IDENTIFY_FREE_MAX) {
             return error_set(error, ERROR_INPUT,
                              "found \"%.63s\" behind %d numbers, expected no more", one.key,

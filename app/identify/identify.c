@@ -9,6 +9,9 @@
 #include <string.h>
 #include <time.h>
 
+/* The most that the angles of a recording span, in ranges of the joint, whose stops yield. */
+static const double RANGES_MAX = 1.5;
+
 /* Sets the numbers that a bench has in the place of its drive's. */
 static void set_numbers(struct identify_bench *bench)
 {
@@ -59,13 +62,35 @@ static enum error_code load_bench_rig(const char *path, struct arena *arena,
     return code;
 }
 
+/* Refuses angles that span a multiple of the joint's range, as degrees do. */
+static enum error_code check_angles(const struct robot_joint *joint, const char *path,
+                                    const struct recording *recording, struct error *error)
+{
+    double least = recording->position[0], greatest = least;
+
+    for (size_t i = 1; i < recording->count; i++) {
+        least = fmin(least, recording->position[i]);
+        greatest = fmax(greatest, recording->position[i]);
+    }
+    if (greatest - least <= RANGES_MAX * (joint->upper - joint->lower)) {
+        return ERROR_NONE;
+    }
+    return error_set(error, ERROR_INPUT,
+                     "%.200s: found angles from %.4g to %.4g rad, but joint %s turns from %.4g to "
+                     "%.4g rad: are they in radians?",
+                     path, least, greatest, joint->name, joint->lower, joint->upper);
+}
+
 /* Reads a recording: rows as CSV, or a log of candump. */
 static enum error_code read_recording(const struct identify_bench *bench, const char *path,
                                       const char *crc32, struct arena *arena,
                                       struct recording *recording, struct error *error)
 {
+    enum error_code code;
+
     if (!recording_is_log(path)) {
-        return recording_read(&bench->bench, path, crc32, arena, recording, error);
+        code = recording_read(&bench->bench, path, crc32, arena, recording, error);
+        return code ? code : check_angles(&bench->trial.joint, path, recording, error);
     }
     if (crc32) {
         return error_set(error, ERROR_INPUT,
@@ -128,8 +153,9 @@ enum error_code identify_open_own(const char *rig, const char *joint, struct are
     bench->bench = (struct bench){.name = "own"};
     code = load_bench_rig(rig, arena, bench, error);
     if (!code && joint && strcmp(joint, bench->trial.joint.name) != 0) {
-        code = error_set(error, ERROR_INPUT, "%s: found joint \"%s\", expected \"%.63s\"", rig,
-                         bench->trial.joint.name, joint);
+        code =
+            error_set(error, ERROR_INPUT, "--joint: found \"%.63s\", but the joint of %s is \"%s\"",
+                      joint, rig, bench->trial.joint.name);
     }
     return code ? code : bench_of_own(bench->trial.joint.name, arena, &bench->bench, error);
 }

@@ -13,6 +13,10 @@
 /* Mass of a body to which the file gives none: robot files require more than 0. */
 #define NO_MASS_KG 1e-15
 
+/* Bounds of a robot file's places and inertias: coman-hil-robot(5). */
+#define PLACE_MAX_M 1e3
+#define INERTIA_MAX_KG_M2 1e6
+
 enum error_code reduce_no_memory(const struct reducer *r)
 {
     return error_set(r->error, ERROR_MEMORY, "%.200s: no memory left for this robot",
@@ -364,6 +368,57 @@ static enum error_code reduce_make_room(struct reducer *r)
     return out->robot->body && out->robot->joint ? ERROR_NONE : reduce_no_memory(r);
 }
 
+/* Refuses a place that robot files do not take, in the line of the foreign file. */
+static enum error_code reduce_check_place(const struct reducer *r, const double xyz[3],
+                                          const char *file, int line, const char *what,
+                                          const char *name)
+{
+    for (int i = 0; i < 3; i++) {
+        if (fabs(xyz[i]) > PLACE_MAX_M) {
+            return import_error(r->error, file, line,
+                                "found %g m in %s \"%.63s\", expected -%g to %g", xyz[i], what,
+                                name, PLACE_MAX_M, PLACE_MAX_M);
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Refuses places and inertias beyond the ranges of robot files, so that the error has the place
+ * in the file that the user wrote and not in the one that is made of it. */
+static enum error_code reduce_check_ranges(const struct reducer *r)
+{
+    const struct import_model *model = r->model;
+    enum error_code code = ERROR_NONE;
+
+    for (size_t j = 0; j < model->njoint && !code; j++) {
+        code =
+            reduce_check_place(r, model->joint[j].place.xyz, model->joint[j].file,
+                               model->joint[j].line, "the origin of joint", model->joint[j].name);
+    }
+    for (size_t i = 0; i < model->nsensor && !code; i++) {
+        code =
+            reduce_check_place(r, model->sensor[i].place.xyz, model->sensor[i].file,
+                               model->sensor[i].line, "the place of sensor", model->sensor[i].name);
+    }
+    for (size_t i = 0; i < model->nlink && !code; i++) {
+        const struct import_link *link = &model->link[i];
+        int line = link->inertia_line ? link->inertia_line : link->line;
+
+        code = reduce_check_place(r, link->inertia.com, link->file, line,
+                                  "the center of mass of link", link->name);
+        for (int k = 0; k < 6 && !code; k++) {
+            if (fabs(link->inertia.I[k]) > INERTIA_MAX_KG_M2) {
+                code = import_error(r->error, link->file, line,
+                                    "found an inertia of %g kg m2 of link \"%.63s\", expected "
+                                    "-%g to %g",
+                                    link->inertia.I[k], link->name, INERTIA_MAX_KG_M2,
+                                    INERTIA_MAX_KG_M2);
+            }
+        }
+    }
+    return code;
+}
+
 enum error_code import_reduce(const struct import_model *model,
                               const struct import_options *options, struct arena *arena,
                               struct import_notes *notes, struct import_robot *out,
@@ -381,9 +436,9 @@ enum error_code import_reduce(const struct import_model *model,
 
     /* The tree and what moves in it first; inertias need the places of links, the base the
      * inertias */
-    if ((code = reduce_make_room(&r)) || (code = reduce_find_tree(&r)) ||
-        (code = reduce_fix_joints(&r)) || (code = reduce_place_links(&r)) ||
-        (code = reduce_add_couplings(&r))) {
+    if ((code = reduce_make_room(&r)) || (code = reduce_check_ranges(&r)) ||
+        (code = reduce_find_tree(&r)) || (code = reduce_fix_joints(&r)) ||
+        (code = reduce_place_links(&r)) || (code = reduce_add_couplings(&r))) {
         return code;
     }
     out->robot->file = model->file;

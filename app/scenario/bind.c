@@ -5,12 +5,13 @@
 #include "base/text.h"
 #include "rig/faults.h"
 
+#include <stdio.h>
 #include <string.h>
 
 enum { NAMES_MAX = 256 };
 
 /* Finds name among names; *index is its place. what and expected are words of the message: "bus",
- * "one of the rig's". */
+ * the names, or "one of the rig's". */
 static enum error_code bind_name(const char *const *names, size_t count, const char *name,
                                  const char *what, const char *expected,
                                  const struct yaml_mark *mark, int *index, struct error *error)
@@ -34,12 +35,17 @@ static enum error_code bind_bus(const struct rig *rig, const char *name,
                                 const struct yaml_mark *mark, int *index, struct error *error)
 {
     const char *names[NAMES_MAX];
-    size_t count = 0;
+    char list[256] = "one of ";
+    size_t count = 0, used = strlen(list);
 
     for (; count < rig->nbus && count < NAMES_MAX; count++) {
         names[count] = rig->bus[count].name;
+        if (used < sizeof list) {
+            used += (size_t)snprintf(list + used, sizeof list - used, "%s%s", count ? ", " : "",
+                                     names[count]);
+        }
     }
-    return bind_name(names, count, name, "bus", "one of the rig's", mark, index, error);
+    return bind_name(names, count, name, "bus", list, mark, index, error);
 }
 
 /* Finds the index of a driven joint among the rig's axes. */
@@ -69,6 +75,19 @@ static enum error_code bind_body(const struct rig *rig, const char *name,
         names[count++] = rig->free[i].name;
     }
     return bind_name(names, count, name, "body", "one of the rig's", mark, index, error);
+}
+
+/* Refuses a stimulus that is repeated more often than there are ticks. */
+static enum error_code bind_repetition(const struct scenario_stimulus *stimulus,
+                                       const struct rig *rig, struct error *error)
+{
+    double tick_s = (double)rig->tick_ns * 1e-9;
+
+    return stimulus->every_s <= 0.0 || stimulus->every_s > tick_s * (1.0 - 1e-9)
+               ? ERROR_NONE
+               : yaml_error(error, &stimulus->mark,
+                            "found every_s %g, expected the tick of %g s or more",
+                            stimulus->every_s, tick_s);
 }
 
 /* Finds the bus, joint or body that a stimulus acts on. */
@@ -158,7 +177,8 @@ enum error_code scenario_bind(struct scenario *scenario, const struct rig *rig, 
         return code;
     }
     for (size_t i = 0; i < scenario->nstimulus; i++) {
-        if (bind_stimulus(&scenario->stimulus[i], rig, error)) {
+        if (bind_repetition(&scenario->stimulus[i], rig, error) ||
+            bind_stimulus(&scenario->stimulus[i], rig, error)) {
             return ERROR_INPUT;
         }
     }

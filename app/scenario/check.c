@@ -413,9 +413,13 @@ static enum error_code check_mutations(const struct scenario *scenario, struct e
 
         /* The runner's own labels cannot be left out */
         if (mutation->without_given && find_label(scenario, mutation->without) < SCENARIO_LABELS) {
+            const char *nearest = text_nearest(mutation->without, scenario->label + SCENARIO_LABELS,
+                                               scenario->nlabel - SCENARIO_LABELS);
+
             return yaml_error(error, &mutation->mark,
-                              "found without: \"%.60s\", expected the label of a stimulus",
-                              mutation->without);
+                              "found without: \"%.60s\", expected the label of a stimulus%s%s%s",
+                              mutation->without, nearest ? "; did you mean \"" : "",
+                              nearest ? nearest : "", nearest ? "\"?" : "");
         }
         for (size_t k = 0; k < mutation->nfail; k++) {
             if (check_fails(scenario, &mutation->fails[k], error)) {

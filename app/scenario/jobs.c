@@ -46,7 +46,8 @@ struct pool {
 /* ---- in the process ---- */
 
 /* Runs a job in this process. A run that fails is repeated with the recorder on, which in virtual
- * time is the same run; a repeat with another hash makes the outcome void. */
+ * time is the same run; a repeat with another hash makes the outcome void. One that cannot be
+ * recorded does not: its verdicts are known. */
 static void job_run_here(const struct scenario_job *job, const struct scenario_jobs_options *jobs,
                          struct scenario_outcome *outcome)
 {
@@ -68,8 +69,7 @@ static void job_run_here(const struct scenario_job *job, const struct scenario_j
 
     /* The recorder is on in the repeat only: most runs pass, and need no files */
     if (folder_make_all(job->record, &error)) {
-        outcome->ran = false;
-        snprintf(outcome->text, sizeof outcome->text, "%.200s", error.text);
+        snprintf(outcome->unrecorded, sizeof outcome->unrecorded, "%.200s", error.text);
         return;
     }
     again = calloc(1, sizeof *again);
@@ -80,7 +80,8 @@ static void job_run_here(const struct scenario_job *job, const struct scenario_j
     scenario_run(job->scenario, &options, again);
 
     /* The same input must give the same state, bit for bit */
-    if (!again->ran || again->state_hash != outcome->state_hash) {
+    memcpy(outcome->unrecorded, again->unrecorded, sizeof outcome->unrecorded);
+    if (again->ran ? again->state_hash != outcome->state_hash : !again->unrecorded[0]) {
         outcome->ran = false;
         snprintf(outcome->text, sizeof outcome->text, "the recorded repeat %.200s",
                  again->ran ? "differs: the run does not depend on its input alone" : again->text);

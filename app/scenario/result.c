@@ -72,6 +72,10 @@ void scenario_judge(const struct scenario_job *job, struct scenario_result *resu
             result->record = job->record;
         }
     }
+    if (outcome->unrecorded[0]) {
+        result_add_message(result, result->status, "not recorded", outcome->unrecorded);
+        result->record = "";
+    }
     if (unjudged) {
         snprintf(text, sizeof text,
                  "the run ended there: %zu of %zu expectations not judged (--to-the-end)", unjudged,

@@ -403,7 +403,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     outcome->seed = faults_seed(simulator_faults(simulator));
     outcome->state_hash = plant_hash(simulator_plant(simulator));
 
-    /* A program or a model that fails, or a recording that cannot be written, voids the verdicts */
+    /* A program or a model that fails voids the verdicts; what cannot be recorded was still seen */
     if (run->broken[0]) {
         outcome->ran = false;
         snprintf(outcome->text, sizeof outcome->text, "%s", run->broken);
@@ -412,8 +412,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
         snprintf(outcome->text, sizeof outcome->text, "%.200s", simulator_failure(simulator));
     }
     if (scenario_run_finish_recording(run, options->record, end, outcome, &error)) {
-        outcome->ran = false;
-        snprintf(outcome->text, sizeof outcome->text, "%.200s", error.text);
+        snprintf(outcome->unrecorded, sizeof outcome->unrecorded, "%.200s", error.text);
     }
 }
 
@@ -488,6 +487,10 @@ void scenario_run(struct scenario *scenario, const struct scenario_options *opti
     if (code) {
         outcome->ran = false;
         snprintf(outcome->text, sizeof outcome->text, "%.250s", error.text);
+        /* A run with a recorder opens its files first of all that the system may refuse */
+        if (options->record && code == ERROR_SYSTEM) {
+            snprintf(outcome->unrecorded, sizeof outcome->unrecorded, "%.200s", error.text);
+        }
     }
     outcome->wall_ns = clock_now(wall) - begin;
     free(run);

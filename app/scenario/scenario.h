@@ -264,6 +264,7 @@ struct scenario_verdict {
 struct scenario_outcome {
     bool ran; /* false: text says why there are no verdicts */
     char text[SCENARIO_TEXT];
+    char unrecorded[SCENARIO_TEXT]; /* why there is no recording, or not all of it; "" = none */
     size_t nverdict;
     struct scenario_verdict verdict[SCENARIO_EXPECTATIONS_MAX];
     uint64_t state_hash, seed;

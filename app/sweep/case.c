@@ -122,11 +122,14 @@ enum error_code plan_read_result(const char *path, struct arena *arena, struct p
         result->message = arena_strdup(arena, message);
     }
     json_decref(file);
-    return good && s < 3 && result->message ? ERROR_NONE
-           : newer
-               ? plan_newer(path, error)
-               : error_set(error, ERROR_INPUT,
-                           "%.200s: found no result, expected one as test --case writes it", path);
+    if (good && s < 3 && result->message) {
+        return ERROR_NONE;
+    }
+    return newer ? plan_newer(path, error)
+                 : error_set(error, ERROR_INPUT,
+                             "%.200s: found no result, expected one as test --case writes it: "
+                             "remove the file to run the case again",
+                             path);
 }
 
 /* Writes the result of a case, complete or not at all. */

@@ -108,7 +108,8 @@ static bool cia402_bus_hear(struct boards *boards, struct board_bus *bus,
     return listener;
 }
 
-/* Passes SYNC and process data to all nodes, any of which may want them. */
+/* Passes SYNC and process data to all nodes, any of which may want them. The frame counts for the
+ * last node that takes it, or for the first that refuses it. */
 static bool cia402_bus_receive_process(struct boards *boards, struct board_bus *bus,
                                        const struct bus_frame *frame)
 {
@@ -117,18 +118,22 @@ static bool cia402_bus_receive_process(struct boards *boards, struct board_bus *
 
     for (unsigned id = 1; id < NODES; id++) {
         struct cia402_node *node = cia402_bus_node(bus, id);
+        enum board_verdict own = BOARD_OBEYED;
 
         if (!node || node->state == CIA402_STOPPED) {
             continue;
         }
         if (node->settings.cob_sync == (int64_t)frame->id) {
-            listener = &node->board;
-            verdict = frame->len > 1 ? BOARD_MALFORMED : verdict;
+            own = frame->len > 1 ? BOARD_MALFORMED : own;
             if (frame->len <= 1) {
                 cia402_pdo_sync(node);
             }
-        } else if (cia402_pdo_receive(node, frame, &verdict)) {
+        } else if (!cia402_pdo_receive(node, frame, &own)) {
+            continue;
+        }
+        if (verdict == BOARD_OBEYED) {
             listener = &node->board;
+            verdict = own;
         }
     }
     if (listener) {

@@ -178,6 +178,43 @@ static enum error_code described_build_faults(struct described_loader *l)
     return ERROR_NONE;
 }
 
+/* Raises the width to that of the longest of these fields that carries faults. */
+static void described_widen_faults(const struct raw_described_field *field, size_t count,
+                                   int64_t *width)
+{
+    for (size_t i = 0; i < count; i++) {
+        if (field[i].source_given && field[i].bits > *width &&
+            (field[i].source == DESCRIBED_FAULTS || field[i].source == DESCRIBED_LATCHED_FAULTS)) {
+            *width = field[i].bits;
+        }
+    }
+}
+
+/* Refuses a fault whose bit is beyond every field of faults, where there are such fields. */
+static enum error_code described_check_faults(const struct described_loader *l)
+{
+    const struct raw_described *raw = l->raw;
+    int64_t width = 0;
+
+    for (size_t f = 0; f < raw->nframe; f++) {
+        described_widen_faults(raw->frame[f].field, raw->frame[f].nfield, &width);
+        described_widen_faults(raw->frame[f].id_field, raw->frame[f].nid_field, &width);
+    }
+    for (size_t i = 0; i < raw->nparameter; i++) {
+        described_widen_faults(&raw->parameter[i].field, 1, &width);
+    }
+    for (size_t i = 0; i < raw->nfault && width > 0; i++) {
+        if (raw->fault[i].bit >= width) {
+            return yaml_error(l->error, &raw->fault[i].mark,
+                              "found bit %lld of fault \"%s\", but the longest field of faults has "
+                              "the bits 0 to %lld",
+                              (long long)raw->fault[i].bit, raw->fault[i].name,
+                              (long long)width - 1);
+        }
+    }
+    return ERROR_NONE;
+}
+
 /* ---- frames ---- */
 
 /* Returns whether a field is a target of an axis. */
@@ -467,6 +504,27 @@ static enum error_code described_build_list(struct described_loader *l,
     return ERROR_NONE;
 }
 
+/* Refuses a host that switches axes on and never sends them a set-point: a task would wait in vain
+ * for its joints to move. */
+static enum error_code described_check_commands(const struct described_loader *l)
+{
+    const struct raw_described_host *raw = &l->raw->host;
+
+    for (size_t f = 0; f < l->made->nframe && raw->non > 0 && raw->ncommand == 0; f++) {
+        const struct described_frame *frame = &l->made->frame[f];
+
+        for (size_t i = 0; frame->from_host && i < frame->nfield; i++) {
+            if (described_is_set_point(frame->field[i].meaning)) {
+                return yaml_error(l->error, &raw->mark,
+                                  "found a host without command, expected the frames that carry "
+                                  "set-points, as \"%s\"",
+                                  frame->name);
+            }
+        }
+    }
+    return ERROR_NONE;
+}
+
 /* Builds the lists of the host's steps and finds the states that it commands. */
 static enum error_code described_build_host(struct described_loader *l)
 {
@@ -480,6 +538,7 @@ static enum error_code described_build_host(struct described_loader *l)
     code = code ? code : described_build_list(l, raw->on, raw->non, &made->host.on);
     code = code ? code : described_build_list(l, raw->off, raw->noff, &made->host.off);
     code = code ? code : described_build_list(l, raw->command, raw->ncommand, &made->host.command);
+    code = code ? code : described_check_commands(l);
 
     /* States that the host commands: the first that drives, the first that is off */
     made->host.off_state = made->host.on_state = made->off_state;
@@ -524,6 +583,7 @@ static enum error_code described_build(struct described_loader *l)
     }
     code = described_build_states(l);
     code = code ? code : described_build_faults(l);
+    code = code ? code : described_check_faults(l);
     code = code ? code : described_build_frames(l);
     code = code ? code : described_build_parameters(l);
     code = code ? code : described_check_ids(l);

@@ -51,6 +51,21 @@ static enum hil_client_code begin(struct hil_client *client, struct task *tasks,
     return code;
 }
 
+/* Fails when the board of a motor has switched it off, which is no error of a step. */
+static enum hil_client_code check(struct hil_client *client)
+{
+    const int tripped = hil_client_find_tripped(client, 0);
+    struct hil_client_joint state;
+
+    if (tripped < 0) {
+        return HIL_CLIENT_OK;
+    }
+    hil_client_read(client, tripped, &state);
+    snprintf(client->message, sizeof client->message, "%s has tripped: mode %s, faults 0x%x",
+             hil_client_joint_name(client, tripped), state.mode, (unsigned)state.faults);
+    return HIL_CLIENT_BOARD;
+}
+
 /* Computes the voltages of a period, for an angle that rises for a second, and lets it pass. */
 static enum hil_client_code advance(struct hil_client *client, const struct task *tasks,
                                     size_t count, int tick)
@@ -63,7 +78,10 @@ static enum hil_client_code advance(struct hil_client *client, const struct task
 
         hil_client_command(client, tasks[i].joint, HIL_CLIENT_VOLTAGE, volts);
     }
-    return hil_client_step(client, PERIOD);
+
+    const enum hil_client_code code = hil_client_step(client, PERIOD);
+
+    return code ? code : check(client);
 }
 
 static void report(const struct hil_client *client, const struct task *tasks, size_t count)

@@ -60,6 +60,10 @@ class Joint:
     name: the rig's. bus: that of its motor board. voltage_v: the voltage for the motor (V), told to
     its board with every step while the motor is on (Simulator.enable), limited to the supply."""
 
+    # a misspelled voltage_v is an error
+    __slots__ = ("name", "bus", "enabled", "_volts", "_on", "_protocol", "_latest", "_all",
+                 "_found")
+
     def __init__(self, name: str, bus: Bus, buses: Iterable[Bus], on: str, latest: Latest) -> None:
         self.name, self.bus = name, bus.name
         self.enabled = False

@@ -25,6 +25,8 @@ MOVED = "somebody else moves its time (ctl step, restore, another client's STEP)
 STEP_TICKS = 1000           # at most in one STEP, so that a time-out is soon enough
 SWITCH_TICKS = 5            # until a new mode has been reported
 FRAMES_KEPT = 100_000
+STARTED = ("joints", "sensors", "tick", "tick_s", "bus", "buses", "control", "board_fault",
+           "_frames", "_queued", "_boards", "_listening")      # there once it has been started
 
 
 class Done(NamedTuple):
@@ -77,6 +79,12 @@ class Simulator:
         self._start_timeout_s, self._timeout_s = start_timeout_s, timeout_s
         self._process: Process | None = None
         self.exit_status: int | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        if name in STARTED and not self.__dict__.get("_process"):
+            raise SimulatorError(f"{name}: the simulator has not been started: `with Simulator(...)"
+                                 " as sim:` starts it, or start()")
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     # ---- start and end ----
 
@@ -188,6 +196,8 @@ class Simulator:
         The set-points of motors that are on are sent before the first tick, and again every
         refresh_s; without refresh none are sent, and boards let the last one go. What has been
         sent before (send, command) takes part in the first tick."""
+        if not hasattr(ticks, "__index__"):
+            raise TypeError(f"found {ticks!r} ticks, expected a whole number")
         if ticks < 1:
             raise ValueError(f"found {ticks} ticks, expected 1 or more")
         self._frames.clear()
@@ -347,6 +357,11 @@ class Simulator:
                 text = ", ".join(joint.state_text() for joint in waiting)
                 raise BoardError(f"motors do not switch on within {timeout_s:g} s: {text}; "
                                  "the simulator's log may say what their boards want first")
+
+    def tripped(self) -> list[str]:
+        """The joints that are enabled and whose boards no longer say so, as after a trip or a
+        restart. Steps succeed all the same: ask after each."""
+        return [joint.name for joint in self.joints.values() if joint.enabled and not joint.is_on]
 
     def disable(self, *joints: str) -> None:
         """Switches motors off, those of all joints when none is named; runs some ticks."""

@@ -16,7 +16,7 @@ module=()
     module=(--peers "$HIL_BINARY_DIR/tests/libhil-peers.so")
 "$program" paper --quick --out "$work/report" "${module[@]}" >"$work/out" 2>"$work/err" </dev/null
 echo $? >"$work/status"
-"$program" paper --quick --out /dev/null/report >"$work/refused" 2>&1 </dev/null
+"$program" paper --quick -o /dev/null/report >"$work/refused" 2>&1 </dev/null
 echo $? >>"$work/refused"
 
 PYTHONPATH=$HIL_SOURCE_DIR/tests/service:$HIL_SOURCE_DIR/tools PYTHONDONTWRITEBYTECODE=1 \

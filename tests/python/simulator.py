@@ -290,6 +290,31 @@ def test_boards_that_do_not_obey_are_told():
         assert sim.joints["LElbj"].is_on
 
 
+def test_motors_that_trip_have_names():
+    from coman_hil import Simulator
+    with Simulator(rig("coman"), hold="none", faults=["motor LElbj jam 0.05.."]) as sim:
+        sim.enable("LElbj", "RElbj")
+        assert sim.tripped() == []
+        sim.joints["LElbj"].voltage_v = 20
+        sim.step(600)
+        assert sim.tripped() == ["LElbj"], sim.joints["LElbj"].state_text()
+        sim.disable("LElbj")
+        assert sim.tripped() == []
+
+
+def test_misuse_is_an_error_that_says_so():
+    from coman_hil import Simulator, SimulatorError
+    unstarted = Simulator(rig("coman-compact"))
+    with raises(SimulatorError, "_frames: the simulator has not been started"):
+        unstarted.step()
+    assert not hasattr(unstarted, "voltage_v")
+    with Simulator(rig("coman-compact"), hold="always") as sim:
+        with raises(AttributeError, "voltag_v"):
+            sim.joints["LElbj"].voltag_v = 2.0
+        with raises(TypeError, "found 2.5 ticks, expected a whole number"):
+            sim.step(2.5)
+
+
 def test_a_hydraulic_leg_moves_by_its_valves():
     """Two volts of ten open a fifth; without current the valve closes and the leg stays."""
     from coman_hil import Simulator

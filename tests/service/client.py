@@ -172,6 +172,11 @@ def test_refusals(program):
         simulator.wait()
         text = refused(program, simulator.tables, simulator.ready)
         result("the run is over" in text or "closed" in text, "so is one that ends", text)
+    with Simulator("coman", "--fault", "motor LElbj jam 0.1..") as simulator:
+        simulator.wait()
+        text = refused(program, simulator.tables, simulator.ready)
+        result(text.startswith("elbow: LElbj has tripped: mode hardware_fault, faults 0x8"),
+               "so is a motor that trips while steps go on", text)
 
 
 def main():

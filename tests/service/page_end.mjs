@@ -12,7 +12,7 @@ import { check, launch, plan, untilReady, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
 const source = process.env.HIL_SOURCE_DIR;
-const TESTS = 19;
+const TESTS = 20;
 const TOUCH_PX = 44;
 const TICKS = 20000; // of the first run, which is paused at once and driven by the page: a slow browser misses nothing
 
@@ -174,6 +174,11 @@ async function judgeEnd(page, phone, run, picture) {
   check(/°/.test(angle), 'its tables are still there', angle);
   await phone.waitForSelector('#ending:not([hidden])');
   await picture('end-telephone', phone);
+  const note = await phone.evaluate(() => {
+    document.getElementById('tab-panel-trace').click();
+    return document.querySelector('#panel-trace .tools .muted').textContent;
+  });
+  check(/while this panel is open/.test(note), 'a table of frames that was closed says why it is empty', note);
   await phone.close();
   check(run.child.exitCode === null, 'the program waits');
 }

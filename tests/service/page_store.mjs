@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // usage: node page_store.mjs
 // The page's store of samples against a plain table: live rows, time that goes back, what was before
-// a signal was chosen, bounds. Prints TAP.
+// a signal was chosen, bounds; and the width of an axis. Prints TAP.
 import { join } from 'node:path';
 import { check } from './browser.mjs';
 
 const { SeriesStore } = await import(join(process.env.HIL_SOURCE_DIR, 'viewer/page/series_store.js'));
+const { axisWidth } = await import(join(process.env.HIL_SOURCE_DIR, 'viewer/page/dom.js'));
 
 const NAMES = ['a', 'b', 'c'];
 const valueOf = (name, tick, life) => Math.fround(1000 * NAMES.indexOf(name) + tick % 977 + 0.25 * life);
@@ -66,7 +67,7 @@ function agrees(server, names, found, from, to) {
     && names.every((name, k) => found.columns[k][inside[r]] === valueOf(name, tick, life)));
 }
 
-console.log('1..13');
+console.log('1..14');
 
 const server = new Server();
 const store = new SeriesStore({ signals: NAMES.map((name) => ({ name, unit: 'm' })),
@@ -124,3 +125,7 @@ small.choose(NAMES, other.after);
 for (let i = 0; i < 50; i++) other.run(small, 1000);
 check(small.bytes <= 300000 && small.to_s === timeOf(49999) && small.from_s > 30, 'memory is bounded: the oldest go',
   [small.bytes, small.from_s]);
+
+check(axisWidth(null) === 52 && axisWidth([0, 10]) === 52 && axisWidth([-0.000001, 0]) >= 16 + 7 * '-1e-6'.length
+  && axisWidth([0, -0.000012345]) > axisWidth([0, 12]) && axisWidth([null, '-123456.5']) >= 16 + 7 * 9,
+  'an axis is as wide as its longest number', axisWidth([0, -0.000012345]));

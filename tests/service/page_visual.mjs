@@ -9,7 +9,7 @@ import { join } from 'node:path';
 import { check, launch, plan, untilReady, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
-const TESTS = 19;
+const TESTS = 20;
 const PATIENCE_MS = 2 * WAIT_MS; // four pages, each with meshes, drawn by the processor
 
 // ---- meshes whose answer is known ----
@@ -198,6 +198,11 @@ async function judgeArm(browser, work, errors) {
     const ends = await page.evaluate(look, ARM_ENDS);
     check(ends.every(({ within }) => within), 'nothing of the arm is cut off');
     check(await page.evaluate(() => window.coman.page.scene.ground.visible), 'there is ground below a robot that is fixed');
+    const pushed = await page.evaluate(() => {
+      const { bodies } = window.coman.page.hello.scene;
+      return bodies[Number(document.querySelector('#push-body').value)].parent;
+    });
+    check(pushed >= 0, 'what is pushed at first is no body that is fixed', pushed);
     await page.click('.lacks summary');
     const lacks = await page.textContent('.lacks');
     check(lacks.startsWith('1 shape is missing') && lacks.includes('gone.stl'), 'the page names what is missing', lacks);

@@ -25,7 +25,7 @@ run()
 
 says() { grep -q -e "$1" "$work/out"; }
 
-echo 1..15
+echo 1..16
 
 run 0 --plan sweep.yaml --output a.plan && says '^6 cases$' &&
     run 0 --plan sweep.yaml --output b.plan && cmp -s a.plan b.plan && [ "$(wc -l <a.plan)" -eq 7 ]
@@ -42,6 +42,11 @@ result $? "every case runs, and one that has run is not run again"
 for k in 6 2 4 1 3; do run 0 --case $k b.plan; done
 run 2 --merge b.plan && says 'b.plan: found no result of 1 of 6 cases, the first is case 5'
 result $? "a gap is refused"
+
+echo '{}' >b.plan.results/5.json
+run 2 --case 5 b.plan && says '5.json: found no result.*: remove the file to run the case again' &&
+    rm b.plan.results/5.json
+result $? "a damaged result is not taken for one, and is told to be removed"
 
 run 0 --case 5 b.plan && run 0 --merge b.plan && run 0 --merge a.plan &&
     says '^6 cases: 6 passed, 0 did not$' && cmp -s a.plan.xml b.plan.xml &&

@@ -53,7 +53,7 @@ without_can()
     ! python3 -c 'import socket; socket.socket(socket.AF_CAN, socket.SOCK_RAW, 1)' 2>/dev/null
 }
 
-echo 1..33
+echo 1..36
 
 # ---- runs and their length ----
 name="a free run without a controller ends at its length and lets the robot fall"
@@ -103,6 +103,19 @@ done
 run 0 free run "$rig" --transport local --clock free --task squat --duration 0.5 \
     --record "$work/free" --quiet
 
+name="a lockstep run that ends before its first tick has a summary without shares of nothing"
+"$program" run "$rig" --transport local --gateway 0 --clock lockstep --quiet --ready "$work/ready" \
+    >"$work/out" 2>"$work/err" </dev/null &
+pid=$!
+for ((turn = 0; turn < 600; turn++)); do
+    [ -e "$work/ready" ] || ! kill -0 $pid 2>/dev/null && break
+    sleep 0.1
+done
+kill -TERM $pid 2>/dev/null
+wait $pid && grep -q '^  0 ticks' "$work/out" && grep -q 'contact: 1 evaluations' "$work/out" &&
+    ! grep -qE '(inf|nan) %' "$work/out"
+result $? "$name"
+
 name="two lockstep runs give byte-identical candump logs and signals"
 if [ -s "$work/lockstep1/candump.log" ] &&
     cmp "$work/lockstep1/candump.log" "$work/lockstep2/candump.log" &&
@@ -134,6 +147,12 @@ then ok "$name"; else not_ok "$name"; fi
 
 # ---- wrong command lines ----
 none=(--record "$work/none")
+wrong 2 "a host by a name is refused before anything starts" \
+    '--http: found host "labpc", expected' \
+    run "$rig" --transport local --http labpc:8080 --duration 1
+wrong 2 "a bus of --slcan that is not there is refused with those that are" \
+    'slcan: found no bus "leg", expected one of torso, left_leg, right_leg, left_arm, right_arm' \
+    run "$rig" --transport local --slcan leg="$work/leg" --duration 1
 wrong 2 "an unknown option is refused" "expected" run "$rig" --durations 1
 wrong 2 "a length that is not a number is refused" "expected a number" run "$rig" --duration nan
 wrong 2 "a negative length is refused" "expected a number" run "$rig" --duration -1
@@ -154,8 +173,8 @@ wrong 2 "a rig that is not there is refused" "No such file" run "$work/no-such.y
 wrong 4 "lockstep on local buses without a task is refused" "nobody can send" \
     run "$rig" --transport local --clock lockstep "${none[@]}"
 if without_can; then
-    wrong 4 "a kernel without CAN is told apart" "no CAN" run "$rig" --transport socketcan \
-        "${none[@]}"
+    wrong 4 "a kernel without CAN is told apart" "no CAN.*run --transport local" \
+        run "$rig" --transport socketcan "${none[@]}"
 else
     wrong 2 "an interface that is not there is told apart" "no-such-if" \
         run "$rig" --bus torso=no-such-if "${none[@]}"

@@ -44,7 +44,7 @@ names()
 print(*sorted(c.get("name") for c in tree.parse(sys.argv[1]).iter("testcase")), sep="\n")' "$1"
 }
 
-echo 1..10
+echo 1..13
 
 name="there are at least twenty scenarios"
 if [ "$(find "$scenarios" -name '*.yaml' | wc -l)" -ge 20 ]
@@ -129,6 +129,21 @@ if run 1 --output "$work/results" --junit "$work/early.xml" "$work/config/scenar
         "$(wc -l <"$work/results/wrong-1/signals.csv")" ]
 then ok "$name"; else not_ok "$name"; fi
 
+name="what cannot be recorded fails all the same, and says why there is no recording"
+mkdir -p "$work/full/wrong-1" && ln -s /dev/full "$work/full/wrong-1/signals.csv" &&
+    : >"$work/file"
+failed_unrecorded()
+{
+    run 1 --to-the-end --output "$1" --junit "$work/bare.xml" \
+        "$work/config/scenarios/wrong.yaml" &&
+        [ "$(totals "$work/bare.xml")" = "2 2 0" ] &&
+        grep -q 'quiet bus: frames seen' "$work/out" &&
+        grep -q "not recorded: .*$2" "$work/out"
+}
+if failed_unrecorded "$work/file/no" "Not a directory" &&
+    failed_unrecorded "$work/full" "No space left on device"
+then ok "$name"; else not_ok "$name"; fi
+
 name="a run whose STEP never comes is ended, the others go on"
 sed -e 's/^name: wrong/name: hangs/' -e '/^hold:/i\
 clock: lockstep\
@@ -159,7 +174,33 @@ name="names that the rig does not have are refused with the nearest one"
 sed 's/LElbj.voltage/LElbj.voltag/' "$work/config/scenarios/wrong.yaml" \
     >"$work/config/scenarios/named.yaml"
 if run 2 "$work/config/scenarios/named.yaml" &&
-    grep -q 'named.yaml:12:5: found signal "LElbj.voltag".*expected "voltage"' "$work/err"
+    grep -q 'named.yaml:12:5: found signal "LElbj.voltag".*expected "voltage"' "$work/err" &&
+    sed -i 's/voltag,/voltage,/; s/bus: left_arm/bus: can3/' \
+        "$work/config/scenarios/named.yaml" && run 2 "$work/config/scenarios/named.yaml" &&
+    grep -q 'found bus "can3", expected one of torso, left_leg, right_leg, left_arm, right_arm' \
+        "$work/err"
+then ok "$name"; else not_ok "$name"; fi
+
+name="results that cannot be written are refused before anything runs"
+if run 3 --junit "$work/no/results.xml" "$work/config/scenarios/wrong.yaml" &&
+    [ ! -s "$work/out" ] && grep -q "no/results.xml" "$work/err" &&
+    : >"$work/old.xml" && run 1 --junit "$work/old.xml" --output "$work/results" \
+        "$work/config/scenarios/early.yaml" && [ "$(totals "$work/old.xml")" = "2 2 0" ]
+then ok "$name"; else not_ok "$name"; fi
+
+name="a stimulus that repeats faster than the ticks come is refused"
+cat >"$work/config/scenarios/fast.yaml" <<'END'
+name: fast
+description: A frame every half tick.
+rig: ../rigs/coman.yaml
+duration_s: 1.0
+stimuli:
+  - {at_s: 0.2, frame: {bus: torso, id: 0x70f, data: ff}, every_s: 0.0005, for_s: 0.1}
+expectations:
+  - {name: it is there, signal: time_s, between: [0, 2]}
+END
+if run 2 "$work/config/scenarios/fast.yaml" &&
+    grep -q 'fast.yaml:6:5: found every_s 0.0005, expected the tick of 0.001 s or more' "$work/err"
 then ok "$name"; else not_ok "$name"; fi
 
 name="a fault of a stimulus has neither a time nor a name of its own"

@@ -52,6 +52,11 @@ export function plain(value) {
   return Number.isFinite(value) ? String(+value.toPrecision(4)) : '–';
 }
 
+/** Pixels that the numbers of an axis need beside it, at 7 a letter, with the tick and the gap. */
+export function axisWidth(labels) {
+  return Math.max(52, 16 + 7 * Math.max(0, ...(labels ?? []).map((label) => String(label ?? '').length)));
+}
+
 /** Four digits that matter, for any size. */
 export function short(value) {
   if (!Number.isFinite(value)) return '–';

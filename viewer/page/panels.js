@@ -174,8 +174,10 @@ export class Actions {
 
   #buildPush() {
     const bodies = this.hello.scene.bodies.map((body, i) => h('option', { value: String(i) }, body.name));
+    // the heaviest body that can move: not the first one of a robot whose base is fixed
+    const first = this.hello.scene.floating || bodies.length < 2 ? 0 : 1;
     const trunk = this.hello.scene.bodies.reduce((best, body, i, all) =>
-      body.mass_kg > all[best].mass_kg ? i : best, 0);
+      i > first && body.mass_kg > all[best].mass_kg ? i : best, first);
     const number = (label, value, min, max, step, unit) => {
       const input = h('input', { type: 'number', min, max, step, value: String(value) });
       return [input, h('label', {}, h('span', {}, label), input, h('span', { class: 'muted' }, unit))];

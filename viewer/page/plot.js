@@ -2,7 +2,7 @@
 // One plot of several that share an axis of time: its signals as chips, an axis a unit, the cursor,
 // and the gestures that zoom and pan.
 import uPlot from 'uplot';
-import { h, setClass, setText, short } from './dom.js';
+import { axisWidth, h, setClass, setText, short } from './dom.js';
 
 export const SIGNALS_MOST = 12;
 const COLORS = ['#2f81f7', '#e0552b', '#2f9e6e', '#b05cd6', '#d9a514', '#12a5b5', '#d6336c',
@@ -161,7 +161,7 @@ export class Plot {
       axes: [{ stroke: text, grid, ticks: grid, size: 34,
         values: (_, ticks) => ticks.map((t) => `${+t.toFixed(6)} s`) },
       ...units.map((unit, i) => ({ scale: unit, label: unit, side: i % 2 ? 1 : 3, stroke: text,
-        size: 52, labelSize: 18, grid: i ? { show: false } : grid, ticks: grid,
+        size: (_, labels) => axisWidth(labels), labelSize: 18, grid: i ? { show: false } : grid, ticks: grid,
         values: (_, ticks) => ticks.map((t) => +t.toPrecision(6)) }))],
     }, [[], ...series.slice(1).map(() => [])], this.stage);
     this.#plot.root.hidden = this.names.length === 0;

@@ -8,6 +8,7 @@ const ROWS = 150;
 const RENDER_MS = 300;
 const SHOWN_SIGNALS = 8;
 const LOGGED = 60; // messages of the server
+const NONE_YET = 'no frames yet: they come while this panel is open';
 
 function describe(message, data) {
   if (!message) return '';
@@ -48,7 +49,7 @@ export class Trace {
       this.#held = !this.#held;
       setText(this.hold, this.#held ? 'Go on' : 'Hold');
     } }, 'Hold');
-    this.note = h('span', { class: 'muted' });
+    this.note = h('span', { class: 'muted' }, NONE_YET);
     this.body = h('tbody', { onclick: (event) => this.#toggle(event.target.closest('tr')?.dataset.key) });
     this.head = h('thead', {}, h('tr', {}, ['Bus', 'Id', 'Message', '', 'Data', 'Meaning']
       .map((title) => h('th', {}, title))));
@@ -247,6 +248,7 @@ export class Trace {
       if (rows.length >= ROWS) break;
     }
     this.body.replaceChildren(...rows);
-    setText(this.note, `${count(this.#seen)} frames${this.#lost ? `, ${count(this.#lost)} not shown` : ''}`);
+    setText(this.note, this.#seen
+      ? `${count(this.#seen)} frames${this.#lost ? `, ${count(this.#lost)} not shown` : ''}` : NONE_YET);
   }
 }

@@ -397,9 +397,13 @@ static void without_lockstep_it_writes_and_receives(void **state)
     assert_float_equal(knee.motor_position_rad, 1.0, 1e-12);
     assert_int_equal(knee.time_ns, INT64_C(2500000000));
 
-    /* A board that does not answer is named */
+    /* A board that does not answer is named, and its motor counts as one that is not on */
+    assert_int_equal(hil_client_find_tripped(&client, 0), -1);
     assert_int_equal(hil_client_enable(&client, NULL, 0, HIL_CLIENT_CURRENT), HIL_CLIENT_BOARD);
-    assert_non_null(strstr(client.message, "L-Elb does not switch on"));
+    assert_non_null(strstr(client.message, "L-Elb does not switch on: mode \"\""));
+    assert_int_equal(hil_client_find_tripped(&client, -7), 0);
+    assert_int_equal(hil_client_find_tripped(&client, 1), 1);
+    assert_int_equal(hil_client_find_tripped(&client, 2), -1);
     assert_int_equal(hil_client_command(&client, joint, HIL_CLIENT_CURRENT, 3.0), HIL_CLIENT_OK);
     assert_int_equal(hil_client_write(&client), HIL_CLIENT_OK);
     assert_int_equal(hil_client_step(&client, 1), HIL_CLIENT_INPUT);
@@ -408,6 +412,20 @@ static void without_lockstep_it_writes_and_receives(void **state)
     /* Slot 5, 3 A in mA */
     assert_non_null(strstr(gateway.heard, "< send 020 5 02 20 00 00 00 leg >"));
     assert_non_null(strstr(gateway.heard, "< send 041 8 00 00 b8 0b 00 00 00 00 leg >"));
+}
+
+static void a_run_that_sends_nothing_is_said_to_be_paused_or_in_lockstep(void **state)
+{
+    static const char *const answers[] = {NULL, "open"};
+    struct hil_client client;
+
+    (void)state;
+    open_client(&client, answers, false, LONG_MS);
+    assert_int_equal(hil_client_enable(&client, NULL, 0, HIL_CLIENT_CURRENT), HIL_CLIENT_BOARD);
+    assert_string_equal(client.message,
+                        "L-Elb does not switch on: no frame has come from any board: is the run "
+                        "paused, or in lockstep (options.lockstep)?");
+    close_client(&client);
 }
 
 static void messages_by_name_are_encoded_as_the_tables_say(void **state)
@@ -559,6 +577,7 @@ int main(void)
         TEST(a_step_joins_a_run_on_its_way_and_sees_that_others_move_it),
         TEST(silence_refusals_and_noise_are_errors),
         TEST(without_lockstep_it_writes_and_receives),
+        TEST(a_run_that_sends_nothing_is_said_to_be_paused_or_in_lockstep),
         TEST(messages_by_name_are_encoded_as_the_tables_say),
         TEST(wrong_tables_are_named_with_file_and_line),
         TEST(the_file_of_a_killed_run_is_passed_over_and_another_clock_refused),

@@ -118,6 +118,10 @@ static void rejects_wrong_types_and_values_out_of_range(void **state)
     assert_refused("{\"cmd\":5}", "key \"cmd\": found a number, expected a string");
     assert_refused("{\"cmd\":\"status\",\"id\":{}}", "key \"id\": found an object");
     assert_refused("{\"cmd\":\"set\",\"name\":\"a\",\"value\":\"40\"}",
+                   "set: a: found \"40\", expected a number");
+    assert_refused("{\"cmd\":\"set\",\"name\":\"a\",\"value\":null}",
+                   "set: a: found null, expected a number");
+    assert_refused("{\"cmd\":\"set\",\"value\":\"40\"}",
                    "set: key \"value\": found a string, expected a number");
     assert_refused("{\"cmd\":\"fault\",\"name\":\"a\",\"on\":1}",
                    "found a number, expected true or "

@@ -409,6 +409,9 @@ static void a_described_bus_has_its_protocol(void **state)
     static const char protocol[] =
         "name: own\naddress_max: 4\nstates: [{name: idle, law: \"off\"}]\n"
         "frames: [{name: A, from: board, id: 0x6f8, by: address, period_s: 0.01}]\n";
+    static const char fast[] =
+        "name: fast\nstates: [{name: idle, law: \"off\"}]\n"
+        "frames: [{name: A, from: board, id: 0x100, by: address, period_s: 0.001}]\n";
     const struct rig *rig;
     char path[128];
 
@@ -443,6 +446,14 @@ static void a_described_bus_has_its_protocol(void **state)
     refused("  - {name: left, interface: can0, personality: described, protocol: own.yaml,\n"
             "     boards: [{kind: motor, address: 1, axes: [hip, knee]}]}\n",
             "29:47: found 2 axes, expected at most 1 with protocol own");
+
+    /* The tick of this rig is 2 ms */
+    assert_int_equal(write_file("config/rigs/fast.yaml", fast, sizeof fast - 1), 0);
+    refused(
+        "  - {name: left, interface: can0, personality: described, protocol: fast.yaml,\n"
+        "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n",
+        "28:5: found frame A of protocol fast every 0.001 s on bus \"left\", expected the tick of "
+        "0.002 s or more");
     refused("  - {name: left, interface: can0, personality: described, protocol: own.yaml,\n"
             "     boards: [{kind: inertial, address: 1}]}\n",
             "29:15: found a board of a kind that sends no frame in protocol own, expected another "
@@ -457,6 +468,8 @@ static void a_described_bus_has_its_protocol(void **state)
                        "32:21: found id 0x6fc, which belongs to frame A of protocol own, "
                        "expected another");
     snprintf(path, sizeof path, "%s/config/rigs/own.yaml", tree);
+    assert_int_equal(unlink(path), 0);
+    snprintf(path, sizeof path, "%s/config/rigs/fast.yaml", tree);
     assert_int_equal(unlink(path), 0);
 }
 

@@ -229,6 +229,11 @@ static void wrong_recordings_are_refused_with_their_line(void **unused)
                  "expected a later one");
     refuses_rows("# kp 100\ntime_s,position_rad,goal_rad,torque_enable,supply_v\n0,0,0,1,7\n",
                  "found 1 rows");
+    refuses_rows("# kp 100\ntime_s,position_rad,goal_rad,torque_enable,supply_v\n"
+                 "0,0,0,1,7\n5,0,0,1,7\n10,0,0,1,7\n15,0,0,1,7\n20,0,0,1,7\n25,0,0,1,7\n"
+                 "30,0,0,1,7\n35,0,0,1,7\n40,0,0,1,7\n45,0,0,1,7\n50,0,0,1,7\n55,0,0,1,7\n"
+                 "60,0,0,1,7\n65,0,0,1,7\n70,0,0,1,7\n75,0,0,1,7\n",
+                 "found 16 rows in 75 s, expected one in 0.5 s or more: is the time in seconds?");
     assert_int_equal(
         recording_read(&bench.bench, BENCH, "00000000", &arena, bench.recording, &error),
         ERROR_INPUT);

@@ -10,7 +10,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 . "$source/tests/service/tap.sh"
 tap_show=$work/out
-echo "1..16"
+echo "1..18"
 
 # arm FOLDER OHM: a pendulum on a drive of the catalogue with friction by load
 arm() {
@@ -54,6 +54,23 @@ run sparse 10
     >"$work/out" 2>&1
 [ $? -eq 2 ] && grep -q 'expected one a tick' "$work/out"
 result $? "a recording with fewer rows than ticks is refused"
+
+awk -F, 'NR == 1 { for (i = 1; i <= NF; i++) q = $i == "q_pivot_rad" ? i : q }
+    NR > 1 { $q *= 57.29578 } { print }' OFS=, "$work/record/signals.csv" >"$work/degrees.csv"
+"$hil" identify "$work/start/rigs/arm.yaml" --recording "$work/degrees.csv" --free R_ohm \
+    >"$work/out" 2>&1
+[ $? -eq 2 ] &&
+    grep -q 'but joint pivot turns from -3.2 to 3.2 rad: are they in radians' "$work/out"
+result $? "angles in degrees are refused"
+
+"$hil" identify "$work/start/rigs/arm.yaml" --recording "$work/record/signals.csv" \
+    --free R_ohm,R_ohm >"$work/out" 2>&1
+[ $? -eq 2 ] && grep -q 'found "R_ohm" again, expected it once' "$work/out" && {
+    "$hil" identify "$work/start/rigs/arm.yaml" --recording "$work/record/signals.csv" \
+        --free R_ohm --joint pviot >"$work/out" 2>&1
+    [ $? -eq 2 ]
+} && grep -q -- '--joint: found "pviot", but the joint of .* is "pivot"' "$work/out"
+result $? "a number that is free twice and a joint that is not there are refused"
 
 "$hil" identify coman --recording "$work/record/signals.csv" --free R_ohm >"$work/out" 2>&1
 [ $? -eq 2 ] && grep -q 'expected one joint' "$work/out"

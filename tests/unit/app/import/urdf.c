@@ -241,6 +241,17 @@ static void impossible_joints_are_refused(void **state)
         {ROBOT(LINK("base") LINK("a") JOINT("j", "revolute", "base", "a",
                                             "<limit lower='-1' upper='1' effort='-3'/>")),
          "x.urdf:4: ", "effort -3"},
+        {ROBOT(LINK("base") LINK("a")
+                   JOINT("j", "revolute", "base", "a", LIMIT "<origin xyz='0 0 3e9'/>")),
+         "x.urdf:4: ", "found 3e+09 m in the origin of joint \"j\", expected -1000 to 1000"},
+        {ROBOT(LINK("base") "<link name='a'>\n<inertial><origin xyz='0 2e4 0'/><mass value='1'/>"
+                            "<inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial>"
+                            "</link>\n" JOINT("j", "revolute", "base", "a", LIMIT)),
+         "x.urdf:4: ", "found 20000 m in the center of mass of link \"a\""},
+        {ROBOT(LINK("base") "<link name='a'>\n<inertial><mass value='1'/>"
+                            "<inertia ixx='4e9' iyy='4e9' izz='4e9' ixy='0' ixz='0' iyz='0'/>"
+                            "</inertial></link>\n" JOINT("j", "revolute", "base", "a", LIMIT)),
+         "x.urdf:4: ", "found an inertia of 4e+09 kg m2 of link \"a\""},
     };
 
     (void)state;

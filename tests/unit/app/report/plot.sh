@@ -18,7 +18,7 @@ END
 
 plot() { "$program" plot "$@" >"$work/out" 2>"$work/err" </dev/null; }
 
-echo 1..8
+echo 1..9
 
 plot "$work/small.csv" --list && [ "$(tr '\n' ' ' <"$work/out")" = \
     "q_LKnee_rad q_RKnee_rad q_LHip_rad torque_LKnee_nm " ]
@@ -39,6 +39,13 @@ result $? "a name that is not there is refused, with the nearest"
 plot "$work/small.csv"
 [ $? -eq 2 ] && grep -q -- '--list' "$work/err"
 result $? "no signal is refused"
+
+plot "$work/small.csv" --signal q_LKnee_rad --from 5 --to 600
+[ $? -eq 2 ] && [ ! -s "$work/out" ] &&
+    grep -q 'no row from 5 to 600 s, expected times within 0 to 0.01 s' "$work/err" &&
+    { plot "$work/small.csv" --signal q_LKnee_rad --from 5 --to 3; [ $? -eq 2 ]; } &&
+    grep -q -- '--from: found 5 s behind --to 3 s' "$work/err"
+result $? "a time without rows is refused, with the times that there are"
 
 # A hundred thousand points with one peak that lasts for one of them
 awk 'BEGIN { print "time_s,a_nm"; for (i = 0; i < 100000; i++)

@@ -192,6 +192,8 @@ static void refuses_with_place_and_reason(void **state)
         {"task: squat\n", "found both a task and a host"},
         {"mutations: [{name: m}]\n", "neither of fault and without"},
         {"mutations: [{name: m, without: nothing}]\n", "expected the label of a stimulus"},
+        {"stimuli: [{label: drive}]\nmutations: [{name: m, without: drve}]\n",
+         "expected the label of a stimulus; did you mean \"drive\"?"},
         {"mutations: [{name: m, fault: f, fails: [stand]}]\n", "did you mean \"stands\"?"},
         {"seed: ${sed}\nparameters:\n  seed: {values: [1]}\n",
          ":6:7: found ${sed}, expected ${NAME}"},
@@ -339,6 +341,15 @@ static void a_mutation_has_to_make_its_expectations_fail(void **state)
     scenario_judge_mutations(jobs, 2, &result);
     assert_int_equal(result.status, SCENARIO_FAILED);
     assert_string_equal(result.message, "two: no mutation of the scenario makes it fail");
+
+    /* What could not be recorded is judged all the same */
+    jobs[0].outcome.verdict[1] = (struct scenario_verdict){.judged = true, .text = "seen 2 times"};
+    strcpy(jobs[0].outcome.unrecorded, "cannot make the directory d");
+    scenario_judge(&jobs[0], &result);
+    assert_int_equal(result.status, SCENARIO_FAILED);
+    assert_string_equal(result.message,
+                        "two: seen 2 times\nnot recorded: cannot make the directory d");
+    assert_string_equal(result.record, "");
 
     jobs[1].outcome.ran = false;
     scenario_judge(&jobs[1], &result);

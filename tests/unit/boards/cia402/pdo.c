@@ -326,6 +326,30 @@ static void an_rpdo_of_another_length_raises_an_emergency(void **state)
     bench_stop(&bench);
 }
 
+static void a_frame_that_one_of_its_nodes_refuses_is_told_of_that_one(void **state)
+{
+    struct board_bench bench;
+    struct board_event event;
+
+    (void)state;
+    start(&bench);
+    /* Node 4 takes four bytes of 0x304, node 20 the two of its control word */
+    MAP(0x1401, 0x304, 255, 0x60ff0020);
+    assert_int_equal(sdo_write(&bench, 0, 20, 0x1400, 1, 4, 0x80000304), 0);
+    assert_int_equal(sdo_write(&bench, 0, 20, 0x1600, 0, 1, 1), 0);
+    assert_int_equal(sdo_write(&bench, 0, 20, 0x1400, 1, 4, 0x304), 0);
+    nmt(&bench, CIA402_NMT_START, 0);
+    bench_send(&bench, 0, 0x304, "06 00");
+    assert_true(bench_event(&bench, BOARD_EVENT_MALFORMED, &event));
+    assert_int_equal(event.address, 4);
+    bench_send(&bench, 0, 0x304, "01 00 00 00");
+    assert_true(bench_event(&bench, BOARD_EVENT_MALFORMED, &event));
+    assert_int_equal(event.address, 20);
+    assert_false(bench_event(&bench, BOARD_EVENT_MALFORMED, &event));
+    assert_int_equal(bench_counters(&bench).malformed, 2);
+    bench_stop(&bench);
+}
+
 /* ---- emergencies ---- */
 
 static void every_fault_has_its_emergency(void **state)
@@ -484,6 +508,7 @@ int main(void)
         TEST(the_inertial_node_sends_what_it_measures),
         TEST(synchronous_rpdos_wait_for_the_next_sync),
         TEST(an_rpdo_of_another_length_raises_an_emergency),
+        TEST(a_frame_that_one_of_its_nodes_refuses_is_told_of_that_one),
         TEST(every_fault_has_its_emergency),
         TEST(a_tpdo_is_sent_when_it_is_asked_for),
         TEST(emergencies_keep_their_inhibit_time),

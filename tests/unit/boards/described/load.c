@@ -21,6 +21,11 @@ static const struct {
      "toy.yaml:5:13: found unknown state \"runn\", expected run"},
     {HEAD "faults: {over_curent: {bit: 1}}\nframes: [{name: A, from: host, id: 0}]\n",
      "toy.yaml:5:23: found unknown fault \"over_curent\", expected over_current"},
+    {HEAD "faults: {stale: {bit: 8}}\nframes:\n"
+          "  - {name: A, from: board, id: 1, fields: [{name: f, bits: 8, source: faults}]}\n",
+     "toy.yaml:5:17: found bit 8 of fault \"stale\", but the longest field of faults has the bits "
+     "0 "
+     "to 7"},
     {FRAME "  - {name: A, from: host, id: 0x7ff, by: address}\n",
      "toy.yaml:6:31: found ids up to 0x81e"},
     {FRAME "  - {name: A, from: host, id: 1, step: 2}\n",
@@ -69,6 +74,11 @@ static const struct {
            "  - name: B\n    from: board\n    id: 2\n    fields:\n"
            "      - {name: x, bits: 8, source: echo}\n",
      "toy.yaml:9:12: found reply \"B\", whose field \"x\" echoes one"},
+    {FRAME "  - {name: SET, from: host, id: 1, by: address, fields: [{name: v, bits: 8, target: "
+           "voltage}]}\n  - {name: GO, from: host, id: 0x100, by: address, enter: run}\n"
+           "host: {\"on\": [GO]}\n",
+     "toy.yaml:8:7: found a host without command, expected the frames that carry set-points, as "
+     "\"SET\""},
     {FRAME "  - {name: A, from: host, id: 1}\nhost: {command: [B]}\n",
      "toy.yaml:7:18: found \"B\", expected the name of a frame from the host"},
     {FRAME "  - {name: A, from: host, id: 1, perod_s: 1}\n", "toy.yaml:6:34: "},
