@@ -123,6 +123,8 @@ struct implicit {
     double *extra, *torque;    /* by joint */
     struct stop_step *stop;    /* by joint */
     bool stops_rest;           /* all of stop is 0 */
+    bool stops_acted;          /* in the first stage, with stop_torque */
+    double *stop_torque;       /* by joint, weighted as the second stage's */
     double *lower, *upper;     /* by joint: its range */
 
     /* By joint coupling */
@@ -230,6 +232,10 @@ void implicit_linearize_actuators(struct plant *plant);
 /* Takes away the end stops that would pull with the accelerations found, and adds those that joints
  * are thrown past; true when there are some, so that the stage has to be solved again. */
 bool implicit_revise_stops(struct plant *plant);
+
+/* Keeps what the end stops have done in the first stage, which was solved, for the second, whose
+ * weight in the step is that part of the first's. */
+void implicit_keep_stops(struct plant *plant, double weight);
 
 /* Advances drives and pretensions of base through a span, with the joints at the rates of u from
  * the positions in base, and as implicit_linearize_actuators has found base; adds the drives'
