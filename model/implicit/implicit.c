@@ -96,6 +96,7 @@ static enum error_code take_first_stage(struct plant *plant)
         return code;
     }
     memcpy(im->u_1, im->u, im->na * sizeof *im->u_1);
+    memcpy(im->wrench_1, im->wrench, plant->config.ncontact * sizeof *im->wrench_1);
     account_stage(plant, rest);
 
     /* The joints' powers at the stage itself */
@@ -207,8 +208,13 @@ enum error_code implicit_step(struct plant *plant, double h)
     implicit_hold_lanes(plant);
     memcpy(im->trend_begin, im->trend, bytes);
     code = take_part(plant, LEVEL_WHOLE, h);
-    if (code || (level = needed_level(plant, h)) == LEVEL_WHOLE) {
+    if (code) {
         return code;
+    }
+    if ((level = needed_level(plant, h)) == LEVEL_WHOLE) {
+        implicit_gather_peaks(plant);
+        implicit_admit_contact(plant);
+        return ERROR_NONE;
     }
 
     /* Else again in parts, from the state at the begin */
@@ -217,7 +223,9 @@ enum error_code implicit_step(struct plant *plant, double h)
     memcpy(im->trend, im->trend_begin, bytes);
     for (int part = 0; part < parts && !code; part++) {
         code = take_part(plant, level, h / parts);
+        implicit_gather_peaks(plant);
     }
+    implicit_admit_contact(plant);
     return code;
 }
 
@@ -293,6 +301,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->is_touched, ncontact);
     TAKE(im->touched, ncontact);
     TAKE(im->wrench, ncontact);
+    TAKE(im->wrench_1, ncontact);
     TAKE(im->free_inertia, nfree);
     TAKE(im->free_load, nfree);
     TAKE(im->a, im->na);

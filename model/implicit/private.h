@@ -141,6 +141,7 @@ struct implicit {
     int *touched;                            /* those that are, ascending */
     struct spatial_inertia *contact_inertia; /* by contact body: A_b, world, about its origin */
     struct contact_wrench *wrench;           /* by contact body, at the stage */
+    struct contact_wrench *wrench_1;         /* at the first stage */
     double contact_power;                    /* of them, W */
     bool coupled;                            /* some pair is between two bodies that move */
     size_t nobserved;
@@ -308,6 +309,14 @@ void implicit_add_contact_inertia(struct plant *plant);
 /* Computes the wrenches at the stage and their power, from those at the point and the
  * accelerations a; raises jump. */
 void implicit_end_contact(struct plant *plant);
+
+/* Takes the mean wrenches of the part of a step whose stages were solved into the plant's peaks. */
+void implicit_gather_peaks(struct plant *plant);
+
+/* Brings the wrenches at the end of the step, which have moved the bodies, within what contact can
+ * exert: surfaces do not pull, and friction is within its cone. For who reads them; the physics and
+ * its accounts are done. */
+void implicit_admit_contact(struct plant *plant);
 
 /* ---- bristles: bristle.c ---- */
 

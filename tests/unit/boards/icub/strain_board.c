@@ -197,6 +197,13 @@ static void saturation_begins_below_1000_and_above_64000(void **state)
         bench_tick(&bench);
         assert_int_equal(bench_find(&bench, 0, 0x3da)->len, cases[i].length);
         assert_int_equal(bench_find(&bench, 0, 0x3db)->len, cases[i].length);
+
+        /* The same as a peak within the tick */
+        bench.ft.peak_n[2] = bench.ft.force_n[2];
+        bench.ft.force_n[2] = 10.0;
+        bench_tick(&bench);
+        assert_int_equal(bench_find(&bench, 0, 0x3da)->len, cases[i].length);
+        bench.ft.peak_n[2] = 0.0;
     }
     bench_stop(&bench);
 }
