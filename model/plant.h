@@ -168,9 +168,9 @@ double *plant_state(struct plant *plant, size_t *count);
  * the body's origin). RT-safe. */
 const struct contact_wrench *plant_contact_wrenches(const struct plant *plant);
 
-/* Returns the largest force on each contact body within the last plant_step, N: of the means over the
- * parts that the implicit integrator divides its steps into where something strikes (down to a
- * sixteenth), and of the last sample; with the other integrators that of the last sample. RT-safe. */
+/* Returns the largest force on each contact body within the last plant_step, N: of the means over
+ * the parts that the implicit integrator divides its steps into where something strikes, down to
+ * a sixteenth, and of the last sample; with other integrators that of the sample. RT-safe. */
 const double *plant_contact_peaks(const struct plant *plant);
 
 /* Copies the patches of the last sample, until the plant steps or is asked for its energies:

@@ -121,9 +121,9 @@ void plant_raise_peak(struct plant *plant, size_t c, const struct contact_wrench
     }
 }
 
-/* Adds what the peak of contact on the sensor's body is beyond the sample to a force-torque sensor's
- * peaks, by channel where that is more. The part below is as rigid as the body, and its inertia
- * that of the sample. */
+/* Adds what the peak of contact on the sensor's body is beyond the sample to the peaks of a
+ * force-torque sensor, by channel where that is more. The part below is as rigid as the body, and
+ * its inertia that of the sample. */
 static void sample_ft_peak(const struct plant *plant, const struct robot_ft_sensor *sensor,
                            struct ft_sense *ft)
 {

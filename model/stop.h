@@ -45,9 +45,9 @@ struct stop_step {
 void stop_step_begin(const struct robot_stop *stop, double lower, double upper, double x,
                      double rate, double h, struct stop_step *step);
 
-/* Continues a stop that has acted on that side, not 0, in an earlier stage of the same step with the
- * torque earlier, weighted as this one's: it acts wherever the coordinate is, and may pull as much
- * as it has pushed. A scheme that follows a stage's slope for longer than it was found for throws
+/* Continues a stop that has acted on that side, not 0, in an earlier stage of the same step with
+ * a torque, earlier, weighted as this one's: it acts wherever the coordinate is, and may pull what
+ * it has pushed. A scheme that follows a stage's slope for longer than it was found for throws
  * what a stop has halted back at up to its own speed; here it takes that back. */
 void stop_step_continue(const struct robot_stop *stop, double lower, double upper, double x,
                         double rate, double h, int side, double earlier, struct stop_step *step);

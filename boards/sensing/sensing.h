@@ -14,8 +14,8 @@
  * channels like others, and what comes out is brought back to unit length. An error of e rad about
  * some axis is one of e / 2 in them.
  *
- * A force-torque sensor mixes its six channels before that (crosstalk). The peak of a channel within
- * a tick is as far beyond its reading as the true one is beyond the truth. An incremental encoder does
+ * A force-torque sensor mixes its six channels before that (crosstalk). A channel's peak within a
+ * tick is as far beyond its reading as the true one beyond the truth. An incremental encoder does
  * not know its angle: it counts from where it stood at the start, and again after
  * sensing_restart_counter, for the counter is in the board. The boards round encoder angles to
  * ticks themselves (boards_sample) and estimate velocities from the ticks as the firmware does;

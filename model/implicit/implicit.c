@@ -178,7 +178,7 @@ static enum error_code take_part(struct plant *plant, enum implicit_level level,
 }
 
 /* Returns how finely the step of h seconds that was taken in one piece has to be divided: by what
- * struck in it, and where the base spins, since the limbs' velocity products then vary within it. */
+ * struck in it, and where the base spins, as velocity products of limbs then vary within it. */
 static enum implicit_level needed_level(const struct plant *plant, double h)
 {
     const struct implicit *im = plant->implicit;

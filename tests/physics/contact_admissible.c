@@ -57,7 +57,8 @@ static void look_at_patches(struct plant *plant, const struct contact_config *co
         seen->pull = fmax(seen->pull, -normal);
         if (friction > us * normal + ROUNDING_N) {
             seen->beyond++;
-            seen->steepest = fmax(seen->steepest, normal > 0.0 ? friction / normal : (double)INFINITY);
+            seen->steepest =
+                fmax(seen->steepest, normal > 0.0 ? friction / normal : (double)INFINITY);
         }
     }
 }
