@@ -228,7 +228,8 @@ enum contact_axis {
  * they are bent by the velocity for the time ahead: the shear changes by bristle_per_m_s times the
  * part of the velocity at bristle_arm across the normal, the twist by bristle_per_rad_s times the
  * part of the angular velocity along bristle_axis. Their own wrench and part of D are given too:
- * the work that friction takes from a motion bounds the energy that they may store by it. */
+ * the work that friction takes from a motion bounds the energy that they may store by it; and so is
+ * what friction may be at most, of the sum of the normal forces. */
 struct contact_tangent {
     int pair;
     int body_a, body_b; /* indices into the motions, -1 = the fixed world */
@@ -241,6 +242,8 @@ struct contact_tangent {
     double bristle_axis[3];                    /* that the twist turns about, along normal */
     double friction[CONTACT_AXES];             /* of bristles: on b at center; N, N m */
     double friction_D[CONTACT_TANGENT_SIZE];   /* their part of D */
+    double pressing;                           /* sum of the normal forces, N; 0 without bristles */
+    double friction_max; /* most that friction may be of it at the present velocity */
 };
 
 /* Parts of a pair's bristles: the shear y_s in the world frame, J^0.5, of b's motion against a, the

@@ -168,6 +168,11 @@ double *plant_state(struct plant *plant, size_t *count);
  * the body's origin). RT-safe. */
 const struct contact_wrench *plant_contact_wrenches(const struct plant *plant);
 
+/* Returns the largest force on each contact body within the last plant_step, N: of the means over
+ * the parts that the implicit integrator divides its steps into where something strikes, down to
+ * a sixteenth, and of the last sample; with other integrators that of the sample. RT-safe. */
+const double *plant_contact_peaks(const struct plant *plant);
+
 /* Copies the patches of the last sample, until the plant steps or is asked for its energies:
  * what of those wrenches each pair in touch gives. Returns their number, writes at most max.
  * RT-safe. */

@@ -66,6 +66,9 @@ struct motor_sense {
 struct ft_sense {
     double force_n[3]; /* force that the part below the sensor exerts through it, sensor frame */
     double torque_nm[3];
+    /* The same with the contact wrench that was largest within the tick, where that is more: what
+     * overloads the sensor (plant_contact_peaks) */
+    double peak_n[3], peak_nm[3];
 };
 
 struct imu_sense {

@@ -123,6 +123,8 @@ struct plant {
     bool sampled_step;                  /* taken from an implicit step */
     struct body_motion *sampled_motion; /* by body */
     struct contact_wrench *sampled_wrench;
+    struct contact_wrench *peak; /* by contact body: the one with the largest force in the steps */
+    double *peak_force;          /* by contact body: that force, N */
     struct body_acceleration *acceleration;
 
     double start_mechanical, start_contact; /* stored at the start, J */
@@ -280,6 +282,11 @@ void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *
  * set. RT-safe when the engine is. */
 enum error_code plant_contact_evaluate(struct plant *plant, const double *v, const double *bristle,
                                        double ahead_s);
+
+/* Forgets the peaks of contact; and takes a wrench on contact body c into its own, if its force is
+ * the largest since then. RT-safe. */
+void plant_forget_peaks(struct plant *plant);
+void plant_raise_peak(struct plant *plant, size_t c, const struct contact_wrench *wrench);
 
 /* Lists the pairs whose bristles are not 0, in ascending order. They are among those that were
  * listed last, unless the state was handed out: then all bristles are looked through. RT-safe. */

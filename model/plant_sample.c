@@ -13,6 +13,7 @@
 #include "model/plant_private.h"
 #include "model/spatial.h"
 
+#include <math.h>
 #include <string.h>
 
 /* The Earth's magnetic field, tesla, in the world's axes: x points to magnetic north, z up. About
@@ -101,6 +102,53 @@ static void sample_ft_sensor(const struct plant *plant, const struct robot_ft_se
     vec3_add_cross(motion.w, spin, rate);
     for (int i = 0; i < 3; i++) {
         ft->torque_nm[i] -= rate[i];
+    }
+}
+
+void plant_forget_peaks(struct plant *plant)
+{
+    memset(plant->peak, 0, plant->config.ncontact * sizeof *plant->peak);
+    memset(plant->peak_force, 0, plant->config.ncontact * sizeof *plant->peak_force);
+}
+
+void plant_raise_peak(struct plant *plant, size_t c, const struct contact_wrench *wrench)
+{
+    const double square = vec3_dot(wrench->force, wrench->force);
+
+    if (square > plant->peak_force[c] * plant->peak_force[c]) {
+        plant->peak_force[c] = sqrt(square);
+        plant->peak[c] = *wrench;
+    }
+}
+
+/* Adds what the peak of contact on the sensor's body is beyond the sample to the peaks of a
+ * force-torque sensor, by channel where that is more. The part below is as rigid as the body, and
+ * its inertia that of the sample. */
+static void sample_ft_peak(const struct plant *plant, const struct robot_ft_sensor *sensor,
+                           struct ft_sense *ft)
+{
+    const struct robot_frame *frame = &plant->config.robot->frame[sensor->frame];
+
+    memcpy(ft->peak_n, ft->force_n, sizeof ft->peak_n);
+    memcpy(ft->peak_nm, ft->torque_nm, sizeof ft->peak_nm);
+    for (size_t c = 0; c < plant->config.ncontact; c++) {
+        const struct contact_wrench *peak = &plant->peak[c], *now = &plant->sampled_wrench[c];
+        double world[3], force[3], moment[3], f[3], m[3];
+
+        if (plant->config.contact_body[c] != frame->body || plant->peak_force[c] == 0.0) {
+            continue;
+        }
+        vec3_sub(peak->force, now->force, world);
+        mat3_apply_transposed(plant->sampled_motion[frame->body].R, world, force);
+        vec3_sub(peak->moment, now->moment, world);
+        mat3_apply_transposed(plant->sampled_motion[frame->body].R, world, moment);
+        vec3_add_cross(force, frame->position, moment);
+        mat3_apply_transposed(frame->rotation, force, f);
+        mat3_apply_transposed(frame->rotation, moment, m);
+        for (int i = 0; i < 3; i++) {
+            ft->peak_n[i] += fabs(ft->force_n[i] + f[i]) > fabs(ft->force_n[i]) ? f[i] : 0.0;
+            ft->peak_nm[i] += fabs(ft->torque_nm[i] + m[i]) > fabs(ft->torque_nm[i]) ? m[i] : 0.0;
+        }
     }
 }
 
@@ -197,12 +245,19 @@ enum error_code plant_sample(struct plant *plant)
     dynamics->ops->acceleration(dynamics, plant->q, v, plant->vdot, plant->acceleration);
     memcpy(plant->sampled_wrench, plant->contact_wrench,
            plant->config.ncontact * sizeof *plant->sampled_wrench);
+    if (!plant->sampled_step) {
+        plant_forget_peaks(plant);
+    }
+    for (size_t c = 0; c < plant->config.ncontact; c++) {
+        plant_raise_peak(plant, c, &plant->sampled_wrench[c]);
+    }
     /* The sensors that read them */
     plant->sensors.time_ns = plant->time_ns;
     plant->sensors.supply_v = plant_supply(plant);
     sample_motors(plant);
     for (size_t f = 0; f < robot->nft; f++) {
         sample_ft_sensor(plant, &robot->ft[f], &plant->sensors.ft[f]);
+        sample_ft_peak(plant, &robot->ft[f], &plant->sensors.ft[f]);
     }
     if (robot->imu_frame >= 0) {
         sample_imu(plant, &plant->sensors.imu);
@@ -218,6 +273,11 @@ const struct plant_sensors *plant_sensors(const struct plant *plant)
 const struct contact_wrench *plant_contact_wrenches(const struct plant *plant)
 {
     return plant->sampled_wrench;
+}
+
+const double *plant_contact_peaks(const struct plant *plant)
+{
+    return plant->peak_force;
 }
 
 size_t plant_patches(const struct plant *plant, struct contact_patch *patch, size_t max)

@@ -204,6 +204,7 @@ enum error_code plant_step(struct plant *plant, size_t steps)
         return ERROR_NONE;
     }
     plant->stepped = false;
+    plant_forget_peaks(plant);
     plant_list_bristles(plant);
     hold_command(plant, 1e-9 * (double)plant->config.substep_ns * (double)steps);
     for (size_t k = 0; k < steps; k++) {

@@ -53,13 +53,21 @@ void stop_step_begin(const struct robot_stop *stop, double lower, double upper, 
     }
 }
 
+void stop_step_continue(const struct robot_stop *stop, double lower, double upper, double x,
+                        double rate, double h, int side, double earlier, struct stop_step *step)
+{
+    *step = (struct stop_step){.earlier = earlier};
+    engage_stop(stop, side > 0 ? upper : lower, x, rate, h, side, step);
+}
+
 bool stop_step_revise(const struct robot_stop *stop, double lower, double upper, double x,
                       double rate, double h, double a, struct stop_step *step)
 {
     double end = rate + h * a, depth = stop_depth(lower, upper, x + h * end);
 
     /* It pulls: leave it */
-    if (step->side != 0 && !step->left && step->side * (step->torque - step->extra * a) > 0.0) {
+    if (step->side != 0 && !step->left &&
+        step->side * (step->torque - step->extra * a + step->earlier) > 0.0) {
         *step = (struct stop_step){.engaged = step->engaged, .left = true};
         return true;
     }

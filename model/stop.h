@@ -37,12 +37,20 @@ struct stop_step {
     double extra;       /* inertia, never negative */
     int side;           /* 1: at the upper end, -1: at the lower end, 0: torque and extra are 0 */
     bool engaged, left; /* stop_step_revise has done that */
+    double earlier;     /* torque by an earlier stage of the same step, weighted as this one's */
 };
 
 /* The stop acts if the coordinate, left alone, would be past its range at the end of the step and
  * press: so what comes fast is met within the step, not one later. */
 void stop_step_begin(const struct robot_stop *stop, double lower, double upper, double x,
                      double rate, double h, struct stop_step *step);
+
+/* Continues a stop that has acted on that side, not 0, in an earlier stage of the same step with
+ * a torque, earlier, weighted as this one's: it acts wherever the coordinate is, and may pull what
+ * it has pushed. A scheme that follows a stage's slope for longer than it was found for throws
+ * what a stop has halted back at up to its own speed; here it takes that back. */
+void stop_step_continue(const struct robot_stop *stop, double lower, double upper, double x,
+                        double rate, double h, int side, double earlier, struct stop_step *step);
 
 /* Now that a is known: leaves a stop that would pull, because something else turns the coordinate
  * back within the step, and engages one that the coordinate is thrown past within the step. True

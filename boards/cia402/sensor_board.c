@@ -71,18 +71,29 @@ static void cia402_ft_convert(struct cia402_sensor *sensor, int channel, double 
     }
 }
 
+/* Notes that a channel is saturated by its peak within the tick. */
+static void cia402_ft_note_peak(struct cia402_sensor *sensor, int channel, double peak,
+                                double limit)
+{
+    if (fabs(peak) > limit) {
+        sensor->saturated |= INT64_C(1) << channel;
+    }
+}
+
 /* Reads a force-torque sensor (struct board_ops). */
 static void cia402_ft_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct cia402_sensor *sensor = &cia402_sensor_of(board)->sensor;
     const struct ft_sense *sense = &sensors->ft[board->config.ft];
+    const double *limit = board->config.full_scale;
     bool bad = false;
 
     sensor->saturated = 0;
     for (int i = 0; i < HALF; i++) {
-        cia402_ft_convert(sensor, i, sense->force_n[i], board->config.full_scale[i], &bad);
-        cia402_ft_convert(sensor, HALF + i, sense->torque_nm[i], board->config.full_scale[HALF + i],
-                          &bad);
+        cia402_ft_convert(sensor, i, sense->force_n[i], limit[i], &bad);
+        cia402_ft_convert(sensor, HALF + i, sense->torque_nm[i], limit[HALF + i], &bad);
+        cia402_ft_note_peak(sensor, i, sense->peak_n[i], limit[i]);
+        cia402_ft_note_peak(sensor, HALF + i, sense->peak_nm[i], limit[HALF + i]);
     }
     sensor->faults =
         (sensor->saturated ? CIA402_FAULT_SATURATED : 0) | (bad ? CIA402_FAULT_SENSOR : 0);

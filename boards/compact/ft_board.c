@@ -48,14 +48,17 @@ static void compact_ft_power_up(struct board *board)
     ft->faults = ft->reported_faults = 0;
 }
 
-/* Converts a channel to counts, cut at its full scale. */
-static void compact_ft_convert(struct compact_ft *ft, int channel, double value)
+/* Converts a channel to counts, cut at its full scale. It is saturated too when its peak within the
+ * tick is beyond. */
+static void compact_ft_convert(struct compact_ft *ft, int channel, double value, double peak)
 {
     double limit = (double)ft->full_scale[channel] * 1e-3;
     int32_t counts;
 
-    if (fabs(value) > limit) {
+    if (fabs(value) > limit || fabs(peak) > limit) {
         ft->saturated |= (uint8_t)(1u << channel);
+    }
+    if (fabs(value) > limit) {
         value = value > 0.0 ? limit : -limit;
     }
     if (control_quantize(value / compact_ft_resolution(channel), &counts)) {
@@ -75,8 +78,8 @@ static void compact_ft_sample(struct board *board, const struct plant_sensors *s
     ft->saturated = 0;
     ft->sensors_bad = false;
     for (int i = 0; i < HALF; i++) {
-        compact_ft_convert(ft, i, sense->force_n[i]);
-        compact_ft_convert(ft, HALF + i, sense->torque_nm[i]);
+        compact_ft_convert(ft, i, sense->force_n[i], sense->peak_n[i]);
+        compact_ft_convert(ft, HALF + i, sense->torque_nm[i], sense->peak_nm[i]);
     }
     ft->faults = (uint16_t)((ft->saturated ? COMPACT_FAULT_SATURATED : 0) |
                             (ft->sensors_bad ? COMPACT_FAULT_TORQUE_SENSOR : 0) |

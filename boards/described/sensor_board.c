@@ -43,9 +43,10 @@ static void described_sensor_note(struct described_sensor *sensor, bool bad,
                      (uint32_t)bad << fault | (uint32_t)board->lost_in_status << DESCRIBED_OVERFLOW;
 }
 
-/* Takes a force or a moment, within its full scale; bad: no reading. */
+/* Takes a force or a moment, within its full scale, and its peak within the tick, which saturates
+ * the channel too; bad: no reading. */
 static void described_ft_convert(struct described_sensor *sensor, int channel, double value,
-                                 bool *bad)
+                                 double peak, bool *bad)
 {
     double limit = sensor->node.board.config.full_scale[channel];
 
@@ -53,8 +54,10 @@ static void described_ft_convert(struct described_sensor *sensor, int channel, d
         *bad = true;
         return;
     }
-    if (fabs(value) > limit) {
+    if (fabs(value) > limit || fabs(peak) > limit) {
         sensor->saturated |= UINT32_C(1) << channel;
+    }
+    if (fabs(value) > limit) {
         value = value > 0.0 ? limit : -limit;
     }
     sensor->channel[channel] = value;
@@ -70,8 +73,8 @@ static void described_ft_sample(struct board *board, const struct plant_sensors 
     sensor->node.supply_v = board_supply_v(sensors);
     sensor->saturated = 0;
     for (int i = 0; i < HALF; i++) {
-        described_ft_convert(sensor, i, sense->force_n[i], &bad);
-        described_ft_convert(sensor, HALF + i, sense->torque_nm[i], &bad);
+        described_ft_convert(sensor, i, sense->force_n[i], sense->peak_n[i], &bad);
+        described_ft_convert(sensor, HALF + i, sense->torque_nm[i], sense->peak_nm[i], &bad);
     }
     described_sensor_note(sensor, bad, DESCRIBED_TORQUE_SENSOR);
 }

@@ -138,22 +138,44 @@ static int32_t strain_board_calibrated(const struct strain_board *strain, int ch
     return strain_board_add_tare(strain, strain_board_calibrate(strain, channel), channel);
 }
 
-/* Converts a channel to counts and notes whether it is saturated; a value without a number keeps
- * the one before. */
-static void strain_board_convert(struct board *board, int channel, double value)
+/* Computes the converter's reading of a channel, 0 to UINT16_MAX; false for a value without a
+ * number. */
+static bool strain_board_read_raw(const struct board *board, int channel, double value,
+                                  int64_t *raw)
 {
-    struct strain_board *strain = strain_board_of(board);
     int32_t counts;
-    int64_t raw;
 
     if (!control_quantize(value / board->config.full_scale[channel] * ICUB_STRAIN_ZERO, &counts)) {
+        return false;
+    }
+    *raw = control_clamp((int64_t)counts + ICUB_STRAIN_ZERO, 0, UINT16_MAX);
+    return true;
+}
+
+/* Returns whether a reading of the converter is saturated, and at which end. */
+static enum saturation strain_board_saturation(int64_t raw)
+{
+    return raw < ICUB_STRAIN_LOW    ? SATURATED_LOW
+           : raw > ICUB_STRAIN_HIGH ? SATURATED_HIGH
+                                    : SATURATED_NOT;
+}
+
+/* Converts a channel to counts and notes whether it, or its peak within the tick, is saturated; a
+ * value without a number keeps the one before. */
+static void strain_board_convert(struct board *board, int channel, double value, double peak)
+{
+    struct strain_board *strain = strain_board_of(board);
+    int64_t raw;
+
+    if (!strain_board_read_raw(board, channel, value, &raw)) {
         return;
     }
-    raw = control_clamp((int64_t)counts + ICUB_STRAIN_ZERO, 0, UINT16_MAX);
     strain->adc[channel] = (int32_t)raw - ICUB_STRAIN_ZERO;
-    strain->saturated[channel] = raw < ICUB_STRAIN_LOW    ? SATURATED_LOW
-                                 : raw > ICUB_STRAIN_HIGH ? SATURATED_HIGH
-                                                          : SATURATED_NOT;
+    strain->saturated[channel] = strain_board_saturation(raw);
+    if (strain->saturated[channel] == SATURATED_NOT &&
+        strain_board_read_raw(board, channel, peak, &raw)) {
+        strain->saturated[channel] = strain_board_saturation(raw);
+    }
 }
 
 /* Returns whether a channel is saturated. */
@@ -199,8 +221,8 @@ static void strain_board_sample_ft(struct board *board, const struct plant_senso
     const struct ft_sense *sense = &sensors->ft[board->config.ft];
 
     for (int i = 0; i < HALF; i++) {
-        strain_board_convert(board, i, sense->force_n[i]);
-        strain_board_convert(board, HALF + i, sense->torque_nm[i]);
+        strain_board_convert(board, i, sense->force_n[i], sense->peak_n[i]);
+        strain_board_convert(board, HALF + i, sense->torque_nm[i], sense->peak_nm[i]);
     }
 }
 
@@ -211,7 +233,9 @@ static void strain_board_sample_torque(struct board *board, const struct plant_s
         int joint = board->config.torque_joint[i];
 
         if (joint >= 0) {
-            strain_board_convert(board, i, sensors->motor[joint].torque_nm);
+            const double torque = sensors->motor[joint].torque_nm;
+
+            strain_board_convert(board, i, torque, torque);
         }
     }
 }

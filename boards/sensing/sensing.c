@@ -163,6 +163,34 @@ static void sensing_read_joint(struct sensing *s, size_t j, const struct motor_s
                                           sensing_heat_winding(s, j, truth));
 }
 
+/* Returns whether a fault acts on a channel now. */
+static bool sensing_channel_fails(const struct sensing *s, size_t channel)
+{
+    for (size_t i = 0; i < s->nfault; i++) {
+        if (s->fault[i].channel == channel && s->fault[i].fault->active) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Sets the peak of a force-torque channel: as far beyond its reading as the true one is, unless a
+ * fault makes the reading. */
+static void sensing_set_ft_peak(const struct sensing *s, size_t f, const struct ft_sense *truth,
+                                size_t channel)
+{
+    struct ft_sense *out = &s->measured.ft[f];
+    const size_t i = channel % 3;
+    const bool fails = sensing_channel_fails(s, sensing_ft_channel(s, f, channel));
+
+    if (channel < 3) {
+        out->peak_n[i] = out->force_n[i] + (fails ? 0.0 : truth->peak_n[i] - truth->force_n[i]);
+    } else {
+        out->peak_nm[i] =
+            out->torque_nm[i] + (fails ? 0.0 : truth->peak_nm[i] - truth->torque_nm[i]);
+    }
+}
+
 /* Reads a force-torque sensor: crosstalk, then each channel. */
 static void sensing_read_ft(struct sensing *s, size_t f, const struct ft_sense *truth)
 {
@@ -183,6 +211,7 @@ static void sensing_read_ft(struct sensing *s, size_t f, const struct ft_sense *
         } else {
             out->torque_nm[to - 3] = sum;
         }
+        sensing_set_ft_peak(s, f, truth, to);
     }
 }
 

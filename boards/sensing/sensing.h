@@ -35,7 +35,8 @@
  * A link encoder whose ring is mounted eccentrically errs once and twice a turn; the constant part
  * is gone, for zero is where it was calibrated.
  *
- * A force-torque sensor mixes its six channels before that (crosstalk). An incremental encoder does
+ * A force-torque sensor mixes its six channels before that (crosstalk). A channel's peak within a
+ * tick is as far beyond its reading as the true one beyond the truth. An incremental encoder does
  * not know its angle: it counts from where it stood at the start, and again after
  * sensing_restart_counter, for the counter is in the board. The boards round encoder angles to
  * ticks themselves (boards_sample) and estimate velocities from the ticks as the firmware does;

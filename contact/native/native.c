@@ -451,6 +451,22 @@ static void tangent_set_bristles(const struct native_grip *grip, const double ce
     tangent->bristle_per_rad_s = grip->inverse_radius > 0 ? gain / grip->inverse_radius : 0;
 }
 
+/* Returns the most that friction may be of the normal force at the velocity that a pair has at the
+ * center, in the first surface's frame. */
+static double patch_friction_max(const struct native_engine *e, const struct native_pair *pair,
+                                 const double center[3])
+{
+    const struct native_law *law = &pair->law;
+    struct native_relative relative;
+
+    if (law->uv == 0) {
+        return law->us;
+    }
+    pose_relate(&e->pose[pair->surface[0]], &e->pose[pair->surface[1]], &relative);
+    vec3_add_cross(relative.w, center, relative.v);
+    return law->us + law->uv * vec3_norm(relative.v);
+}
+
 /* Computes at most max tangents (stiffness K, damping D) at the last evaluation; returns how many
  * patches there are. */
 static size_t native_tangents(struct contact_world *world, struct contact_tangent *tangent,
@@ -486,6 +502,8 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
         memcpy(tangent[i].center, e->patch[i].center, sizeof tangent[i].center);
         if (grip) {
             tangent_set_bristles(grip, center, a->R, pair->sign, &tangent[i]);
+            tangent[i].pressing = grip->root * grip->reach;
+            tangent[i].friction_max = patch_friction_max(e, pair, center);
         }
     }
     return e->npatch;

@@ -191,7 +191,7 @@ static void linearize_stops(struct plant *plant)
     const struct robot *robot = plant->config.robot;
 
     /* None of them, which is the rule */
-    if (joints_stay_within(plant, NULL)) {
+    if (!im->stops_acted && joints_stay_within(plant, NULL)) {
         if (!im->stops_rest) {
             memset(im->stop, 0, robot->njoint * sizeof *im->stop);
             im->stops_rest = true;
@@ -203,13 +203,18 @@ static void linearize_stops(struct plant *plant)
         const struct robot_joint *joint = &robot->joint[j];
         const double q = plant_joint_position(plant, im->base, j);
         const double rate = plant_joint_rate(plant, im->base, j), end = q + im->stage_h * rate;
+        const double earlier = im->stops_acted ? im->stop_torque[j] : 0.0;
 
-        if (end >= joint->lower && end <= joint->upper) {
+        if (earlier != 0.0) {
+            stop_step_continue(&joint->stop, joint->lower, joint->upper, q, rate, im->stage_h,
+                               earlier < 0.0 ? 1 : -1, earlier, &im->stop[j]);
+        } else if (end >= joint->lower && end <= joint->upper) {
             im->stop[j] = (struct stop_step){0};
             continue;
+        } else {
+            stop_step_begin(&joint->stop, joint->lower, joint->upper, q, rate, im->stage_h,
+                            &im->stop[j]);
         }
-        stop_step_begin(&joint->stop, joint->lower, joint->upper, q, rate, im->stage_h,
-                        &im->stop[j]);
         if (im->stop[j].side != 0) {
             im->torque[j] += im->stop[j].torque;
             im->extra[j] += im->stop[j].extra;
@@ -247,6 +252,18 @@ bool implicit_revise_stops(struct plant *plant)
         }
     }
     return revised;
+}
+
+void implicit_keep_stops(struct plant *plant, double weight)
+{
+    struct implicit *im = plant->implicit;
+    const struct robot *robot = plant->config.robot;
+    const double *a = im->a + robot->nv - robot->njoint;
+
+    im->stops_acted = !im->stops_rest;
+    for (size_t j = 0; j < robot->njoint && im->stops_acted; j++) {
+        im->stop_torque[j] = weight * (im->stop[j].torque - im->stop[j].extra * a[j]);
+    }
 }
 
 void implicit_linearize_actuators(struct plant *plant)
@@ -345,6 +362,26 @@ void implicit_advance_actuators(struct plant *plant, enum implicit_span span, co
     }
 }
 
+/* Returns the loss of the end stops at the stage that was solved, W, by the torques that moved the
+ * joints, and what they store by the state at the stage. */
+static double stop_power(const struct plant *plant, const double *state)
+{
+    const struct implicit *im = plant->implicit;
+    const struct robot *robot = plant->config.robot;
+    const double *a = im->a + robot->nv - robot->njoint;
+    double power = 0.0;
+
+    for (size_t j = 0; j < robot->njoint && !im->stops_rest; j++) {
+        const struct robot_joint *joint = &robot->joint[j];
+        const double torque = im->stop[j].torque - im->stop[j].extra * a[j];
+        const double depth =
+            stop_depth(joint->lower, joint->upper, plant_joint_position(plant, state, j));
+
+        power -= (torque + joint->stop.stiffness * depth) * plant_joint_rate(plant, state, j);
+    }
+    return power;
+}
+
 void implicit_account_joints(struct plant *plant, double weight, const double *state, double offset)
 {
     const struct robot *robot = plant->config.robot;
@@ -364,7 +401,7 @@ void implicit_account_joints(struct plant *plant, double weight, const double *s
         work[WORK_PARALLEL_DAMPING] += weight * parallel_spring_damping(spring, p, pd, q, qd);
     }
     if (!plant->clamped) {
-        work[WORK_STOPS] += weight * plant_stop_loss(plant, state);
+        work[WORK_STOPS] += weight * stop_power(plant, state);
         work[WORK_SPRING_DAMPING] += weight * plant_coupling_loss(plant, state);
     }
 }

@@ -212,6 +212,109 @@ void implicit_end_contact(struct plant *plant)
     }
 }
 
+void implicit_gather_peaks(struct plant *plant)
+{
+    const struct implicit *im = plant->implicit;
+
+    for (size_t c = 0; c < plant->config.ncontact; c++) {
+        const double *w = im->wrench[c].force, *w_1 = im->wrench_1[c].force;
+        struct contact_wrench mean;
+
+        if (vec3_dot(w, w) + vec3_dot(w_1, w_1) == 0.0) {
+            continue;
+        }
+        for (int i = 0; i < 3; i++) {
+            mean.force[i] = w_1[i] + IMPLICIT_GAMMA * (w[i] - w_1[i]);
+            mean.moment[i] = im->wrench_1[c].moment[i] +
+                             IMPLICIT_GAMMA * (im->wrench[c].moment[i] - im->wrench_1[c].moment[i]);
+        }
+        plant_raise_peak(plant, c, &mean);
+    }
+}
+
+/* Takes part of a wrench that acts on b of a pair, at its center, off both of its bodies and of the
+ * pair itself. */
+static void take_off_pair(struct plant *plant, struct active_pair *pair, double part,
+                          const struct spatial *wrench)
+{
+    for (int i = 0; i < 3; i++) {
+        pair->decrease.l[i] += part * wrench->l[i];
+        pair->decrease.a[i] += part * wrench->a[i];
+    }
+    for (int side = PAIR_A; side <= PAIR_B; side++) {
+        if (pair->body[side] >= 0) {
+            struct contact_wrench *own = &plant->implicit->wrench[pair->body[side]];
+            struct spatial sum = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+            double arm[3];
+
+            implicit_arm(plant, pair->body[side], pair->center, arm);
+            spatial_add_wrench(side == PAIR_B ? -part : part, wrench, arm, &sum);
+            add_scaled(1.0, sum.l, own->force, 3);
+            add_scaled(1.0, sum.a, own->moment, 3);
+        }
+    }
+}
+
+/* Computes the wrench of a pair on b at its center, at the stage. */
+static void find_pair_wrench(const struct plant *plant, const struct active_pair *pair,
+                             struct spatial *wrench)
+{
+    struct contact_world *engine = plant->config.contact;
+    const size_t count = engine->ops->patches(engine, plant->patch, PLANT_PATCHES);
+
+    memset(wrench, 0, sizeof *wrench);
+    for (size_t i = 0; i < count && i < PLANT_PATCHES; i++) {
+        if (plant->patch[i].pair == pair->index) {
+            vec3_sub(plant->patch[i].force, pair->decrease.l, wrench->l);
+            vec3_sub(plant->patch[i].moment, pair->decrease.a, wrench->a);
+        }
+    }
+}
+
+/* Computes the wrench of a pair's friction on b at its center, at the stage. */
+static void find_friction_wrench(const struct plant *plant, const struct contact_tangent *tangent,
+                                 const struct active_pair *pair, struct spatial *wrench)
+{
+    const double h = plant->implicit->stage_h;
+    struct spatial_inertia D;
+    struct spatial decrease;
+
+    spatial_inertia_unpack(tangent->friction_D, &D);
+    spatial_inertia_apply(&D, &pair->beyond, &decrease);
+    for (int i = 0; i < 3; i++) {
+        wrench->l[i] = tangent->friction[CONTACT_MOVE_X + i] - h * decrease.l[i];
+        wrench->a[i] = tangent->friction[CONTACT_TURN_X + i] - h * decrease.a[i];
+    }
+}
+
+void implicit_admit_contact(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+
+    for (size_t t = 0; t < im->nactive; t++) {
+        const struct contact_tangent *tangent = &im->tangent[t];
+        struct active_pair *pair = &im->active[t];
+        const double normal = tangent->pressing - vec3_dot(tangent->normal, pair->decrease.l);
+        struct spatial wrench;
+        double friction, most;
+
+        if (tangent->pressing == 0.0) {
+            continue; /* no bristles */
+        }
+        if (normal <= 0.0) {
+            find_pair_wrench(plant, pair, &wrench);
+            take_off_pair(plant, pair, 1.0, &wrench);
+            continue;
+        }
+        find_friction_wrench(plant, tangent, pair, &wrench);
+        friction = vec3_norm(wrench.l);
+        most = tangent->friction_max * normal;
+        if (friction > most) {
+            take_off_pair(plant, pair, 1.0 - most / friction, &wrench);
+        }
+    }
+}
+
 void implicit_recall(struct plant *plant)
 {
     const struct implicit *im = plant->implicit;

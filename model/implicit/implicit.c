@@ -23,7 +23,8 @@
  *               Euler;
  *   couplings   of joints by implicit Euler too, beside the tree (model/implicit/coupling.c);
  *   end stops   likewise, those that the joints press at the stage; where one turns out to pull, or
- *               to be missing, the stage is solved again without it or with it;
+ *               to be missing, the stage is solved again without it or with it; one that has
+ *               pushed in the first stage may take that much back in the second (model/stop.h);
  *   contact     a pair with the tangents K and D has, at its center, the wrench
  *               F - H (D + H K) (A - Ap), H = gamma h, A the relative acceleration of the stage and
  *               Ap that which leads to the point: H (D + H K) adds to its bodies' inertias;
@@ -46,7 +47,7 @@
  *
  * Where something strikes, the rates of a pair, or of a joint at its stop, at a stage are far from
  * those at the point: the step is then taken again in 4 or 16 parts, a bounded and deterministic
- * amount of work.
+ * amount of work; in 4 too where the robot's base spins.
  */
 #include "model/implicit/implicit.h"
 
@@ -58,6 +59,9 @@
 /* Changes of a pair's velocity in a stage beyond what was foreseen that divide the step, m/s. */
 #define JUMP_QUARTER 0.02
 #define JUMP_SIXTEENTH 0.1
+
+/* Angle by which the robot's base turns in a step that divides it, rad: 12 rad/s at 1 ms. */
+#define TURN_QUARTER 0.012
 
 /* Returns the number nearer to zero, or zero when the signs differ (minmod). */
 static double smaller_slope(double x, double y)
@@ -84,6 +88,7 @@ static enum error_code take_first_stage(struct plant *plant)
 
     memcpy(im->base, im->begin, bytes);
     memcpy(im->u_base, im->u_begin, im->na * sizeof *im->u_base);
+    im->stops_acted = false;
     for (size_t i = 0; i < im->na; i++) {
         im->u_point[i] = im->u_begin[i] + im->stage_h * im->trend[i];
     }
@@ -91,6 +96,7 @@ static enum error_code take_first_stage(struct plant *plant)
         return code;
     }
     memcpy(im->u_1, im->u, im->na * sizeof *im->u_1);
+    memcpy(im->wrench_1, im->wrench, plant->config.ncontact * sizeof *im->wrench_1);
     account_stage(plant, rest);
 
     /* The joints' powers at the stage itself */
@@ -98,6 +104,7 @@ static enum error_code take_first_stage(struct plant *plant)
     implicit_move(plant, im->u, im->stage_h, im->point);
     implicit_set_rates(plant, im->u, im->point);
     implicit_account_joints(plant, rest, im->point, im->stage_h);
+    implicit_keep_stops(plant, rest / im->stage_h);
 
     /* Where the second stage starts from */
     implicit_advance_actuators(plant, SPAN_TO_BASE, im->u);
@@ -170,6 +177,25 @@ static enum error_code take_part(struct plant *plant, enum implicit_level level,
     return ERROR_NONE;
 }
 
+/* Returns how finely the step of h seconds that was taken in one piece has to be divided: by what
+ * struck in it, and where the base spins, as velocity products of limbs then vary within it. */
+static enum implicit_level needed_level(const struct plant *plant, double h)
+{
+    const struct implicit *im = plant->implicit;
+    const double *w = im->u_begin + BASE_V_ANGULAR;
+
+    if (im->jump > JUMP_SIXTEENTH) {
+        return LEVEL_SIXTEENTH;
+    }
+    if (im->jump > JUMP_QUARTER) {
+        return LEVEL_QUARTER;
+    }
+    return plant->config.robot->floating && !plant->clamped &&
+                   vec3_dot(w, w) * h * h > TURN_QUARTER * TURN_QUARTER
+               ? LEVEL_QUARTER
+               : LEVEL_WHOLE;
+}
+
 enum error_code implicit_step(struct plant *plant, double h)
 {
     struct implicit *im = plant->implicit;
@@ -178,22 +204,28 @@ enum error_code implicit_step(struct plant *plant, double h)
     enum error_code code;
     int parts;
 
-    /* In one piece, if nothing strikes */
+    /* In one piece, if nothing strikes or spins */
     implicit_hold_lanes(plant);
     memcpy(im->trend_begin, im->trend, bytes);
     code = take_part(plant, LEVEL_WHOLE, h);
-    if (code || im->jump <= JUMP_QUARTER) {
+    if (code) {
         return code;
+    }
+    if ((level = needed_level(plant, h)) == LEVEL_WHOLE) {
+        implicit_gather_peaks(plant);
+        implicit_admit_contact(plant);
+        return ERROR_NONE;
     }
 
     /* Else again in parts, from the state at the begin */
-    level = im->jump <= JUMP_SIXTEENTH ? LEVEL_QUARTER : LEVEL_SIXTEENTH;
     parts = level == LEVEL_QUARTER ? 4 : 16;
     plant_return_state(plant);
     memcpy(im->trend, im->trend_begin, bytes);
     for (int part = 0; part < parts && !code; part++) {
         code = take_part(plant, level, h / parts);
+        implicit_gather_peaks(plant);
     }
+    implicit_admit_contact(plant);
     return code;
 }
 
@@ -253,6 +285,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->extra, robot->njoint);
     TAKE(im->torque, robot->njoint);
     TAKE(im->stop, robot->njoint);
+    TAKE(im->stop_torque, robot->njoint);
     TAKE(im->lower, robot->njoint);
     TAKE(im->upper, robot->njoint);
     TAKE(im->compliance, robot->ncoupling);
@@ -268,6 +301,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->is_touched, ncontact);
     TAKE(im->touched, ncontact);
     TAKE(im->wrench, ncontact);
+    TAKE(im->wrench_1, ncontact);
     TAKE(im->free_inertia, nfree);
     TAKE(im->free_load, nfree);
     TAKE(im->a, im->na);

@@ -123,6 +123,8 @@ struct implicit {
     double *extra, *torque;    /* by joint */
     struct stop_step *stop;    /* by joint */
     bool stops_rest;           /* all of stop is 0 */
+    bool stops_acted;          /* in the first stage, with stop_torque */
+    double *stop_torque;       /* by joint, weighted as the second stage's */
     double *lower, *upper;     /* by joint: its range */
 
     /* By joint coupling */
@@ -139,6 +141,7 @@ struct implicit {
     int *touched;                            /* those that are, ascending */
     struct spatial_inertia *contact_inertia; /* by contact body: A_b, world, about its origin */
     struct contact_wrench *wrench;           /* by contact body, at the stage */
+    struct contact_wrench *wrench_1;         /* at the first stage */
     double contact_power;                    /* of them, W */
     bool coupled;                            /* some pair is between two bodies that move */
     size_t nobserved;
@@ -231,6 +234,10 @@ void implicit_linearize_actuators(struct plant *plant);
  * are thrown past; true when there are some, so that the stage has to be solved again. */
 bool implicit_revise_stops(struct plant *plant);
 
+/* Keeps what the end stops have done in the first stage, which was solved, for the second, whose
+ * weight in the step is that part of the first's. */
+void implicit_keep_stops(struct plant *plant, double weight);
+
 /* Advances drives and pretensions of base through a span, with the joints at the rates of u from
  * the positions in base, and as implicit_linearize_actuators has found base; adds the drives'
  * powers to work. */
@@ -302,6 +309,14 @@ void implicit_add_contact_inertia(struct plant *plant);
 /* Computes the wrenches at the stage and their power, from those at the point and the
  * accelerations a; raises jump. */
 void implicit_end_contact(struct plant *plant);
+
+/* Takes the mean wrenches of the part of a step whose stages were solved into the plant's peaks. */
+void implicit_gather_peaks(struct plant *plant);
+
+/* Brings the wrenches at the end of the step, which have moved the bodies, within what contact can
+ * exert: surfaces do not pull, and friction is within its cone. For who reads them; the physics and
+ * its accounts are done. */
+void implicit_admit_contact(struct plant *plant);
 
 /* ---- bristles: bristle.c ---- */
 

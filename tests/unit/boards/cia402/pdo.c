@@ -237,12 +237,15 @@ static void sensors_send_their_wrench_with_every_sync(void **state)
     (void)state;
     start(&bench);
     nmt(&bench, CIA402_NMT_START, 0);
-    bench.ft = (struct ft_sense){.force_n = {12.34, -5.0, 1e6}, .torque_nm = {1.234, 0.0, -1.0}};
+    bench.ft = (struct ft_sense){.force_n = {12.34, -5.0, 1e6},
+                                 .torque_nm = {1.234, 0.0, -1.0},
+                                 .peak_nm = {1.234, 1e6, -1.0}};
     sync(&bench);
     bench_tick(&bench);
     bench_expect(&bench, 0, 0x19f, "7B 00 CE FF 20 4E");
     bench_expect(&bench, 0, 0x29f, "7B 00 00 00 9C FF");
-    assert_int_equal(sdo_read(&bench, 0, 31, 0x2100, 0), 4); /* Fz is cut at 2000 N */
+    /* Fz is cut at 2000 N, and the peak of Ty is beyond its own */
+    assert_int_equal(sdo_read(&bench, 0, 31, 0x2100, 0), 20);
     assert_int_equal(sdo_read(&bench, 0, 31, 0x2101, 0), CIA402_FAULT_SATURATED);
     assert_int_equal(sdo_read(&bench, 0, 31, 0x7130, 0), 6);
     assert_int_equal(sdo_write(&bench, 0, 31, 0x2102, 1, 2, 0xff85), 0); /* -123 */

@@ -50,7 +50,8 @@ static void force_and_torque_are_offset_binary_of_the_full_scale(void **state)
     (void)state;
     bench_open(&bench);
     bench_send(&bench, 0, 0x20d, "07 00");
-    bench.ft = (struct ft_sense){{750.0, -750.0, 277.7}, {10.0, -0.001, 0.0}};
+    bench.ft =
+        (struct ft_sense){.force_n = {750.0, -750.0, 277.7}, .torque_nm = {10.0, -0.001, 0.0}};
     to_next_frames(&bench);
     /* +-0.5 -> 0xC000, 0x4000; 277.7/2000*32768 = 4549.8 -> 0x91C6 */
     bench_expect(&bench, 0, 0x3da, "00 C0 00 40 C6 91");
@@ -160,11 +161,11 @@ static void saturated_frames_are_longer_and_hold_the_last_good_values(void **sta
     bench_open(&bench);
     bench_send(&bench, 0, 0x20d, "07 04");
     bench_send(&bench, 0, 0x20d, "08 01");
-    bench.ft = (struct ft_sense){{750.0, 0.0, 0.0}, {0.0, 10.0, 0.0}};
+    bench.ft = (struct ft_sense){.force_n = {750.0, 0.0, 0.0}, .torque_nm = {0.0, 10.0, 0.0}};
     bench_tick(&bench);
     bench_expect(&bench, 0, 0x3da, "00 C0 00 80 00 80");
     /* fy low, tz high; bits: any, then two a channel: 0 none, 1 low, 2 high */
-    bench.ft = (struct ft_sense){{375.0, -1600.0, 0.0}, {0.0, 0.0, 39.5}};
+    bench.ft = (struct ft_sense){.force_n = {375.0, -1600.0, 0.0}, .torque_nm = {0.0, 0.0, 39.5}};
     bench_tick(&bench);
     bench_expect(&bench, 0, 0x3da, "00 C0 00 80 00 80 11");
     bench_expect(&bench, 0, 0x3db, "00 80 00 A0 00 80 81");
@@ -172,7 +173,7 @@ static void saturated_frames_are_longer_and_hold_the_last_good_values(void **sta
     bench_send(&bench, 0, 0x20d, "15 02 00 10 00"); /* a current tare: not of what is held */
     bench_tick(&bench);
     bench_expect(&bench, 0, 0x3da, "00 C0 00 80 00 80 11");
-    bench.ft = (struct ft_sense){{375.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+    bench.ft = (struct ft_sense){.force_n = {375.0, 0.0, 0.0}, .torque_nm = {0.0, 0.0, 0.0}};
     bench_tick(&bench);
     bench_expect(&bench, 0, 0x3da, "00 B0 00 80 00 80");
     bench_expect(&bench, 0, 0x3db, "00 80 00 80 00 80");
@@ -197,6 +198,13 @@ static void saturation_begins_below_1000_and_above_64000(void **state)
         bench_tick(&bench);
         assert_int_equal(bench_find(&bench, 0, 0x3da)->len, cases[i].length);
         assert_int_equal(bench_find(&bench, 0, 0x3db)->len, cases[i].length);
+
+        /* The same as a peak within the tick */
+        bench.ft.peak_n[2] = bench.ft.force_n[2];
+        bench.ft.force_n[2] = 10.0;
+        bench_tick(&bench);
+        assert_int_equal(bench_find(&bench, 0, 0x3da)->len, cases[i].length);
+        bench.ft.peak_n[2] = 0.0;
     }
     bench_stop(&bench);
 }

@@ -189,8 +189,10 @@ static void gain_and_offset_come_before_the_converter(void **state)
     bench->ft[0].force = (struct sensor_error){.gain_error = 0.02, .offset = -3.0, .lsb = 1.0};
     start(bench);
     bench->sense.force_n[1] = 100.0;
+    bench->sense.peak_n[1] = 150.0;
     tick(bench);
     assert_true(bench->measured->ft[0].force_n[1] == 99.0);
+    assert_true(bench->measured->ft[0].peak_n[1] == 149.0);
     assert_true(bench->measured->ft[0].force_n[0] == -3.0);
     assert_true(bench->measured->ft[0].torque_nm[0] == 0.0);
 }
@@ -505,11 +507,14 @@ static void fault_of_a_whole_sensor_takes_all_its_channels(void **state)
     arm(bench, (const char *const[]){"sensor foot off", "sensor imu.accel_z wrong offset=1", NULL});
     for (int i = 0; i < 3; i++) {
         bench->sense.force_n[i] = bench->sense.torque_nm[i] = 5.0;
+        bench->sense.peak_n[i] = bench->sense.peak_nm[i] = 7.0;
     }
     start(bench);
     tick(bench);
     for (int i = 0; i < 3; i++) {
         assert_true(bench->measured->ft[0].force_n[i] == 0.0);
+        assert_true(bench->measured->ft[0].peak_n[i] == 0.0);
+        assert_true(bench->measured->ft[0].peak_nm[i] == 0.0);
         assert_true(bench->measured->ft[0].torque_nm[i] == 0.0);
         assert_true(bench->measured->imu.accel_m_s2[i] == (i == 2 ? 1.0 : 0.0));
     }

@@ -246,6 +246,33 @@ static void a_stop_is_taken_at_the_end_of_the_step(void **state)
     }
 }
 
+/* A stop that has pushed in an earlier stage may take that much back in this one, and no more. */
+static void a_stop_takes_back_no_more_than_it_has_pushed(void **state)
+{
+    const struct robot_stop stop = {.stiffness = 1e5, .damping = 100.0};
+    const double lower = -0.3, upper = 0.9, h = 1e-3;
+
+    (void)state;
+    for (int side = -1; side <= 1; side += 2) {
+        const double limit = side > 0 ? upper : lower, earlier = -50.0 * side;
+
+        for (double rate = 0.0; rate >= -3.0; rate -= 0.125) {
+            const double own = rate * side, depth = h * own;
+            const double torque = -stop.stiffness * depth - stop.damping * own;
+            struct stop_step step;
+
+            /* Within its range and on its way back, where the stop would not begin */
+            stop_step_begin(&stop, lower, upper, limit, own, h, &step);
+            assert_int_equal(step.side, 0);
+            stop_step_continue(&stop, lower, upper, limit, own, h, side, earlier, &step);
+            assert_int_equal(step.side, side);
+            assert_near(step.torque, torque, 1e-9);
+            assert_true(stop_step_revise(&stop, lower, upper, limit, own, h, 0.0, &step) ==
+                        (torque * side > 50.0));
+        }
+    }
+}
+
 static void a_parallel_spring_is_taken_at_the_end_of_the_step(void **state)
 {
     const struct robot_parallel_spring spring = {
@@ -271,6 +298,7 @@ int main(void)
         cmocka_unit_test(a_held_rotor_stays_where_it_is),
         cmocka_unit_test(the_spring_law_is_its_torque),
         cmocka_unit_test(a_stop_is_taken_at_the_end_of_the_step),
+        cmocka_unit_test(a_stop_takes_back_no_more_than_it_has_pushed),
         cmocka_unit_test(a_parallel_spring_is_taken_at_the_end_of_the_step),
     };
 

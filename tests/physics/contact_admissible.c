@@ -1,0 +1,263 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What sensors and recordings see of contact is what contact can exert: surfaces never pull,
+ * friction is within its cone, in every millisecond of a walk and of falls; the impulse that is
+ * seen is that which the robot has received; and the peak of an impact is seen, though it falls
+ * between two ticks.
+ */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "sim/simulator.h"
+#include "tests/physics/near.h"
+#include "tests/physics/rig_scene.h"
+
+enum { MS = 1000000, PATCHES = 256, BODIES = 64, FALLS = 12, FALL_MS = 1200 };
+
+/* Rounding of sums of wrenches, N. */
+#define ROUNDING_N 1e-6
+
+/* What was seen of pairs of a surface of the world, a half-space, and another. */
+struct seen {
+    size_t loaded, beyond, pulls; /* milliseconds of pairs */
+    double steepest, pull; /* the largest T/N over mu beyond rounding, the strongest pull, N */
+};
+
+static void look_at_patches(struct plant *plant, const struct contact_config *contact,
+                            struct seen *seen)
+{
+    struct contact_patch patch[PATCHES];
+    size_t count = plant_patches(plant, patch, PATCHES);
+
+    for (size_t i = 0; i < count; i++) {
+        const struct contact_pair *pair = &contact->pair[patch[i].pair];
+        const struct contact_surface *a = &contact->surface[pair->a];
+        const struct contact_surface *b = &contact->surface[pair->b];
+        const struct contact_surface *ground = a->body < 0 ? a : b;
+        const double n[3] = {ground->rotation[2], ground->rotation[5], ground->rotation[8]};
+        const double us = 2.0 * a->material.static_friction * b->material.static_friction /
+                          (a->material.static_friction + b->material.static_friction);
+        const double *f = patch[i].force;
+        double normal, friction;
+
+        if (ground->body >= 0 || ground->shape != CONTACT_HALF_SPACE || vec3_dot(f, f) == 0.0) {
+            continue;
+        }
+        normal = vec3_dot(f, n) * (ground == a ? 1.0 : -1.0);
+        friction = sqrt(fmax(0.0, vec3_dot(f, f) - normal * normal));
+        seen->loaded++;
+        seen->pulls += normal < -ROUNDING_N;
+        seen->pull = fmax(seen->pull, -normal);
+        if (friction > us * normal + ROUNDING_N) {
+            seen->beyond++;
+            seen->steepest =
+                fmax(seen->steepest, normal > 0.0 ? friction / normal : (double)INFINITY);
+        }
+    }
+}
+
+static void expect_admissible(const char *what, const struct seen *seen)
+{
+    print_message("# %s: %zu loaded ms, %zu beyond the cone (T/N to %.2f), %zu pull (%.2f N)\n",
+                  what, seen->loaded, seen->beyond, seen->steepest, seen->pulls, seen->pull);
+    assert_true(seen->loaded > 1000);
+    assert_int_equal(seen->beyond, 0);
+    assert_int_equal(seen->pulls, 0);
+}
+
+/* ---- walk ---- */
+
+struct walk {
+    struct simulator *simulator;
+    struct rig rig;
+    struct seen seen;
+};
+
+static void watch_walk(void *context, int64_t now_ns)
+{
+    struct walk *w = context;
+
+    (void)now_ns;
+    look_at_patches(simulator_plant(w->simulator), &w->rig.contact, &w->seen);
+}
+
+static void a_walk_is_within_the_cone(void **state)
+{
+    static struct walk w;
+    struct simulator_observer observer = {&w, watch_walk};
+    struct simulator_config config = {
+        .rig = &w.rig,
+        .clock = LOOP_CLOCK_FREE,
+        .transport = TRANSPORT_LOCAL,
+        .ticks = 15000,
+        .task = "walk",
+        .observer = &observer,
+    };
+    struct walk_config walk;
+    struct arena arena;
+    const struct rig *rig;
+    struct realtime_report report;
+    struct error error;
+    char notice[256];
+
+    (void)state;
+    assert_int_equal(arena_init(&arena, (size_t)1 << 28, &error), ERROR_NONE);
+    assert_int_equal(
+        rig_load(HIL_SOURCE_DIR "/config/rigs/coman-compact-imu.yaml", &arena, &rig, &error),
+        ERROR_NONE);
+    w.rig = *rig;
+    walk = *rig->walk;
+    walk.begin_s = 2.5;
+    walk.forward_m_s = 0.3;
+    w.rig.walk = &walk;
+    config.hold = rig->hold;
+    assert_int_equal(simulator_create(&config, &arena, &w.simulator, notice, &error), ERROR_NONE);
+    assert_int_equal(simulator_start(w.simulator, &report, &error), ERROR_NONE);
+    simulator_run(w.simulator);
+    expect_admissible("walk", &w.seen);
+    simulator_destroy(w.simulator);
+    arena_fini(&arena);
+}
+
+/* ---- falls ---- */
+
+static struct rig_scene scene;
+
+static void find_momentum(double p[3])
+{
+    const struct robot *robot = scene.robot;
+    size_t count;
+    const double *q = plant_values(scene.plant, &count);
+    struct body_motion motion[BODIES];
+
+    assert_true(robot->nbody <= BODIES);
+    memset(p, 0, 3 * sizeof *p);
+    scene.dynamics.ops->kinematics(&scene.dynamics, q, q + robot->nq, motion);
+    for (size_t b = 0; b < robot->nbody; b++) {
+        double arm[3], v[3];
+
+        mat3_apply(motion[b].R, robot->body[b].inertia.com, arm);
+        memcpy(v, motion[b].v, sizeof v);
+        vec3_add_cross(motion[b].w, arm, v);
+        vec3_add_scaled(p, robot->body[b].inertia.mass, v, p);
+    }
+}
+
+/* Lets it fall, tilted and thrown by number; adds to seen, returns by how much the impulse that was
+ * seen is off that which it has received, N s. */
+static double fall(int number, struct seen *seen)
+{
+    const struct rig *rig = scene.rig;
+    const double tilt = 0.25 * number, turn[4] = {cos(tilt / 2), sin(tilt / 2), 0.0, 0.0};
+    const double position[3] = {0.0, 0.0, rig->base_position[2] + 0.2 + 0.01 * number};
+    double before[3], after[3], impulse[3] = {0.0, 0.0, 0.0}, *rates;
+    size_t count;
+
+    assert_int_equal(plant_reset(scene.plant, position, turn, rig->joint), ERROR_NONE);
+    rates = plant_state(scene.plant, &count) + scene.robot->nq;
+    rates[BASE_V_LINEAR + number % 2] = 2.0;
+    rates[BASE_V_ANGULAR + number % 3] = 6.0;
+    find_momentum(before);
+    for (int k = 0; k < FALL_MS; k++) {
+        assert_int_equal(plant_step(scene.plant, scene.steps), ERROR_NONE);
+        assert_int_equal(plant_sample(scene.plant), ERROR_NONE);
+        look_at_patches(scene.plant, &rig->contact, seen);
+        for (size_t c = 0; c < rig->contact.nbody; c++) {
+            const double *force = plant_contact_wrenches(scene.plant)[c].force;
+
+            vec3_add_scaled(impulse, 1e-3, force, impulse);
+            assert_true(plant_contact_peaks(scene.plant)[c] >= vec3_norm(force) * (1 - 1e-12));
+        }
+    }
+    find_momentum(after);
+    for (int i = 0; i < 3; i++) {
+        impulse[i] += before[i] - after[i] +
+                      scene.robot->total_mass * scene.robot->gravity[i] * 1e-3 * FALL_MS;
+    }
+    return vec3_norm(impulse);
+}
+
+static void falls_are_within_the_cone(void **state)
+{
+    const struct rig_scene_choice choice = {
+        .file = "coman.yaml", .integrator = PLANT_IMPLICIT, .substep_ns = MS};
+    struct seen seen = {0};
+    double off = 0.0;
+
+    (void)state;
+    rig_scene_init(&scene, &choice);
+    for (int number = 0; number < FALLS; number++) {
+        off += fall(number, &seen) / FALLS;
+    }
+    print_message("# falls: the impulse seen is off by %.3f N s of %.0f\n", off,
+                  scene.robot->total_mass * 9.81 * 1e-3 * FALL_MS);
+    expect_admissible("falls", &seen);
+    rig_scene_fini(&scene);
+}
+
+/* ---- peak ---- */
+
+/* The largest force on the right foot that comes down flat from 0.1 m, N; and the largest of those
+ * at whole milliseconds. */
+static double drop_peak(enum plant_integrator integrator, int64_t substep_ns, double *at_ticks)
+{
+    const struct rig_scene_choice choice = {.file = "coman.yaml",
+                                            .integrator = integrator,
+                                            .substep_ns = substep_ns,
+                                            .tolerance = 1e-8};
+    double position[3], peak = 0.0;
+    int body;
+
+    rig_scene_init(&scene, &choice);
+    body = robot_find_body(scene.robot, "RFoot");
+    memcpy(position, scene.rig->base_position, sizeof position);
+    position[2] += 0.1;
+    assert_int_equal(
+        plant_reset(scene.plant, position, scene.rig->base_quaternion, scene.rig->joint),
+        ERROR_NONE);
+    *at_ticks = 0.0;
+    for (int k = 0; k < 200; k++) {
+        for (size_t n = 0; n < scene.steps; n++) {
+            assert_int_equal(plant_step(scene.plant, 1), ERROR_NONE);
+            assert_int_equal(plant_sample(scene.plant), ERROR_NONE);
+            for (size_t c = 0; c < scene.rig->contact.nbody; c++) {
+                if (scene.rig->contact_body[c] == body) {
+                    peak = fmax(peak, plant_contact_peaks(scene.plant)[c]);
+                }
+            }
+        }
+        *at_ticks = fmax(*at_ticks, vec3_norm(rig_scene_wrench(&scene, body)->force));
+    }
+    rig_scene_fini(&scene);
+    return peak;
+}
+
+static void the_peak_of_an_impact_is_seen(void **state)
+{
+    double ticks, exact_ticks;
+    const double exact = drop_peak(PLANT_DOPRI5, MS / 50, &exact_ticks);
+    const double peak = drop_peak(PLANT_IMPLICIT, MS, &ticks);
+
+    (void)state;
+    print_message("# drop: peak %.0f N, exact %.0f N; at ticks %.0f N, exact %.0f N\n", peak, exact,
+                  ticks, exact_ticks);
+    assert_near(peak / exact, 1.0, 0.2);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(falls_are_within_the_cone),
+        cmocka_unit_test(the_peak_of_an_impact_is_seen),
+        cmocka_unit_test(a_walk_is_within_the_cone),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
