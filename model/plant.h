@@ -170,7 +170,8 @@ const struct contact_wrench *plant_contact_wrenches(const struct plant *plant);
 
 /* Returns the largest force on each contact body within the last plant_step, N: of the means over
  * the parts that the implicit integrator divides its steps into where something strikes, down to
- * a sixteenth, and of the last sample; with other integrators that of the sample. RT-safe. */
+ * a sixteenth, and of the last sample; with other integrators, and where a robot is
+ * clamped or its state was set between steps, that of the sample. RT-safe. */
 const double *plant_contact_peaks(const struct plant *plant);
 
 /* Copies the patches of the last sample, until the plant steps or is asked for its energies:

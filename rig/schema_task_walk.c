@@ -43,7 +43,7 @@ static const struct yaml_field walk_fields[] = {
     WALK(turn_rad_s, -2.0, 2.0),
     ESTIMATE(attitude_per_s, 0.0, 1e3),
     {"lean_per_s", YAML_REAL, false, AT(config.balance.estimate.lean_per_s), .min = 0.0,
-     .max = 20.0},
+     .max = 1.0},
     ESTIMATE(com_per_s, 0.0, 200.0),
     {"com_walking_per_s", YAML_REAL, false, AT(config.balance.estimate.com_walking_per_s),
      .min = 0.0, .max = 200.0},

@@ -23,7 +23,7 @@ static const struct yaml_field channel_fields[] = {
     {"lsb", YAML_REAL, false, AT(lsb), .min = DBL_MIN, .max = 1e6},
     {"latency_s", YAML_REAL, false, AT(latency_s), .min = 0.0,
      .max = 1e-9 * (double)SENSING_LATENCY_MAX_NS},
-    {"bandwidth_hz", YAML_REAL, false, AT(bandwidth_hz), .min = 1e-3, .max = 1e6},
+    {"bandwidth_hz", YAML_REAL, false, AT(bandwidth_hz), .min = 0.1, .max = 1e6},
     {"hysteresis", YAML_REAL, false, AT(hysteresis), .min = 0.0, .max = 0.2},
     {"instability_rms", YAML_REAL, false, AT(instability_rms), .min = 0.0, .max = 1e6},
     {"instability_s", YAML_REAL, false, AT(instability_s), .min = 1e-3, .max = 1e6},
@@ -132,8 +132,8 @@ static const struct yaml_schema ft_schema = {
 
 #define STRUCT raw_ahrs
 static const struct yaml_field ahrs_fields[] = {
-    {"accel_per_s", YAML_REAL, true, AT(accel_per_s), .min = 0.0, .max = 100.0},
-    {"magnetic_per_s", YAML_REAL, false, AT(magnetic_per_s), .min = 0.0, .max = 100.0},
+    {"accel_per_s", YAML_REAL, true, AT(accel_per_s), .min = 0.0, .max = 10.0},
+    {"magnetic_per_s", YAML_REAL, false, AT(magnetic_per_s), .min = 0.0, .max = 10.0},
     {"bias_per_s2", YAML_REAL, false, AT(bias_per_s2), .min = 0.0, .max = 100.0},
 };
 #undef STRUCT
@@ -285,7 +285,8 @@ static enum error_code sensors_check_crosstalk(struct rig_builder *b, const stru
 }
 
 /* Sets the clocks: those of the boards that carry the joints and sensors, by their order in the
- * rig; what no board carries has the first one's. */
+ * rig; torque boards show what the joint's motor board has sampled, and what no board carries has
+ * the first one's. */
 static void sensors_assign_clocks(const struct rig_builder *b, struct sensor_joint *joint,
                                   struct sensor_ft *ft)
 {

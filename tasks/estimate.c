@@ -269,12 +269,17 @@ static void estimate_odometry(struct estimator *estimator)
 
 /* Updates the tilt of the board. Seen from a frame that is tilted by e about y, forces accelerate
  * the center of mass by g e along x, which the encoders do not see: the observer's error settles at
- * -g e / l^2. About x the same with the other sign. */
+ * -g e / l^2. About x the same with the other sign. Turning the attitude back moves the center of
+ * mass over the standing foot too, which feeds back: COMAN's loop is stable up to a lean_per_s of
+ * about 1.3. */
 static void estimate_lean(struct estimator *estimator, const double apart[3], double l, double dt_s)
 {
     const double rate = estimator->config.lean_per_s * l * l / estimator->model->gravity_m_s2;
     const double most = LEAN_MAX_RAD;
 
+    if (!isfinite(apart[0] + apart[1])) {
+        return;
+    }
     estimator->lean[0] = fmax(-most, fmin(most, estimator->lean[0] + rate * apart[1] * dt_s));
     estimator->lean[1] = fmax(-most, fmin(most, estimator->lean[1] - rate * apart[0] * dt_s));
 }

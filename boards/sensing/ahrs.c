@@ -33,6 +33,10 @@ void ahrs_align(struct ahrs *ahrs, const double accel_m_s2[3], const double magn
     }
     vec3_cross(west, up, north);
     quaternion_from_mat3(R, ahrs->quaternion);
+    if (!isfinite(ahrs->quaternion[0] + ahrs->quaternion[1] + ahrs->quaternion[2] +
+                  ahrs->quaternion[3])) {
+        memcpy(ahrs->quaternion, (const double[4]){1, 0, 0, 0}, sizeof ahrs->quaternion);
+    }
 }
 
 /* Computes what corrects the rate, times 1 / gain: turn about the horizontal axes that brings the

@@ -106,6 +106,20 @@ static double sensor_error_convert(const struct sensor_error *e, double x)
     return e->lsb > 0.0 ? e->lsb * floor(x / e->lsb + 0.5) : x;
 }
 
+void sensing_shift_channel(struct channel *channel, double shift)
+{
+    for (int k = 0; k < SENSING_PLAYS; k++) {
+        channel->play[k] += shift;
+    }
+    for (int k = 0; k < 2; k++) {
+        channel->low_pass.x[k] += shift;
+        channel->low_pass.y[k] += shift;
+    }
+    for (size_t k = 0; k < channel->length; k++) {
+        channel->line[k] += shift;
+    }
+}
+
 double sensing_measure_channel(const struct sensing *s, struct channel *channel, double x)
 {
     const struct sensor_error *e = &channel->error;
@@ -118,7 +132,11 @@ double sensing_measure_channel(const struct sensing *s, struct channel *channel,
     x += (e->gain_error + e->gain_per_k * warm_k) * x + e->offset + e->offset_per_k * warm_k +
          wander;
     if (e->noise_rms > 0.0) {
-        x += s->noise_scale * e->noise_rms * random_gaussian(&channel->noise);
+        /* Noise stands still between two samples, as all else does */
+        if (!channel->clocked || !s->started || channel->device->clock->sampled) {
+            channel->noise_now = s->noise_scale * e->noise_rms * random_gaussian(&channel->noise);
+        }
+        x += channel->noise_now;
     }
     return sensor_error_convert(e, x);
 }

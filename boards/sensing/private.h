@@ -13,6 +13,7 @@
 struct sampling_clock {
     double period_ns, phase_ns; /* in the simulation's time */
     int64_t age_ns;             /* of its last sample */
+    bool sampled;               /* within this tick */
 };
 
 /* What the channels of a sensor have in common. */
@@ -34,7 +35,7 @@ struct channel {
     struct sensor_error error;
     bool ideal;
     struct random_stream noise, walk, wander;
-    double drift, ramp;
+    double noise_now, drift, ramp;
     double bias, bias_keep; /* instability: its value, and exp(-tick / tau) */
     double play[SENSING_PLAYS];
     struct low_pass low_pass;
@@ -95,6 +96,9 @@ struct sensing {
  * line[at]; the line reaches at least that far back. */
 double sensing_read_delay_line(const double *line, size_t length, size_t at, int64_t delay_ns,
                                int64_t tick_ns);
+
+/* Moves all that a channel remembers of its input, whose zero has moved. */
+void sensing_shift_channel(struct channel *channel, double shift);
 
 /* Returns the sensor's reading of x, in the order that boards/sensing/sensing.h gives. */
 double sensing_measure_channel(const struct sensing *sensing, struct channel *channel, double x);

@@ -144,6 +144,7 @@ static void sensing_read_joint(struct sensing *s, size_t j, const struct motor_s
 
     /* An incremental encoder counts from where it stands at its start */
     if (s->joint[j].incremental && (!s->started || state->restarts)) {
+        sensing_shift_channel(&s->channel[motor], state->start_rad - truth->qm);
         state->start_rad = truth->qm;
     }
     *out = *truth;
@@ -175,20 +176,24 @@ static bool sensing_channel_fails(const struct sensing *s, size_t channel)
 }
 
 /* Sets the peak of a force-torque channel: as far beyond its reading as the true one is, unless a
- * fault makes the reading. */
+ * fault makes the reading or the converter is at its end. */
 static void sensing_set_ft_peak(const struct sensing *s, size_t f, const struct ft_sense *truth,
                                 size_t channel)
 {
     struct ft_sense *out = &s->measured.ft[f];
     const size_t i = channel % 3;
-    const bool fails = sensing_channel_fails(s, sensing_ft_channel(s, f, channel));
+    const size_t number = sensing_ft_channel(s, f, channel);
+    const double end = s->channel[number].error.full_scale;
+    const bool fails = sensing_channel_fails(s, number);
+    const double true_peak = channel < 3 ? truth->peak_n[i] : truth->peak_nm[i];
+    const double *true_now = channel < 3 ? truth->force_n : truth->torque_nm;
+    const double reading = channel < 3 ? out->force_n[i] : out->torque_nm[i];
+    double peak = reading + (fails ? 0.0 : true_peak - true_now[i]);
 
-    if (channel < 3) {
-        out->peak_n[i] = out->force_n[i] + (fails ? 0.0 : truth->peak_n[i] - truth->force_n[i]);
-    } else {
-        out->peak_nm[i] =
-            out->torque_nm[i] + (fails ? 0.0 : truth->peak_nm[i] - truth->torque_nm[i]);
+    if (!fails && end > 0.0 && fabs(true_now[i]) > end) {
+        peak = true_peak;
     }
+    *(channel < 3 ? &out->peak_n[i] : &out->peak_nm[i]) = peak;
 }
 
 /* Reads a force-torque sensor: crosstalk, then each channel. */
@@ -320,6 +325,7 @@ static void sensing_update_devices(struct sensing *s, int64_t now_ns)
         double age = fmod((double)now_ns - clock->phase_ns, clock->period_ns);
 
         clock->age_ns = (int64_t)(age < 0.0 ? age + clock->period_ns : age);
+        clock->sampled = clock->age_ns < s->config.tick_ns;
     }
     for (size_t d = 0; s->started && d < s->config.njoint + s->config.nft + 1; d++) {
         struct sensor_device *device = &s->device[d];

@@ -123,6 +123,7 @@ enum error_code implicit_linearize_contact(struct plant *plant)
     im->nactive = plant_contact_tangents(plant, im->tangent, IMPLICIT_TANGENTS);
     if (im->nactive > IMPLICIT_TANGENTS) {
         plant->failure = too_many_pairs;
+        im->nactive = 0;
         return ERROR_INPUT;
     }
     list_touched_bodies(plant);

@@ -223,9 +223,13 @@ enum error_code implicit_step(struct plant *plant, double h)
     memcpy(im->trend, im->trend_begin, bytes);
     for (int part = 0; part < parts && !code; part++) {
         code = take_part(plant, level, h / parts);
-        implicit_gather_peaks(plant);
+        if (!code) {
+            implicit_gather_peaks(plant);
+        }
     }
-    implicit_admit_contact(plant);
+    if (!code) {
+        implicit_admit_contact(plant);
+    }
     return code;
 }
 
