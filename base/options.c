@@ -57,10 +57,11 @@ static void option_describe_value(const struct option_spec *option, char *out, s
     size_t used = 0;
 
     if (option->type == OPTION_REAL || option->type == OPTION_INT) {
-        snprintf(out, size, "%s%s%s from %.15g to %.15g",
+        snprintf(out, size, "%s%s%s %s %.15g %s %.15g",
                  option->type == OPTION_REAL ? "a number" : "an integer",
                  option->unit ? (option->type == OPTION_REAL ? " of " : " number of ") : "",
-                 option->unit ? option->unit : "", option->min, option->max);
+                 option->unit ? option->unit : "", option->above_min ? "more than" : "from",
+                 option->min, option->above_min ? "and at most" : "to", option->max);
         return;
     }
     if (option->type != OPTION_ENUM) {
@@ -89,7 +90,8 @@ static bool option_parse_real(const struct option_spec *option, const char *text
 {
     double value;
 
-    if (!text_to_double(text, &value) || value < option->min || value > option->max) {
+    if (!text_to_double(text, &value) || value < option->min || value > option->max ||
+        (option->above_min && !(value > option->min))) {
         return false;
     }
     *(double *)option->value = value;

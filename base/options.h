@@ -62,6 +62,7 @@ struct option_spec {
     const char *help;     /* what it does and its default; wrapped when printed */
     void *value;
     double min, max;          /* of OPTION_REAL and OPTION_INT, inclusive; both needed */
+    bool above_min;           /* OPTION_REAL: min itself is no value */
     const char *unit;         /* for messages: "seconds"; NULL = none */
     const struct word *words; /* of OPTION_ENUM, ends with word NULL */
     const char *noun;         /* as of an operand */

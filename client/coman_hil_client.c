@@ -40,6 +40,7 @@ enum {
     PLAIN = -1,            /* a signal that each frame of its message has */
     SELECTOR = -2,         /* the byte that says which signals a frame has */
     STEP_TICKS = 1000,     /* at most in one STEP */
+    READY_SIZE = 4096,     /* of a line in the file of --ready */
     SETTLE_TICKS = 5,      /* until a mode or a setting has been reported */
     ENABLE_TICKS = 1000,
     MISMATCH = 4, /* flags of DONE */
@@ -98,6 +99,7 @@ struct board {
 
 struct bus {
     char name[41], interface[16], *file, *text; /* file: its memory */
+    uint64_t hash;                              /* of the file's bytes */
     enum protocol protocol;
     double supply_v;
     size_t first, count; /* its messages */
@@ -630,6 +632,17 @@ static int tables_is_dbc(const struct dirent *entry)
     return end && !strcmp(end, ".dbc");
 }
 
+/* Returns the FNV-1a hash by which the file of --ready names a bus's tables. */
+static uint64_t tables_hash(const char *text, size_t size)
+{
+    uint64_t hash = UINT64_C(0xcbf29ce484222325);
+
+    for (size_t i = 0; i < size; i++) {
+        hash = (hash ^ (unsigned char)text[i]) * UINT64_C(0x100000001b3);
+    }
+    return hash;
+}
+
 /* Reads the whole of a file behind its name, in memory that the bus owns. */
 static enum hil_client_code tables_read_file(struct hil_client *client, struct bus *bus,
                                              const char *folder, const char *name)
@@ -652,6 +665,7 @@ static enum hil_client_code tables_read_file(struct hil_client *client, struct b
     size = fread(bus->text, 1, FILE_SIZE, file);
     fclose(file);
     bus->text[size] = '\0';
+    bus->hash = tables_hash(bus->text, size);
     memory = realloc(memory, length + size + 1);
     bus->file = memory ? memory : bus->file;
     bus->text = bus->file + length;
@@ -1027,9 +1041,10 @@ static enum hil_client_code client_wait(struct hil_client *client)
 
 /* ---- connections ---- */
 
-/* Where a gateway is, and the clock of its run, "" = unknown. */
+/* Where a gateway is, the clock of its run, and the hashes of its tables, "BUS=HASH BUS=HASH ...";
+ * "" = unknown. */
 struct place {
-    char host[64], clock[16];
+    char host[64], clock[16], tables[READY_SIZE];
     uint16_t port;
 };
 
@@ -1038,7 +1053,7 @@ static enum hil_client_code client_read_ready(struct hil_client *client, const c
                                               struct place *place)
 {
     const struct timespec pause = {.tv_nsec = 2000000};
-    char line[512];
+    char line[READY_SIZE];
     FILE *file;
 
     while (!(file = fopen(path, "re"))) {
@@ -1050,7 +1065,8 @@ static enum hil_client_code client_read_ready(struct hil_client *client, const c
     }
     while (fgets(line, sizeof line, file)) {
         if (sscanf(line, "gateway_host='%63[^']", place->host) != 1 &&
-            sscanf(line, "clock='%15[^']", place->clock) != 1) {
+            sscanf(line, "clock='%15[^']", place->clock) != 1 &&
+            sscanf(line, "tables='%4095[^']", place->tables) != 1) {
             sscanf(line, "gateway_port='%5" SCNu16, &place->port);
         }
     }
@@ -1137,9 +1153,37 @@ static enum hil_client_code interface_open(struct hil_client *client, struct bus
     return HIL_CLIENT_OK;
 }
 
+/* Compares the files that were read with the tables of the run, and the clocks. A run that does not
+ * say what it has is believed. */
+static enum hil_client_code client_check_place(struct hil_client *client, const struct place *place,
+                                               const struct hil_client_options *options)
+{
+    const struct hil_client_core *core = client->core;
+
+    for (size_t i = 0; place->tables[0] && i < core->nbus; i++) {
+        char wanted[64];
+
+        snprintf(wanted, sizeof wanted, "%s=%016" PRIx64, core->bus[i].name, core->bus[i].hash);
+        if (!strstr(place->tables, wanted)) {
+            return client_fail(client, HIL_CLIENT_TABLES,
+                               "%.120s is older than the rig of the run, or of another rig: "
+                               "coman-hil dbc RIG -o %.80s writes it anew",
+                               core->bus[i].file, options->tables);
+        }
+    }
+    if (place->clock[0] && core->lockstep != !strcmp(place->clock, "lockstep")) {
+        return client_fail(client, HIL_CLIENT_INPUT,
+                           "%.200s: the clock of the run is %s, the client's options.lockstep is "
+                           "%s",
+                           options->ready, place->clock, core->lockstep ? "true" : "false");
+    }
+    return HIL_CLIENT_OK;
+}
+
 /* Connects to the gateway that the file of --ready names. A file whose gateway nobody serves is of
  * a run that was killed: that of the next run is waited for. */
-static enum hil_client_code client_connect_ready(struct hil_client *client, const char *path)
+static enum hil_client_code client_connect_ready(struct hil_client *client,
+                                                 const struct hil_client_options *options)
 {
     const struct timespec pause = {.tv_nsec = 2000000};
     struct hil_client_core *core = client->core;
@@ -1148,7 +1192,7 @@ static enum hil_client_code client_connect_ready(struct hil_client *client, cons
 
     for (;;) {
         place = (struct place){.host = "127.0.0.1"};
-        code = client_read_ready(client, path, &place);
+        code = client_read_ready(client, options->ready, &place);
         code = code ? code : stream_connect(client, place.host, place.port);
         if (code != HIL_CLIENT_CONNECTION || core->gateway < 0) {
             break;
@@ -1158,18 +1202,12 @@ static enum hil_client_code client_connect_ready(struct hil_client *client, cons
         if (client_now_ns() / 1000000 > core->deadline_ms) {
             return client_fail(client, code,
                                "%.60s:%u: nobody serves the gateway that %.150s names", place.host,
-                               place.port, path);
+                               place.port, options->ready);
         }
         nanosleep(&pause, NULL);
     }
     code = code ? code : stream_open(client);
-    if (!code && place.clock[0] && core->lockstep != !strcmp(place.clock, "lockstep")) {
-        code =
-            client_fail(client, HIL_CLIENT_INPUT,
-                        "%.200s: the clock of the run is %s, the client's options.lockstep is %s",
-                        path, place.clock, core->lockstep ? "true" : "false");
-    }
-    return code;
+    return code ? code : client_check_place(client, &place, options);
 }
 
 /* Connects to the gateway if there is one, else opens the interfaces of SocketCAN. */
@@ -1181,7 +1219,7 @@ static enum hil_client_code client_connect(struct hil_client *client,
 
     client_limit_time(client->core, client->core->timeout_ms);
     if (options->ready) {
-        return client_connect_ready(client, options->ready);
+        return client_connect_ready(client, options);
     }
     if (options->port) {
         code = stream_connect(client, host, options->port);

@@ -20,7 +20,10 @@
  *     hil_client_close(&client);
  *
  * Tables. What frames mean is read from the DBC files that `coman-hil dbc RIG -o FOLDER` writes,
- * the same that the Python package reads. Joints and sensors have the names of the rig.
+ * the same that the Python package reads. Joints and sensors have the names of the rig. Write them
+ * anew whenever the rig changes: scales depend on it. A client that finds the run by options.ready
+ * compares its files with the rig that runs, and HIL_CLIENT_TABLES names one that differs. By a
+ * port or through SocketCAN nothing says what runs, and nothing is compared.
  *
  * Units: rad, rad/s, A, V, N m, N; times in ns or ms, as the names say. Angles, currents and
  * torques are those of the link's side of the gear, positive along the joint's axis; forces and
@@ -64,7 +67,7 @@ extern "C" {
 enum hil_client_code {
     HIL_CLIENT_OK,
     HIL_CLIENT_INPUT,      /* a name that is not there, a number out of its range, another clock */
-    HIL_CLIENT_TABLES,     /* a DBC file that is missing or wrong: FILE:LINE */
+    HIL_CLIENT_TABLES,     /* a DBC file that is missing, wrong (FILE:LINE) or older than the rig */
     HIL_CLIENT_SYSTEM,     /* a call of the system failed; no memory */
     HIL_CLIENT_CONNECTION, /* the gateway is not there, refuses, or has closed */
     HIL_CLIENT_TIMEOUT,    /* nothing came in time */

@@ -93,13 +93,29 @@ enum error_code task_create(const char *name, const struct task_config *config, 
 
 /* ---- what tasks share ---- */
 
+/* Returns the joint whose name is nearest to one that is not there; NULL = none is near. */
+static const char *task_nearest_joint(const struct task *task, const char *joint)
+{
+    const char *nearest = NULL;
+
+    for (size_t i = 0; i < task->config.host.naxis; i++) {
+        const char *one = task->config.host.axis[i].joint;
+
+        nearest = text_nearest(joint, (const char *[]){nearest ? nearest : one, one}, 2);
+    }
+    return nearest;
+}
+
 enum error_code task_find_axis(const struct task *task, const char *joint, size_t *axis,
                                struct error *error)
 {
     int index = host_find_axis(task->host, joint);
 
     if (index < 0) {
-        return error_set(error, ERROR_INPUT, "%s: the rig has no joint %s", task->ops->name, joint);
+        const char *nearest = task_nearest_joint(task, joint);
+
+        return error_set(error, ERROR_INPUT, "%s: the rig has no joint %.63s%s%s", task->ops->name,
+                         joint, nearest ? ", expected " : "", nearest ? nearest : "");
     }
     *axis = (size_t)index;
     return ERROR_NONE;

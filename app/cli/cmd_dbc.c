@@ -3,8 +3,8 @@
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
+#include "app/cli/tables.h"
 #include "base/count.h"
-#include "base/memory_file.h"
 #include "base/options.h"
 #include "base/whole_file.h"
 #include "manual/dbc.h"
@@ -16,20 +16,6 @@
 enum { PATH_SIZE = 1024 };
 
 /* ---- one bus ---- */
-
-/* Writes a DBC into memory. */
-static enum error_code dbc_write_text(const struct dbc *dbc, struct memory_file *text,
-                                      struct error *error)
-{
-    FILE *file = memory_file_open(text);
-
-    if (!file) {
-        return error_set(error, ERROR_MEMORY, "no memory left for the DBC file");
-    }
-    /* All that can fail is the stream, which memory_file_close reports */
-    dbc_write(dbc, file, NULL);
-    return memory_file_close(file, text, "the DBC file", error);
-}
 
 /* Writes the text to a file, or to standard output when path is NULL. */
 static enum error_code dbc_put_text(const struct memory_file *text, const char *path,
@@ -62,7 +48,7 @@ static enum error_code export_bus(const struct rig *rig, size_t bus, const char 
     if (code) {
         return code;
     }
-    code = dbc_write_text(dbc, &text, error);
+    code = tables_write(dbc, &text, error);
     if (!code) {
         code = dbc_put_text(&text, path, error);
     }

@@ -8,6 +8,7 @@
 #include "app/cli/ready.h"
 #include "app/cli/rig_command.h"
 #include "app/cli/run_options.h"
+#include "app/cli/tables.h"
 #include "control/control.h"
 #include "base/journal.h"
 #include "sim/summary.h"
@@ -242,10 +243,11 @@ static enum error_code open_control(const struct run_options *options, struct si
 
 /* ---- the run ---- */
 
-/* Writes the file of --ready; host: of the gateway, "" = the default address. */
+/* Writes the file of --ready; host: of the gateway, "" = the default address; tables: hashes. */
 static enum error_code write_ready(const struct run_options *options, const char *host,
-                                   struct simulator *simulator, const struct control *control,
-                                   const struct page *page, struct error *error)
+                                   const char *tables, struct simulator *simulator,
+                                   const struct control *control, const struct page *page,
+                                   struct error *error)
 {
     const struct gateway *gateway = simulator_gateway(simulator);
     const struct ready ready = {
@@ -255,6 +257,7 @@ static enum error_code write_ready(const struct run_options *options, const char
                         : host[0]                          ? host
                                                            : "127.0.0.1",
         .gateway_port = gateway ? gateway_port(gateway) : 0,
+        .tables = tables,
         .page = page->viewer ? viewer_address(page->viewer, true) : NULL,
         .page_view = page->viewer ? viewer_address(page->viewer, false) : NULL,
     };
@@ -306,7 +309,7 @@ static void run_each_period(void *context)
 
 /* Runs a simulator from the start of its threads to the exit status. */
 static int run_simulator(struct simulator *simulator, struct control *control, struct page *page,
-                         const struct run_options *options, const char *host)
+                         const struct run_options *options, const char *host, const char *tables)
 {
     static struct monitor monitor;
     struct background background = {simulator, control, page, &monitor};
@@ -342,7 +345,7 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
     control_serve(control);
     viewer_serve(page->viewer);
     rig_command_warn(&report, monitor.log.clear);
-    if (write_ready(options, host, simulator, control, page, &error)) {
+    if (write_ready(options, host, tables, simulator, control, page, &error)) {
         silent = command_fail("run", &error); /* nobody would come: the run ends at once */
         simulator_stop(simulator);
     }
@@ -450,6 +453,7 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     static struct run_slcan slcan;
     static char host[RUN_HOST_SIZE];
     const struct rig *rig = loaded;
+    const char *tables = NULL;
     struct simulator_config config;
     struct simulator *simulator;
     struct task_input input;
@@ -470,7 +474,8 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     if (run_read_gateway(options, host, &slcan, &gateway, &joined, &error) ||
         run_options_check_trust(options, rig, &error) || rig_command_budget("run", rig, &error) ||
         run_options_configure(options, rig, &config, &error) ||
-        task_input_read(&options->input, options->task, rig, arena, &input, &error)) {
+        task_input_read(&options->input, options->task, rig, arena, &input, &error) ||
+        (options->ready && tables_hash(rig, arena, &tables, &error))) {
         return command_fail("run", &error);
     }
     config.task_input = &input;
@@ -494,7 +499,7 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
         control_stop(control);
         status = command_fail("run", &error);
     } else {
-        status = run_simulator(simulator, control, &page, options, host);
+        status = run_simulator(simulator, control, &page, options, host, tables);
     }
     page_close(&page);
     control_destroy(control);

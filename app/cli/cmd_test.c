@@ -195,6 +195,26 @@ static void plan_jobs(struct test_runs *plan, struct scenario *const *cases, con
     }
 }
 
+/* Reads and checks a scenario. A sweep or a plan is refused with the options that it takes. */
+static enum error_code test_read_scenario(const char *file, struct arena *arena,
+                                          struct scenario **cases, size_t *ncase,
+                                          struct error *error)
+{
+    char path[PATH_MAX];
+    enum error_code code = config_locate(CONFIG_SCENARIO, file, path, error);
+    const char *wanted;
+
+    if (code) {
+        return code;
+    }
+    code = scenario_read(path, arena, cases, ncase, error);
+    wanted = code == ERROR_INPUT ? test_plan_describe(path) : NULL;
+    if (wanted) {
+        return error_set(error, ERROR_INPUT, "%.200s: found %s", path, wanted);
+    }
+    return code ? code : test_check_rig(*cases, error);
+}
+
 /* Reads and checks all scenarios, and makes the list of runs. */
 static enum error_code make_plan(struct test_runs *plan, const struct test_options *options,
                                  struct error *error)
@@ -215,11 +235,8 @@ static enum error_code make_plan(struct test_runs *plan, const struct test_optio
 
     /* Read and check everything before anything runs */
     for (size_t f = 0; f < nfile; f++) {
-        char path[PATH_MAX];
-
-        if ((code = config_locate(CONFIG_SCENARIO, options->file[f], path, error)) ||
-            (code = scenario_read(path, &plan->arena, &cases[f], &ncases[f], error)) ||
-            (code = test_check_rig(cases[f], error))) {
+        code = test_read_scenario(options->file[f], &plan->arena, &cases[f], &ncases[f], error);
+        if (code) {
             return code;
         }
         if (cases[f]->host == SCENARIO_HOST_PROGRAM && !options->program && !options->list) {

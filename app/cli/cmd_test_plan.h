@@ -6,6 +6,10 @@
 
 #include <stddef.h>
 
+/* Returns what a file is that is no scenario, and the options it is given with, as text for a
+ * message: a sweep or a plan; NULL = it is neither. */
+const char *test_plan_describe(const char *path);
+
 /* Makes a plan (--plan): output is the plan's file. */
 int test_plan_sweep(const char *sweep, const char *output);
 

@@ -2,8 +2,9 @@
 /*
  * The file of --ready appears, complete, when others can talk to a run or a page, and says where. A
  * line is NAME='VALUE', as a shell's "." reads it; entries that the run does not have are left out:
- * pid, clock, control (path of the control socket), gateway_host, gateway_port, page, page_view
- * (addresses, to control and to look only). Only its owner may read it. Not RT-safe.
+ * pid, clock, control (path of the control socket), gateway_host, gateway_port, tables (hashes of
+ * the buses' DBC files), page, page_view (addresses, to control and to look only). Only its owner
+ * may read it. Not RT-safe.
  */
 #ifndef APP_CLI_READY_H
 #define APP_CLI_READY_H
@@ -18,6 +19,7 @@ struct ready {
     const char *control;
     const char *gateway_host; /* NULL = no gateway */
     uint16_t gateway_port;
+    const char *tables; /* tables_hash */
     const char *page, *page_view;
 };
 

@@ -28,7 +28,7 @@ static const struct option_spec options[] = {
     {"--duration", OPTION_REAL, "S",
      "end after S seconds of virtual time, more than 0; without it and --ticks when the task does, "
      "else never",
-     .value = &read.duration_s, .min = 0.0, .max = 1e7, .unit = "seconds"},
+     .value = &read.duration_s, .min = 0.0, .above_min = true, .max = 1e7, .unit = "seconds"},
     {"--ticks", OPTION_INT, "N", "end after N ticks", .value = &read.ticks, .min = 1.0,
      .max = 1e12},
     {"--task", OPTION_STRING, "NAME", "start this task on the other side of the buses",
@@ -391,11 +391,6 @@ enum error_code run_options_configure(const struct run_options *given, const str
     }
     if (given->ticks > 0) {
         return error_set(error, ERROR_INPUT, "found both --duration and --ticks, expected one");
-    }
-    if (!(given->duration_s > 0.0)) {
-        return error_set(error, ERROR_INPUT,
-                         "--duration: found 0, expected more than 0 seconds; without it the run "
-                         "has no end");
     }
     config->ticks =
         (uint64_t)fmax(1.0, ceil(given->duration_s * 1e9 / (double)rig->tick_ns - 1e-6));

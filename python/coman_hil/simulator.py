@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import time
 from collections import deque
@@ -14,8 +15,8 @@ import can
 from . import database
 from .boards import Boards, FocMotor, boards_of, frame_text
 from .control import Control
-from .errors import (BoardError, ControlError, GatewayError, SimulatorDied, SimulatorError,
-                     SimulatorStopped, SimulatorTimeout)
+from .errors import (BoardError, ControlError, GatewayError, RigError, SimulatorDied,
+                     SimulatorError, SimulatorStopped, SimulatorTimeout)
 from .gateway import GatewayBus, RawFrame, command_text, message_of
 from .process import Process, find_program, make_folder
 from .robot import ForceSensor, Joint, Latest, Names, force_sensors
@@ -105,7 +106,10 @@ class Simulator:
         try:
             rig = self._write_rig(folder)
             # first of all, for it says best what is wrong with a rig
-            self.buses = database.load(program, rig, self._start_timeout_s)
+            try:
+                self.buses = database.load(program, rig, self._start_timeout_s)
+            except RigError as error:
+                raise RigError(self._name_files(str(error), folder)) from None
             self._process = Process(program, rig, self._options, folder)
         finally:
             if not self._process:
@@ -134,6 +138,11 @@ class Simulator:
         with open(path, "w") as file:
             json.dump({"extends": rig, **self._changes}, file)  # JSON is YAML
         return path
+
+    def _name_files(self, text: str, folder: str) -> str:
+        """A message about the rig as the caller knows its files: the one of the changes is ours."""
+        text = re.sub(re.escape(f"{folder}/rig.yaml") + r"(:\d+)*", "changes", text)
+        return text.replace(f"{folder}/tree", os.path.abspath(self.rig).rsplit("/", 2)[0])
 
     def _prepare(self) -> None:
         """What is known before the first tick."""

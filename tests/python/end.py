@@ -76,13 +76,15 @@ def test_a_wrong_rig_is_told_with_its_reason():
         Simulator("nobody").start()
     with raises(RigError, "nowhere/none.yaml"):
         Simulator("nowhere/none.yaml").start()
-    with raises(RigError, "fixed_bass", "fixed_base"):
+    with raises(RigError, ": changes: ", "fixed_bass", "fixed_base"):
         Simulator(RIG, changes={"robot": {"fixed_bass": True}}).start()
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder, "mine.yaml")
         path.write_text("name: mine\nbuses: 7\n")
         with raises(RigError, f"{path}:2:8"):
             Simulator(path).start()
+        with raises(RigError, f" {path}:2:8"):
+            Simulator(path, changes={"name": "other"}).start()
 
 
 def test_a_wrong_program_is_told():

@@ -10,6 +10,7 @@ import logging
 import os
 import pathlib
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -43,14 +44,14 @@ def run(*command, **keys):
 
 
 class Simulator:
-    """A run of a rig in lockstep, with its tables."""
+    """A run of a rig in lockstep, with its tables. changes: keys of the rig."""
 
-    def __init__(self, rig, *options):
+    def __init__(self, rig, *options, changes=None):
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix=rig, dir=WORK))
         self.tables = self.folder / "tables"
         self.tables.mkdir()
         file = self.folder / "rig.yaml"
-        file.write_text(json.dumps({"extends": rig, **BENCH}))
+        file.write_text(json.dumps({"extends": rig, **BENCH, **(changes or {})}))
         run(PROGRAM, "dbc", file, "-o", self.tables)
         self.ready = self.folder / "ready"
         self.control = self.folder / "control"
@@ -179,6 +180,38 @@ def test_refusals(program):
                "so is a motor that trips while steps go on", text)
 
 
+def hash_of(data):
+    """FNV-1a of 64 bits."""
+    value = 0xcbf29ce484222325
+    for byte in data:
+        value = (value ^ byte) * 0x100000001b3 % 2 ** 64
+    return f"{value:016x}"
+
+
+def test_tables(program):
+    """Tables that were written before the rig changed."""
+    assert hash_of(b"foobar") == "85944171f73967e8"     # of the authors' list
+    with Simulator("coman") as simulator:
+        simulator.wait()
+        words = dict(word.split("=", 1) for word in shlex.split(simulator.ready.read_text()))
+        hashes = dict(word.split("=") for word in words["tables"].split())
+        expected = {path.stem.split("-", 1)[1]: hash_of(path.read_bytes())
+                    for path in simulator.tables.iterdir()}
+        result(hashes == expected, f"the file of --ready has the hashes of {len(expected)} tables",
+               f"{hashes}, expected {expected}")
+        text = refused(program, simulator.tables, simulator.ready, "LElbj")
+        result(text == "status 0", "a client with them drives", text)
+    # the same rig with twice the ticks of the encoders in a turn of a joint
+    old = simulator.tables
+    with Simulator("coman", changes={"motors": {"joint_ticks_per_rev": 8192}}) as simulator:
+        simulator.wait()
+        text = refused(program, old, simulator.ready, "LElbj")
+        result(text.startswith(f"elbow: {min(old.iterdir())} is older than the rig of the run, or "
+                               "of another rig: coman-hil dbc RIG -o "),
+               "tables that are older than the rig are an error that names the file", text)
+        text = refused(program, simulator.tables, simulator.ready, "LElbj")
+        result(text == "status 0", "written anew they are taken", text)
+
 def main():
     sys.path.insert(0, str(SOURCE / "python"))
     try:
@@ -186,6 +219,7 @@ def main():
         result(True, "the examples are built with what is installed, and with two copied files")
         for rig in RIGS:
             test_rig(rig, programs)
+        test_tables(programs["copied"])
         test_refusals(programs["copied"])
     except (AssertionError, subprocess.TimeoutExpired) as error:
         result(False, "everything ends well", error)

@@ -156,7 +156,7 @@ wrong 2 "a bus of --slcan that is not there is refused with those that are" \
 wrong 2 "an unknown option is refused" "expected" run "$rig" --durations 1
 wrong 2 "a length that is not a number is refused" "expected a number" run "$rig" --duration nan
 wrong 2 "a negative length is refused" "expected a number" run "$rig" --duration -1
-wrong 2 "no length at all is refused" "more than 0 seconds" run "$rig" --duration 0 "${none[@]}"
+wrong 2 "no length at all is refused" "seconds more than 0" run "$rig" --duration 0 "${none[@]}"
 wrong 2 "two lengths are refused" "both --duration and --ticks" run "$rig" --duration 1 --ticks 5 \
     "${none[@]}"
 wrong 2 "an unknown clock is refused" "expected" run "$rig" --clock fast

@@ -161,6 +161,27 @@ static void names_the_option_and_what_it_expects(void **state)
     assert_string_equal(PARSE("--bus", "", "f"), "--bus: found \"\", expected NAME=INTERFACE");
 }
 
+static void a_number_above_the_least_is_said_to_be_more(void **state)
+{
+    double length_m = 1.0;
+    const struct option_spec length = {"--length",        OPTION_REAL, "M",
+                                       "a length",        &length_m,   .min = 0.0,
+                                       .above_min = true, .max = 2.0,  .unit = "meters"};
+    const struct command_spec one = {.name = "try", .option = &length, .noption = 1};
+    char *argv[] = {(char[]){"try"}, (char[]){"--length"}, (char[]){"1e-9"}};
+    struct error error;
+    bool help;
+
+    (void)state;
+    assert_int_equal(options_parse(&one, 3, argv, &help, &error), ERROR_NONE);
+    assert_true(length_m == 1e-9);
+    argv[2] = (char[]){"0"};
+    assert_int_equal(options_parse(&one, 3, argv, &help, &error), ERROR_INPUT);
+    assert_string_equal(error.text,
+                        "--length: found \"0\", expected a number of meters more than 0 "
+                        "and at most 2");
+}
+
 static void says_that_a_value_is_missing(void **state)
 {
     (void)state;
@@ -288,6 +309,7 @@ int main(void)
         TEST(a_lone_dash_is_an_operand),
         TEST(help_wins_over_what_comes_after_it),
         TEST(names_the_option_and_what_it_expects),
+        TEST(a_number_above_the_least_is_said_to_be_more),
         TEST(says_that_a_value_is_missing),
         TEST(refuses_a_value_where_none_belongs),
         TEST(refuses_an_option_that_stands_twice),

@@ -493,7 +493,8 @@ static void wrong_tables_are_named_with_file_and_line(void **state)
     assert_non_null(strstr(client.message, "rigs r and other"));
 }
 
-static void write_ready(const char *path, const char *clock, unsigned port)
+/* tables: what follows the port; "" = nothing. */
+static void write_ready(const char *path, const char *clock, unsigned port, const char *tables)
 {
     char text[128];
     FILE *file;
@@ -501,7 +502,8 @@ static void write_ready(const char *path, const char *clock, unsigned port)
     snprintf(text, sizeof text, "%s.new", path);
     file = fopen(text, "w");
     assert_non_null(file);
-    fprintf(file, "clock='%s'\ngateway_host='127.0.0.1'\ngateway_port='%u'\n", clock, port);
+    fprintf(file, "clock='%s'\ngateway_host='127.0.0.1'\ngateway_port='%u'\n%s", clock, port,
+            tables);
     fclose(file);
     assert_int_equal(rename(text, path), 0);
 }
@@ -510,7 +512,7 @@ static void write_ready(const char *path, const char *clock, unsigned port)
 static void *start_late(void *path)
 {
     usleep(30000);
-    write_ready(path, "real", listen_at_any_port());
+    write_ready(path, "real", listen_at_any_port(), "");
     return serve(NULL);
 }
 
@@ -527,7 +529,7 @@ static void the_file_of_a_killed_run_is_passed_over_and_another_clock_refused(vo
         options.lockstep = i == 1;
         gateway.answer = answers;
         gateway.heard[0] = '\0';
-        write_ready(ready, "lockstep", 1);
+        write_ready(ready, "lockstep", 1, "");
         assert_int_equal(pthread_create(&gateway.thread, NULL, start_late, ready), 0);
         if (i == 0) {
             assert_int_equal(hil_client_open(&client, &options), HIL_CLIENT_OK);
@@ -537,6 +539,55 @@ static void the_file_of_a_killed_run_is_passed_over_and_another_clock_refused(vo
         }
         close_client(&client);
     }
+}
+
+/* Opens a client of r-arm.dbc by a file of --ready with such a line. */
+static enum hil_client_code open_with_hashes(struct hil_client *client, const char *line)
+{
+    static const char *const answers[] = {NULL, "open"};
+    char ready[128];
+    struct hil_client_options options = {.tables = folder, .ready = ready, .timeout_ms = LONG_MS};
+    enum hil_client_code code;
+
+    snprintf(ready, sizeof ready, "%s/ready", folder);
+    gateway.answer = answers;
+    gateway.heard[0] = '\0';
+    write_ready(ready, "real", listen_at_any_port(), line);
+    assert_int_equal(pthread_create(&gateway.thread, NULL, serve, NULL), 0);
+    code = hil_client_open(client, &options);
+    close_client(client);
+    return code;
+}
+
+static void tables_older_than_the_rig_of_the_run_are_refused(void **state)
+{
+    /* FNV-1a of 64 bits, worked out apart from the client */
+    static const char title[] = "CM_ \"Rig r, bus arm on can0: protocol icub, supply 48 V.\";\n";
+    static const char hash[] = "1ceeecc88761adcc";
+    char line[512], expected[256];
+    struct hil_client client;
+
+    (void)state;
+    write_table("r-arm.dbc", title);
+    snprintf(line, sizeof line, "%s/r-leg.dbc", folder);
+    assert_int_equal(unlink(line), 0);
+
+    /* The same, and in the middle of those of a run with more buses than there are files */
+    snprintf(line, sizeof line, "tables='arm=%s'\n", hash);
+    assert_int_equal(open_with_hashes(&client, line), HIL_CLIENT_OK);
+    snprintf(line, sizeof line, "tables='head=0123456789abcdef arm=%s leg=%s'\n", hash, hash);
+    assert_int_equal(open_with_hashes(&client, line), HIL_CLIENT_OK);
+
+    /* Another hash, and a bus that the run does not have */
+    assert_int_equal(open_with_hashes(&client, "tables='arm=0123456789abcdef'\n"),
+                     HIL_CLIENT_TABLES);
+    snprintf(expected, sizeof expected,
+             "%s/r-arm.dbc is older than the rig of the run, or of another rig: "
+             "coman-hil dbc RIG -o %s writes it anew",
+             folder, folder);
+    assert_string_equal(client.message, expected);
+    snprintf(line, sizeof line, "tables='leg=%s'\n", hash);
+    assert_int_equal(open_with_hashes(&client, line), HIL_CLIENT_TABLES);
 }
 
 static void a_gateway_that_is_not_there_is_waited_for_no_longer_than_asked(void **state)
@@ -555,7 +606,7 @@ static void a_gateway_that_is_not_there_is_waited_for_no_longer_than_asked(void 
     fclose(file);
     assert_int_equal(hil_client_open(&client, &options), HIL_CLIENT_CONNECTION);
     assert_non_null(strstr(client.message, "names no gateway"));
-    write_ready(ready, "real", 1); /* of a run that was killed */
+    write_ready(ready, "real", 1, ""); /* of a run that was killed */
     assert_int_equal(hil_client_open(&client, &options), HIL_CLIENT_CONNECTION);
     assert_non_null(strstr(client.message, "127.0.0.1:1: nobody serves the gateway"));
 
@@ -581,6 +632,7 @@ int main(void)
         TEST(messages_by_name_are_encoded_as_the_tables_say),
         TEST(wrong_tables_are_named_with_file_and_line),
         TEST(the_file_of_a_killed_run_is_passed_over_and_another_clock_refused),
+        TEST(tables_older_than_the_rig_of_the_run_are_refused),
         TEST(a_gateway_that_is_not_there_is_waited_for_no_longer_than_asked),
     };
 

@@ -205,10 +205,24 @@ says err 'found unknown key "robot" in a robot'
 conclude check_refuses_a_rig_as_a_robot
 
 run 2 run "$source/config/rigs/coman.yaml" --duration abc --record "$work/record"
-says err 'coman-hil run: --duration: found "abc", expected a number of seconds from 0 to '
+says err 'coman-hil run: --duration: found "abc", expected a number of seconds more than 0 and '
 silent out
 [ ! -e "$work/record" ] || problem="$problem; the record was started"
 conclude run_starts_nothing_when_the_command_line_is_wrong
+
+run 2 run coman --duration 0
+says err 'found "0", expected a number of seconds more than 0 and at most 10000000'
+run 2 run coman --duration -1
+says err 'found "-1", expected a number of seconds more than 0 and at most 10000000'
+conclude run_lasts_longer_than_nothing
+
+cp "$source/examples/sweep/sweep.yaml" "$source/examples/sweep/squat.yaml" "$work"
+run 2 test "$work/sweep.yaml"
+says err "sweep.yaml: found a sweep: --plan with --output PLAN makes its plan"
+run 0 test --plan "$work/sweep.yaml" --output "$work/squat.plan"
+run 2 test "$work/squat.plan"
+says err "squat.plan: found a plan: --case CASES runs cases of it"
+conclude test_says_how_sweeps_and_plans_are_given
 
 problem=
 for noun in rig robot scenario task bus board fault signal; do

@@ -57,6 +57,7 @@ static void a_shell_reads_what_was_written(void **state)
                                 .control = strange,
                                 .gateway_host = "::1",
                                 .gateway_port = 65535,
+                                .tables = "arm=00000000000000ff leg=0123456789abcdef",
                                 .page = "http://127.0.0.1:1/#token=5&x=1",
                                 .page_view = ""};
     struct error error;
@@ -73,6 +74,7 @@ static void a_shell_reads_what_was_written(void **state)
     assert_shell_reads("control", strange);
     assert_shell_reads("gateway_host", "::1");
     assert_shell_reads("gateway_port", "65535");
+    assert_shell_reads("tables", "arm=00000000000000ff leg=0123456789abcdef");
     assert_shell_reads("page", "http://127.0.0.1:1/#token=5&x=1");
     assert_shell_reads("page_view", "none");
 }
@@ -88,6 +90,7 @@ static void what_a_run_has_not_has_no_line(void **state)
     assert_shell_reads("control", "none");
     assert_shell_reads("gateway_host", "none");
     assert_shell_reads("gateway_port", "none");
+    assert_shell_reads("tables", "none");
 }
 
 static void it_is_gone_before_the_start_and_after_the_end(void **state)

@@ -77,6 +77,8 @@ refused "found no joint, expected one by --joint" --task sweep
 result $? "a sweep without a joint is refused"
 refused "sweep: the rig has no joint Elbow" --task sweep --joint Elbow
 result $? "a joint that is not there is refused"
+refused "sweep: the rig has no joint LElb, expected LElbj" --task sweep --joint LElb
+result $? "with the nearest one"
 refused "sweep.points: found \"0\", expected a whole number, 1 to 200" \
     --task sweep --joint LElbj --set sweep.points=0
 result $? "a setting out of its range is refused with the range"

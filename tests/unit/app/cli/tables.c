@@ -1,0 +1,126 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The hashes of a rig's DBC files in the file of --ready. */
+#include "app/cli/tables.h"
+
+#include <inttypes.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "rig/dbc.h"
+
+static struct arena arena;
+
+static int begin(void **state)
+{
+    struct error error;
+
+    (void)state;
+    return arena_init(&arena, (size_t)1 << 30, &error) ? -1 : 0;
+}
+
+static int end(void **state)
+{
+    (void)state;
+    arena_fini(&arena);
+    return 0;
+}
+
+static const struct rig *load(const char *path)
+{
+    const struct rig *rig;
+    struct error error;
+
+    if (rig_load(path, &arena, &rig, &error)) {
+        fail_msg("%s", error.text);
+    }
+    return rig;
+}
+
+/* Appends BUS=HASH of the text that a bus's DBC file has, by FNV-1a written out. */
+static void append_expected(const struct rig *rig, size_t bus, char *text, size_t size)
+{
+    struct memory_file file = {.text = NULL};
+    uint64_t hash = UINT64_C(14695981039346656037);
+    const size_t used = strlen(text);
+    struct error error;
+    struct dbc *dbc;
+
+    assert_int_equal(rig_dbc(rig, bus, &arena, &dbc, &error), ERROR_NONE);
+    assert_int_equal(tables_write(dbc, &file, &error), ERROR_NONE);
+    assert_memory_equal(file.text, "VERSION", 7);
+    for (size_t i = 0; i < file.size; i++) {
+        hash = (hash ^ (uint8_t)file.text[i]) * UINT64_C(1099511628211);
+    }
+    free(file.text);
+    snprintf(text + used, size - used, "%s%s=%016" PRIx64, used ? " " : "", rig->bus[bus].name,
+             hash);
+}
+
+static void each_bus_has_the_hash_of_its_file(void **state)
+{
+    const struct rig *rig = load(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
+    char expected[2048] = "";
+    const char *hashes, *again;
+    struct error error;
+
+    (void)state;
+    for (size_t i = 0; i < rig->nbus; i++) {
+        append_expected(rig, i, expected, sizeof expected);
+    }
+    assert_int_equal(tables_hash(rig, &arena, &hashes, &error), ERROR_NONE);
+    assert_string_equal(hashes, expected);
+
+    /* The supply is in every file */
+    struct rig changed = *rig;
+
+    changed.supply_v += 1.0;
+    assert_int_equal(tables_hash(&changed, &arena, &again, &error), ERROR_NONE);
+    assert_int_equal(strlen(again), strlen(hashes));
+    assert_null(strstr(again, strstr(hashes, "=") + 1));
+    assert_string_not_equal(again, hashes);
+}
+
+static void a_bus_that_no_file_can_hold_is_left_out(void **state)
+{
+    struct rig changed = *load(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
+    struct rig_bus bus[RIG_BUSES_MAX];
+    const char *hashes;
+    struct error error;
+
+    (void)state;
+    memcpy(bus, changed.bus, changed.nbus * sizeof *bus);
+    bus[1].interface = "can\"1"; /* no text of a DBC has a quote */
+    changed.bus = bus;
+    assert_int_equal(tables_hash(&changed, &arena, &hashes, &error), ERROR_NONE);
+    assert_null(strstr(hashes, bus[1].name));
+    assert_non_null(strstr(hashes, bus[0].name));
+    assert_non_null(strstr(hashes, bus[2].name));
+}
+
+static void no_memory_is_an_error(void **state)
+{
+    const struct rig *rig = load(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
+    const char *hashes;
+    struct arena small;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(arena_init(&small, 16, &error), ERROR_NONE);
+    assert_int_equal(tables_hash(rig, &small, &hashes, &error), ERROR_MEMORY);
+    arena_fini(&small);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(each_bus_has_the_hash_of_its_file, begin, end),
+        cmocka_unit_test_setup_teardown(a_bus_that_no_file_can_hold_is_left_out, begin, end),
+        cmocka_unit_test_setup_teardown(no_memory_is_an_error, begin, end),
+    };
+
+    return cmocka_run_group_tests_name("tables", tests, NULL, NULL);
+}
