@@ -14,7 +14,7 @@ const struct phase_budget phase_budgets[PHASE_COUNT] = {
                       8400, 1.7, 4.9},
     [PHASE_PLANT] = {"moves the robot on by a tick: actuators, dynamics, contact", 118000, 19.0,
                      42.0},
-    [PHASE_SENSORS] = {"samples, delays, quantizes and disturbs what the boards measure", 23800,
+    [PHASE_SENSORS] = {"samples, delays, quantizes and disturbs what the boards measure", 26000,
                        2.7, 5.6},
     [PHASE_TRANSMIT] = {"wires in virtual time move on; boards send what is due", 45000, 13.8,
                         34.8},
