@@ -4,6 +4,8 @@
 #include "base/whole_file.h"
 
 #include <errno.h>
+#include <fcntl.h>
+#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -35,8 +37,35 @@ static void put_entry(const char *name, const char *value, FILE *out)
     fputs("'\n", out);
 }
 
+/* Returns whether a file is one of --ready, or empty, or no regular file at all. */
+static bool may_be_removed(const char *path)
+{
+    static const char begin[] = "pid='";
+    char text[sizeof begin - 1];
+    struct stat info;
+    ssize_t size;
+    int fd;
+
+    if (!path || lstat(path, &info) || !S_ISREG(info.st_mode)) {
+        return true;
+    }
+    fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    if (fd < 0) {
+        return false;
+    }
+    size = read(fd, text, sizeof text);
+    close(fd);
+    return size == 0 || (size == (ssize_t)sizeof text && !memcmp(text, begin, sizeof text));
+}
+
 enum error_code ready_begin(const char *path, struct error *error)
 {
+    if (!may_be_removed(path)) {
+        return error_set(error, ERROR_INPUT,
+                         "--ready: found %s, which no run has written, expected the name of a new "
+                         "file",
+                         path);
+    }
     return remove_file(path) ? ERROR_NONE
                              : error_set_errno(error, errno, "--ready: cannot remove %s", path);
 }

@@ -23,8 +23,8 @@ struct ready {
     const char *page, *page_view;
 };
 
-/* Removes the file of an earlier run that was killed. Without a path nothing happens, here and
- * below. ERROR_SYSTEM. */
+/* Removes the file of an earlier run that was killed; ERROR_INPUT when it is somebody else's.
+ * Without a path nothing happens, here and below. ERROR_SYSTEM. */
 enum error_code ready_begin(const char *path, struct error *error);
 
 /* Writes the file and gives it its name when it is complete. ERROR_INPUT, ERROR_SYSTEM: as

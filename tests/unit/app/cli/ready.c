@@ -122,6 +122,25 @@ static void what_is_no_file_of_ours_stays(void **state)
     assert_int_equal(access(path, F_OK), 0);
 }
 
+static void a_file_of_somebody_else_stays(void **state)
+{
+    FILE *file = fopen(path, "w");
+    struct error error;
+
+    (void)state;
+    assert_non_null(file);
+    fputs("name: my rig\n", file);
+    fclose(file);
+    assert_int_equal(ready_begin(path, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, path));
+    assert_int_equal(access(path, F_OK), 0);
+
+    /* An empty one, as mktemp makes it, is nobody's */
+    assert_int_equal(truncate(path, 0), 0);
+    assert_int_equal(ready_begin(path, &error), ERROR_NONE);
+    assert_int_equal(access(path, F_OK), -1);
+}
+
 static void a_place_that_cannot_be_written_is_an_error(void **state)
 {
     struct error error;
@@ -152,6 +171,7 @@ int main(void)
         TEST(what_a_run_has_not_has_no_line),
         TEST(it_is_gone_before_the_start_and_after_the_end),
         TEST(what_is_no_file_of_ours_stays),
+        TEST(a_file_of_somebody_else_stays),
         TEST(a_place_that_cannot_be_written_is_an_error),
         TEST(nothing_happens_without_a_path),
     };
