@@ -10,7 +10,9 @@
 
 #include <signal.h>
 #include <stdatomic.h>
+#include <stdint.h>
 #include <stdio.h>
+#include <time.h>
 
 int rig_command(const char *name, const char *path, void *options,
                 int (*body)(void *options, const struct rig *rig, struct arena *arena))
@@ -77,6 +79,10 @@ static void (*_Atomic on_stop)(void *context);
 static void *_Atomic on_stop_context;
 static atomic_bool stop_requested;
 
+/* Two stops that come together are one: `timeout` signals a process and then its group. */
+#define ONE_STOP_NS INT64_C(500000000)
+static _Atomic int64_t stopped_ns; /* when the first interrupt or SIGTERM came; 0 = none */
+
 /* Signals that ask politely, as often as they come: a terminal that closes sends more than one
  * SIGHUP, and every line into a pipe that nobody reads a SIGPIPE. */
 static struct polite_signal {
@@ -84,12 +90,26 @@ static struct polite_signal {
     bool taken;
 } polite_signals[] = {{SIGHUP, false}, {SIGPIPE, false}};
 
-/* Notes a stop and calls the function for it; async-signal-safe. */
+/* Notes a stop and calls the function for it; a second interrupt or SIGTERM, well after the first,
+ * kills. Async-signal-safe. */
 static void on_signal(int number)
 {
     void (*stop)(void *context) = atomic_load(&on_stop);
 
-    (void)number;
+    if (number == SIGINT || number == SIGTERM) {
+        struct timespec now = {0};
+        int64_t now_ns, first_ns = 0;
+
+        clock_gettime(CLOCK_MONOTONIC, &now);
+        now_ns = now.tv_sec * INT64_C(1000000000) + now.tv_nsec;
+        if (!atomic_compare_exchange_strong(&stopped_ns, &first_ns, now_ns)) {
+            if (now_ns - first_ns > ONE_STOP_NS) {
+                signal(number, SIG_DFL);
+                raise(number);
+            }
+            return;
+        }
+    }
     atomic_store(&stop_requested, true);
     if (stop) {
         stop(atomic_load(&on_stop_context));
@@ -118,11 +138,10 @@ static void take_polite_signal(struct polite_signal *polite)
 
 void rig_command_on_stop(void (*stop)(void *context), void *context)
 {
-    /* The handler is reset on entry, so that a second signal kills; an interrupted write is
-     * restarted */
-    const struct sigaction action = {.sa_handler = on_signal,
-                                     .sa_flags = (int)(SA_RESETHAND | SA_RESTART)};
+    /* An interrupted write is restarted */
+    const struct sigaction action = {.sa_handler = on_signal, .sa_flags = SA_RESTART};
 
+    atomic_store(&stopped_ns, 0);
     atomic_store(&on_stop, NULL);
     atomic_store(&on_stop_context, context);
     atomic_store(&on_stop, stop);
@@ -135,8 +154,11 @@ void rig_command_on_stop(void (*stop)(void *context), void *context)
 
 void rig_command_ignore_stop(void)
 {
-    signal(SIGINT, SIG_DFL);
-    signal(SIGTERM, SIG_DFL);
+    /* Nothing is left to stop: the next one kills, but for the twin of one that has just come */
+    if (atomic_load(&stopped_ns) == 0) {
+        signal(SIGINT, SIG_DFL);
+        signal(SIGTERM, SIG_DFL);
+    }
     /* Further polite signals must not cut the summary short */
     for (size_t i = 0; i < ARRAY_COUNT(polite_signals); i++) {
         if (polite_signals[i].taken) {

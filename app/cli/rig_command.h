@@ -29,10 +29,10 @@ int robot_command(const char *name, const char *path, const char *variant, const
 enum error_code rig_command_budget(const char *name, const struct rig *rig, struct error *error);
 
 /* Sets what a stop from outside calls. The first SIGINT or SIGTERM calls stop(context), which must
- * be async-signal-safe; a second one kills. Every SIGHUP and SIGPIPE (nobody reads stderr any more)
- * calls it too, unless it was ignored or handled before. This holds until rig_command_ignore_stop,
- * after which SIGINT and SIGTERM kill, and the other two do nothing. Another call replaces the
- * function. */
+ * be async-signal-safe; a second one within half a second is taken for its twin, a later one kills.
+ * Every SIGHUP and SIGPIPE (nobody reads stderr any more) calls it too, unless it was ignored or
+ * handled before. This holds until rig_command_ignore_stop, after which SIGINT and SIGTERM kill
+ * (but for such a twin), and the other two do nothing. Another call replaces the function. */
 void rig_command_on_stop(void (*stop)(void *context), void *context);
 void rig_command_ignore_stop(void);
 

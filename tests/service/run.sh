@@ -228,7 +228,9 @@ interrupted()
         >"$work/out" 2>"$work/err" </dev/null &
     local process=$!
     runs "$work/$1-$2"
+    # Twice, as timeout does: once to the process, once to its group
     kill -"$1" "$process"
+    kill -"$1" "$process" 2>/dev/null
     wait "$process"
 }
 
