@@ -92,9 +92,9 @@ static enum error_code find_body(const struct control *control, const char *name
 /* ---- requests to the loop ---- */
 
 /* Completes a loop's request to set a tunable, within its range. */
-static enum error_code request_set(const struct control *control,
-                                   const struct control_request *request, struct loop_request *to,
-                                   struct error *error)
+static enum error_code request_complete_set(const struct control *control,
+                                            const struct control_request *request,
+                                            struct loop_request *to, struct error *error)
 {
     enum error_code code = find_tunable(control, request->name, &to->index, error);
     const struct tunable *tunable;
@@ -114,9 +114,9 @@ static enum error_code request_set(const struct control *control,
 }
 
 /* Completes a loop's request to push a body; the duration is in ns. */
-static enum error_code request_push(const struct control *control,
-                                    const struct control_request *request, struct loop_request *to,
-                                    struct error *error)
+static enum error_code request_complete_push(const struct control *control,
+                                             const struct control_request *request,
+                                             struct loop_request *to, struct error *error)
 {
     memcpy(to->force_n, request->force_n, sizeof to->force_n);
     memcpy(to->moment_nm, request->moment_nm, sizeof to->moment_nm);
@@ -163,10 +163,10 @@ static enum error_code make_loop_request(const struct control *control,
         return find_fault(control, request->name, &to->index, error);
     case CONTROL_PUSH:
         to->kind = REQUEST_PUSH;
-        return request_push(control, request, to, error);
+        return request_complete_push(control, request, to, error);
     default:
         to->kind = REQUEST_SET;
-        return request_set(control, request, to, error);
+        return request_complete_set(control, request, to, error);
     }
 }
 

@@ -28,8 +28,8 @@ WORK = ROOT / "build" / "mutate"
 SOURCE = WORK / "source"
 BUILD = SOURCE / "build" / "release"
 EQUIVALENT = "tests/equivalent_mutants.txt"
-ROOMS = ("app", "base", "boards", "canbus", "contact", "model", "rig", "rt", "sim", "tasks",
-         "viewer")
+ROOMS = tuple(sorted({path.parts[-2] for path in ROOT.glob("*/CMakeLists.txt")}
+                     - {"docs", "systemd", "tests", "tools"}))
 BUILD_LIMIT_S = 900
 MEMORY = 12 << 30
 

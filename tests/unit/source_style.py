@@ -12,8 +12,9 @@ import subprocess
 import sys
 
 ROOT = pathlib.Path(os.environ.get("HIL_SOURCE_DIR") or pathlib.Path(__file__).parents[2])
-ROOMS = ("base", "canbus", "contact", "model", "boards", "tasks", "rt", "rig", "sim", "viewer",
-         "app", "client", "tools")
+# folders of C sources
+ROOMS = sorted({path.parts[-2] for path in ROOT.glob("*/CMakeLists.txt")}
+               - {"docs", "systemd", "tests"})
 CODE = {".c", ".h", ".cpp"}
 SCRIPTS = {".py", ".sh", ".cmake"}
 COLUMNS = 100
