@@ -120,8 +120,17 @@ def rows_of(text):
     return rows
 
 
-def report(rows):
-    """The text of the report."""
+def table_at_end(text):
+    """The Markdown table that a text ends with, or nothing."""
+    lines = text.rstrip("\n").split("\n")
+    start = len(lines)
+    while start and lines[start - 1].startswith("|"):
+        start -= 1
+    return lines[start:]
+
+
+def report(rows, mutants):
+    """The text of the report; `mutants` are the lines of their table by room."""
     lines = ["# Release report", "",
              "What `./dev release` found; each row was made by its command, on the commit and the "
              "processor that it", "names. [release.md](release.md) says what else a release takes.",
@@ -130,7 +139,7 @@ def report(rows):
         row = rows.get(check.name, {"check": check.name, "proves": check.proves,
                                     "command": f"`{check.command}`", "verdict": "not yet run"})
         lines.append("| " + " | ".join(row.get(column, "") for column in COLUMNS) + " |")
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, "", "## Mutants by room", "", *mutants]) + "\n"
 
 
 def main():
@@ -150,12 +159,15 @@ def main():
             command = check.short if arguments.short and check.short else check.command
             print(f"{check.name:12} {command}")
         return 0
-    rows = rows_of(REPORT.read_text()) if REPORT.exists() else {}
+    before = REPORT.read_text()
+    rows, mutants = rows_of(before), table_at_end(before)
     good = True
     for check in chosen:
         rows[check.name] = run(check, arguments.short)
         good = good and rows[check.name]["verdict"].startswith("passed")
-        REPORT.write_text(report(rows))
+        if check.name == "mutants":
+            mutants = table_at_end((LOGS / "mutants.log").read_text())
+        REPORT.write_text(report(rows, mutants))
     return 0 if good else 1
 
 
