@@ -142,6 +142,7 @@ struct boards_config {
     size_t njoint, nft;
     const struct faults *faults; /* those of boards act; NULL = none (faults/faults.h) */
     int64_t tick_ns;             /* boards_control is called once a tick; up to 100 ms */
+    size_t voltage_delay_ticks;  /* from a board's voltage to its bridge; up to 1000 */
     /* Called from boards_control for each axis of a board whose application restarts: what its
      * hardware counted is lost. Must be RT-safe. NULL = not needed. */
     void (*restarted)(void *context, int joint);

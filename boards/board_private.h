@@ -25,6 +25,7 @@ enum { MS = 1000000 }; /* nanoseconds */
 struct board;
 struct board_bus;
 struct board_faults;
+struct voltage_delay;
 
 /* A run of milliseconds since power-up: from inclusive, to exclusive. */
 struct ms_span {
@@ -139,6 +140,7 @@ struct boards {
     size_t nbus, nboard;
     struct board_bus **bus;
     struct board **board;
+    struct voltage_delay *delay; /* NULL: voltages hold from the tick that sets them */
     void (*restarted)(void *context, int joint);
     void *context;
 };
@@ -266,5 +268,13 @@ enum board_health {
 bool board_faults_create(struct boards *boards, const struct faults *faults, struct arena *arena);
 enum board_health board_faults_control(struct board *board, struct plant_command *command);
 void board_faults_filter(struct board *board, struct frame_sink *sink, size_t from);
+
+/* Voltages on their way to the bridges (voltage_delay.c). Creates what they need, false without
+ * memory, not RT-safe; before the boards' control puts back what they set last; after it takes what
+ * they set now, and puts in its place what reaches the bridges. */
+bool voltage_delay_create(struct boards *boards, const struct boards_config *config,
+                          struct arena *arena);
+void voltage_delay_begin(struct boards *boards, struct plant_command *command);
+void voltage_delay_end(struct boards *boards, struct plant_command *command);
 
 #endif

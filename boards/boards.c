@@ -122,7 +122,8 @@ static bool boards_make(struct boards *boards, const struct boards_config *confi
             return false;
         }
     }
-    return board_faults_create(boards, config->faults, arena);
+    return voltage_delay_create(boards, config, arena) &&
+           board_faults_create(boards, config->faults, arena);
 }
 
 enum error_code boards_create(const struct boards_config *config, struct arena *arena,
@@ -316,6 +317,7 @@ void boards_control(struct boards *boards, int64_t now_ns, struct plant_command 
 
     boards->event_ns = now_ns;
     boards->now_ns = now_ns + boards->tick_ns;
+    voltage_delay_begin(boards, command);
     for (size_t i = 0; i < boards->nboard; i++) {
         struct board *board = boards->board[i];
         enum board_health health = board->config.external ? BOARD_HUNG
@@ -328,6 +330,7 @@ void boards_control(struct boards *boards, int64_t now_ns, struct plant_command 
             board_shut_down(board, command);
         }
     }
+    voltage_delay_end(boards, command);
 }
 
 void boards_shut_down(struct boards *boards, int64_t now_ns, struct plant_command *command)

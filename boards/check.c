@@ -5,7 +5,7 @@
 
 #include <math.h>
 
-enum { TICK_MAX_MS = 100 };
+enum { TICK_MAX_MS = 100, VOLTAGE_DELAY_MAX = 1000 };
 
 /* Sets an error that names the board. */
 static enum error_code check_refuse(struct error *error, const struct board_config *board,
@@ -266,6 +266,12 @@ enum error_code boards_check(const struct boards_config *config, struct error *e
     if (config->tick_ns <= 0 || config->tick_ns > (int64_t)TICK_MAX_MS * MS) {
         return error_set(error, ERROR_INPUT, "boards: the tick must be above 0 and at most %d ms",
                          TICK_MAX_MS);
+    }
+    if (config->voltage_delay_ticks > VOLTAGE_DELAY_MAX) {
+        return error_set(error, ERROR_INPUT,
+                         "boards: found voltages %zu ticks late, expected %d at "
+                         "most",
+                         config->voltage_delay_ticks, VOLTAGE_DELAY_MAX);
     }
     if (config->nboard > UINT16_MAX) {
         return error_set(error, ERROR_INPUT, "boards: %zu are too many", config->nboard);

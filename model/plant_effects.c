@@ -118,6 +118,18 @@ double plant_holding_voltage(const struct plant *plant, size_t d, double I)
            copysign(dead_voltage(sea->effects, plant_supply(plant)), I);
 }
 
+/* Returns the mean square of the ripple of the current of two half bridges that switch in turn,
+ * A^2: for the part d of a period the winding has U - V, for the rest -V, V = d U. */
+static double ripple_square(const struct robot_sea *sea, double voltage, double supply)
+{
+    const double d = supply > 0.0 ? fmin(1.0, fabs(voltage) / supply) : 1.0;
+    const double peak_to_peak = sea->effects->pwm > 0.0 && sea->L > 0.0
+                                    ? supply * d * (1.0 - d) / (sea->L * sea->effects->pwm)
+                                    : 0.0;
+
+    return peak_to_peak * peak_to_peak / 12.0;
+}
+
 void plant_effects_hold(struct plant *plant, size_t d, double supply)
 {
     const struct robot_effects *effects = plant->sea[d].effects;
@@ -131,6 +143,8 @@ void plant_effects_hold(struct plant *plant, size_t d, double supply)
     }
     if (plant->bridge_on[d]) {
         bridge->hold = dead_voltage(effects, supply);
+        bridge->switching = effects->switching * effects->pwm * supply;
+        bridge->ripple = ripple_square(&plant->sea[d], bridge->voltage, supply);
     } else if (effects->freewheel) {
         bridge->conducts = true;
         bridge->diodes = 2.0 * effects->diode;
@@ -220,12 +234,17 @@ static double plant_bridge_power(const struct plant *plant, const double *state)
 
     for (size_t d = 0; d < plant->ndrive; d++) {
         const double I = state[plant_drive_offset(plant, d) + DRIVE_CURRENT];
-        double back = 0.0;
 
-        if (plant->sea[d].effects && I != 0.0) {
-            back = copysign(plant->bridge[d].hold - plant->bridge[d].diodes, I);
+        if (plant->sea[d].effects) {
+            const struct effects_state effects = plant_effects_state(plant, state, d);
+            const struct effects_mode mode = {.flow = (I > 0.0) - (I < 0.0)};
+            struct effects_power taken;
+
+            effects_power_current(&plant->sea[d], &effects, &plant->bridge[d], &mode, &taken);
+            power += taken.electrical;
+        } else {
+            power += plant->voltage[d] * I;
         }
-        power += (plant->voltage[d] - back) * I;
     }
     return power;
 }

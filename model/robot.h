@@ -95,7 +95,9 @@ struct robot_effects {
     struct robot_harmonic cogging[ROBOT_HARMONICS]; /* N m */
     size_t nerror, ncogging;
     struct robot_thermal thermal;
-    double dead_time, pwm; /* of the bridge, s and Hz */
+    double dead_time, pwm; /* of the bridge, s and Hz; 0 Hz = no ripple */
+    double switching;      /* time that a transistor takes to switch on and off, s */
+    double bridge_ohm;     /* of the transistors in the way of the current, ohm */
     bool freewheel;        /* through its diodes when it is off; else the current stops at once */
     double diode;          /* voltage of each of the two, V */
 };

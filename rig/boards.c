@@ -627,6 +627,20 @@ static struct rig_bus rig_make_bus(const struct rig_builder *b, const struct raw
                             .nboard = raw->nboard};
 }
 
+/* Finds how many ticks late voltages are. */
+static enum error_code rig_find_voltage_delay(struct rig_builder *b, size_t *ticks)
+{
+    int64_t delay_ns;
+
+    if (!rig_whole_ns(b->raw->voltage_delay_s, &delay_ns) || delay_ns % b->rig->tick_ns != 0) {
+        return yaml_error(b->error, &b->raw->voltage_delay_mark,
+                          "found a delay of %.15g s, expected whole ticks of %.15g s",
+                          b->raw->voltage_delay_s, b->raw->tick_s);
+    }
+    *ticks = (size_t)(delay_ns / b->rig->tick_ns);
+    return ERROR_NONE;
+}
+
 enum error_code rig_build_boards(struct rig_builder *b)
 {
     const struct raw_rig *raw = b->raw;
@@ -692,6 +706,7 @@ enum error_code rig_build_boards(struct rig_builder *b)
         .nft = b->robot->nft,
         .tick_ns = b->rig->tick_ns,
     };
+    code = rig_find_voltage_delay(b, &b->rig->boards.voltage_delay_ticks);
     for (size_t i = 0; i < raw->nbus && !code; i++) {
         code = bus[i].described ? rig_check_described_ids(b, i) : ERROR_NONE;
     }

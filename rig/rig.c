@@ -113,6 +113,11 @@ static enum error_code rig_build_supply(struct rig_builder *b)
         return yaml_error(b->error, &chopper->mark,
                           "found a brake chopper without supply_capacitance_f, expected both");
     }
+    if (raw->supply_returns && raw->supply_capacitance_f == 0.0) {
+        return yaml_error(b->error, &raw->mark,
+                          "found supply_returns without supply_capacitance_f, expected both: "
+                          "without a bus every source takes energy back");
+    }
     if (raw->chopper_given && !(chopper->on_v > chopper->off_v && chopper->off_v > raw->supply_v)) {
         return yaml_error(b->error, &chopper->mark,
                           "found on_v %g and off_v %g, expected on_v above off_v above supply_v, "
@@ -122,7 +127,8 @@ static enum error_code rig_build_supply(struct rig_builder *b)
     b->rig->supply_bus = (struct supply_bus){.capacitance_f = raw->supply_capacitance_f,
                                              .on_v = chopper->on_v,
                                              .off_v = chopper->off_v,
-                                             .brake_ohm = chopper->ohm};
+                                             .brake_ohm = chopper->ohm,
+                                             .returns = raw->supply_returns};
     return ERROR_NONE;
 }
 

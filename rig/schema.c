@@ -626,8 +626,11 @@ static const struct yaml_field rig_fields[] = {
     {"sensors", YAML_MAP, false, AT(sensors), .schema = &rig_sensors_schema},
     {"faults", YAML_NAME_LIST, false, .offset = AT(fault), .count_offset = AT(nfault)},
     {"seed", YAML_INT, false, AT(seed), .min = 0, .max = 9e15},
+    {"voltage_delay_s", YAML_REAL, false, AT(voltage_delay_s), .min = 0.0, .max = 0.1,
+     .mark_offset = AT(voltage_delay_mark)},
     {"supply_ohm", YAML_REAL, false, AT(supply_ohm), .min = 0.0, .max = 1e3},
     {"supply_capacitance_f", YAML_REAL, false, AT(supply_capacitance_f), .min = 1e-4, .max = 1e3},
+    {.key = "supply_returns", .type = YAML_BOOL, .offset = AT(supply_returns)},
     {"brake_chopper", YAML_MAP, false, AT(chopper), .schema = &chopper_schema,
      .given_offset = AT(chopper_given)},
 };

@@ -301,7 +301,8 @@ struct raw_rig {
     const char *name, *description;
     struct raw_robot robot;
     int clock;
-    double tick_s, substep_s;
+    double tick_s, substep_s, voltage_delay_s;
+    struct yaml_mark voltage_delay_mark;
     struct yaml_mark tick_mark, substep_mark;
     int integrator, dynamics, personality;
     const char *protocol;
@@ -325,6 +326,7 @@ struct raw_rig {
     size_t nfault;
     int64_t seed;
     double supply_ohm, supply_capacitance_f;
+    bool supply_returns;
     struct raw_chopper chopper;
     bool chopper_given;
 };

@@ -69,6 +69,8 @@ static const struct parameter {
     EFFECT("hysteresis_nm_rad", hysteresis_stiffness, SCALE_OTHER, "hysteresis, stiffness"),
     EFFECT("dead_time_s", dead_time, SCALE_OTHER, "dead time of the bridge"),
     EFFECT("pwm_hz", pwm, SCALE_OTHER, "frequency of the bridge"),
+    EFFECT("switching_s", switching, SCALE_OTHER, "time to switch the bridge"),
+    EFFECT("bridge_ohm", bridge_ohm, SCALE_OTHER, "resistance of the bridge"),
     EFFECT("diode_v", diode, SCALE_OTHER, "voltage of a diode of the bridge"),
     EFFECT("winding_k_w", thermal.winding_k_w, SCALE_OTHER, "heat resistance, winding to housing"),
     EFFECT("housing_k_w", thermal.housing_k_w, SCALE_OTHER, "heat resistance, housing to air"),

@@ -187,6 +187,8 @@ static const struct yaml_field drive_fields[] = {
     EFFECT(PARAMETER_DEAD_TIME, "dead_time_s", 0.0, 1e-3),
     EFFECT(PARAMETER_PWM, "pwm_hz", 1.0, 1e7),
     EFFECT(PARAMETER_DIODE, "diode_v", 0.0, 10.0),
+    EFFECT(PARAMETER_SWITCHING, "switching_s", 0.0, 1e-3),
+    EFFECT(PARAMETER_BRIDGE_OHM, "bridge_ohm", 0.0, 1e6),
     {.key = "freewheel",
      .type = YAML_BOOL,
      .offset = offsetof(struct drive_yaml, freewheel),

@@ -61,6 +61,8 @@ static void fill_drive_effects(const double value[PARAMETER_COUNT],
     effects->dead_time = value[PARAMETER_DEAD_TIME];
     effects->pwm = value[PARAMETER_PWM];
     effects->diode = value[PARAMETER_DIODE];
+    effects->switching = value[PARAMETER_SWITCHING];
+    effects->bridge_ohm = value[PARAMETER_BRIDGE_OHM];
 }
 
 /* Refuses keys that mean nothing without another. */
@@ -88,7 +90,7 @@ static enum error_code check_effect_keys(struct robot_builder *b, const struct y
         {PARAMETER_R_PER_K, PARAMETER_WINDING_K_W},
         {PARAMETER_KT_PER_K, PARAMETER_WINDING_K_W},
         {PARAMETER_DEAD_TIME, PARAMETER_PWM},
-        {PARAMETER_PWM, PARAMETER_DEAD_TIME},
+        {PARAMETER_SWITCHING, PARAMETER_PWM},
     };
 
     for (size_t i = 0; i < sizeof pair / sizeof pair[0]; i++) {

@@ -189,13 +189,18 @@ double effects_friction(const struct robot_sea *sea, double speed,
                : friction;
 }
 
-double effects_resistance(const struct robot_sea *sea, double winding_c)
+double effects_winding(const struct robot_sea *sea, double winding_c)
 {
     const struct robot_thermal *thermal = &sea->effects->thermal;
 
     return thermal->winding_k_w > 0.0
                ? sea->R * (1.0 + thermal->R_per_k * (winding_c - REFERENCE_C))
                : sea->R;
+}
+
+double effects_resistance(const struct robot_sea *sea, double winding_c)
+{
+    return effects_winding(sea, winding_c) + sea->effects->bridge_ohm;
 }
 
 /* Returns the part that is left of Kt and Kw at a housing temperature, degree C. */
@@ -325,7 +330,7 @@ void effects_derivative(const struct robot_sea *sea, const struct effects_state 
                         double qd, const struct effects_bridge *bridge,
                         const struct effects_mode *mode, struct effects_state *derivative)
 {
-    double R = effects_resistance(sea, state->winding_c), qmd = state->sea.qmd, I = state->sea.I;
+    double qmd = state->sea.qmd, I = state->sea.I;
     struct gear_state gear = find_gear(sea, state, q, qd);
     struct effects_carried carried = gear_carries(sea, state, &gear);
 
@@ -345,7 +350,9 @@ void effects_derivative(const struct robot_sea *sea, const struct effects_state 
 
     /* The winding */
     derivative->sea.I = effects_current_rate(sea, state, bridge, mode);
-    warm_rates(&sea->effects->thermal, R * I * I, state, derivative);
+    warm_rates(&sea->effects->thermal,
+               effects_winding(sea, state->winding_c) * (I * I + bridge->ripple), state,
+               derivative);
 }
 
 void effects_warm(const struct robot_sea *sea, double heat, double t, struct effects_state *state)
@@ -375,11 +382,14 @@ void effects_power_current(const struct robot_sea *sea, const struct effects_sta
                            const struct effects_bridge *bridge, const struct effects_mode *mode,
                            struct effects_power *power)
 {
-    const double I = state->sea.I;
+    const double I = state->sea.I, square = I * I + bridge->ripple;
+    const double R = effects_winding(sea, state->winding_c), R_b = sea->effects->bridge_ohm;
+    const double switching = bridge->switching * fabs(I);
 
-    power->electrical = (bridge->voltage - (bridge->hold - bridge->diodes) * mode->flow) * I;
-    power->bridge = bridge->diodes * mode->flow * I;
-    power->joule = effects_resistance(sea, state->winding_c) * I * I;
+    power->electrical = (bridge->voltage - (bridge->hold - bridge->diodes) * mode->flow) * I +
+                        switching + (R + R_b) * bridge->ripple;
+    power->bridge = bridge->diodes * mode->flow * I + switching + R_b * square;
+    power->joule = R * square;
 }
 
 void effects_power(const struct robot_sea *sea, const struct effects_state *state, double q,
@@ -529,11 +539,13 @@ enum error_code effects_check(const struct robot_sea *sea, struct error *error)
                          "heat capacities above zero, or one that does not conduct");
     }
     if (!(effects->dead_time >= 0.0 && effects->dead_time * effects->pwm <= 0.25) ||
-        (effects->dead_time > 0.0 && !(effects->pwm > 0.0)) || !(effects->diode >= 0.0)) {
+        !(effects->switching >= 0.0 && effects->switching * effects->pwm <= 0.25) ||
+        (effects->dead_time + effects->switching > 0.0 && !(effects->pwm > 0.0)) ||
+        !(effects->bridge_ohm >= 0.0) || !(effects->diode >= 0.0)) {
         return error_set(error, ERROR_INPUT,
-                         "found a dead time of %g s at %g Hz, expected no more than a quarter of "
-                         "the period",
-                         effects->dead_time, effects->pwm);
+                         "found a dead time of %g s and %g s of switching at %g Hz, expected each "
+                         "no more than a quarter of the period",
+                         effects->dead_time, effects->switching, effects->pwm);
     }
     return ERROR_NONE;
 }

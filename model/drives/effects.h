@@ -8,14 +8,14 @@
  *     d = qm + e(qm) - q                       deflection behind the gear's error e
  *     J qm'' = Kt I - Dm qm' - (1 + e') (tau_s + z) + c(qm) - F(qm') sgn qm'
  *     tau = tau_s + z                          on the link
- *     L I' = V - V_h sgn I - R I - Kw qm'
+ *     L I' = V - V_h sgn I - (R + R_b) I - Kw qm'
  *     z' = sigma (d' - |d'| z / z_max)         Dahl
  *
  * tau_s is the spring's torque beyond the play, c cogging, F Stribeck's curve with what follows
  * from the torques that the gear carries. Both sgn are sets at zero: a rotor at rest rests while
  * |load| <= F(0), no current flows while |V - Kw qm'| <= V_h.
  * What holds at zero is a mode; the equations of a mode are smooth. R, Kt and Kw follow the
- * temperatures.
+ * temperatures. The ripple of the current and the switching of the bridge cost power, and nothing else.
  *
  * SI units, link side, temperatures in degree C. Pure functions of drives whose effects are not
  * NULL. RT-safe.
@@ -33,10 +33,12 @@ struct effects_state {
 
 /* State of the bridge as the winding sees it. */
 struct effects_bridge {
-    bool conducts;  /* false: no current can flow */
-    double voltage; /* V, on the average over its switching */
-    double hold;    /* V_h: voltage lost to dead time, or to supply and diodes when it is off */
-    double diodes;  /* the part of it that heats diodes */
+    bool conducts;    /* false: no current can flow */
+    double voltage;   /* V, on the average over its switching */
+    double hold;      /* V_h: voltage lost to dead time, or to supply and diodes when it is off */
+    double diodes;    /* the part of it that heats diodes */
+    double switching; /* V: power lost to switching, by the current's size */
+    double ripple;    /* mean square of the current's ripple, A^2 */
 };
 
 /* Signs of the rotor's and the current's motion; 0 = held at zero. */
@@ -85,13 +87,16 @@ double effects_friction(const struct robot_sea *sea, double speed,
 bool effects_sticks(const struct robot_sea *sea);
 
 /* Returns the resistance R of a winding, ohm, at its temperature in degree C. */
+double effects_winding(const struct robot_sea *sea, double winding_c);
+
+/* Returns the resistance in the way of the current: R of the winding and R_b of the bridge, ohm. */
 double effects_resistance(const struct robot_sea *sea, double winding_c);
 
 /* Returns z after the deflection has changed by way in one direction; *loss gets what that
  * turned into heat, J. */
 double effects_hysteresis(const struct robot_sea *sea, double z, double way, double *loss);
 
-/* Power balance in a mode, W: electrical (what the supply gives) = bridge (heat of diodes) + joule
+/* Power balance in a mode, W: electrical (what the supply gives) = bridge (its heat) + joule
  * + motor (viscous, as in struct sea_power) + gear (friction) + spring_damping + hysteresis + the
  * rate of effects_energy + tau q' to the link. */
 struct effects_power {

@@ -18,6 +18,7 @@ void effects_linear_make(const struct robot_sea *sea, struct effects_linear *lin
     struct robot_sea bent = *sea;
 
     bent.effects = NULL;
+    bent.R += sea->effects->bridge_ohm;
     bent.stop = (struct robot_stop){0};
     bent.Ks = fmax(LEAST_STIFFNESS, sea->Ks + hysteresis);
     linear->of[EFFECTS_BENT] = bent;
@@ -158,7 +159,7 @@ static void stop_rotor(const struct effects_span *span, double q, double deflect
 struct part_events {
     bool any;
     bool current;        /* the current came to zero; then: */
-    double charge, heat; /* charge that had flowed by then, C, and heat of the winding, J */
+    double charge, heat; /* charge that had flowed by then, C, and heat of resistances, J */
 };
 
 /* Returns the charge (C) that flows in t seconds in a winding that begins at I under that
@@ -239,14 +240,21 @@ static void add_power(const struct effects_span *span, double q, const struct ef
 
 /* Adds the works of a current that came to zero in the part. */
 static void account_charge(const struct effects_span *span, const struct effects_mode *mode,
-                           const struct part_events *events, struct effects_power *work)
+                           const struct part_events *events, double winding_c,
+                           struct effects_power *work)
 {
     const struct effects_bridge *bridge = &span->bridge;
+    const double R = effects_resistance(span->sea, winding_c);
+    const double heat =
+        R > 0.0 ? events->heat * effects_winding(span->sea, winding_c) / R : events->heat;
+    const double switching = bridge->switching * fabs(events->charge);
 
     work->electrical +=
-        (bridge->voltage - (bridge->hold - bridge->diodes) * mode->flow) * events->charge;
-    work->bridge += bridge->diodes * mode->flow * events->charge;
-    work->joule += events->heat;
+        (bridge->voltage - (bridge->hold - bridge->diodes) * mode->flow) * events->charge +
+        switching;
+    work->bridge +=
+        bridge->diodes * mode->flow * events->charge + switching + (events->heat - heat);
+    work->joule += heat;
 }
 
 /* Adds the works of a part by Simpson's rule over the cubic through its ends, or in a part with
@@ -263,7 +271,7 @@ static void account_part(const struct effects_span *span, double q, double h,
     /* A current with an event has its own account; the rest is without it */
     if (events->current) {
         from.sea.I = to.sea.I = 0.0;
-        account_charge(span, mode, events, work);
+        account_charge(span, mode, events, begin->winding_c, work);
     }
     /* Rates at both ends make the cubic */
     if (!events->any && span->all_powers) {

@@ -7,11 +7,19 @@
 /* Parts of a step, and Newton steps in each: the convergence is quadratic, from a near start. */
 enum { SUPPLY_PARTS = 16, NEWTON_STEPS = 8 };
 
+/* Returns the current of the source into a bus at V, A; from a rectifier none flows back. */
+static double source_current(const struct supply_bus *bus, double source_v, double ohm, double V)
+{
+    const double I = (source_v - V) / ohm;
+
+    return bus->returns ? I : fmax(0.0, I);
+}
+
 void supply_rates(const struct supply_bus *bus, double source_v, double ohm, double power,
                   const double state[SUPPLY_STATE], struct supply_rates *rates)
 {
     const double V = fmax(SUPPLY_LEAST_V, state[SUPPLY_VOLTAGE]);
-    const double I = fmax(0.0, (source_v - V) / ohm);
+    const double I = source_current(bus, source_v, ohm, V);
     const double brake = state[SUPPLY_CHOPPING] != 0.0 ? V / bus->brake_ohm : 0.0;
 
     rates->source = source_v * I;
@@ -38,7 +46,7 @@ static double find_middle(const struct supply_bus *bus, double source_v, double 
     double m = V;
 
     for (int k = 0; k < NEWTON_STEPS; k++) {
-        const double I = fmax(0.0, (source_v - m) / ohm), slope = I > 0.0 ? -1.0 / ohm : 0.0;
+        const double I = source_current(bus, source_v, ohm, m), slope = I != 0.0 ? -1.0 / ohm : 0.0;
         const double f =
             2.0 * bus->capacitance_f * (m - V) * m - h * (I * m - conductance * m * m) + energy;
         const double df =
@@ -58,7 +66,7 @@ void supply_advance(const struct supply_bus *bus, double source_v, double ohm, d
         const double conductance = state[SUPPLY_CHOPPING] != 0.0 ? 1.0 / bus->brake_ohm : 0.0;
         const double V = state[SUPPLY_VOLTAGE];
         const double m = find_middle(bus, source_v, ohm, energy / SUPPLY_PARTS, h, V, conductance);
-        const double I = fmax(0.0, (source_v - m) / ohm);
+        const double I = source_current(bus, source_v, ohm, m);
         const double stored = 2.0 * C * (m - V) * m;
         const double chopper = h * conductance * m * m, loss = h * ohm * I * I;
         const double given = h * source_v * I;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The supply of the bridges as a bus that regeneration can lift: a source of voltage U behind a
- * resistance R and a diode, which lets no current back, a capacitor C, and a brake chopper, which
- * puts a resistor across the bus from on_v up until the bus is down to off_v:
+ * resistance R and a diode, which lets no current back (a battery has none), a capacitor C, and a
+ * brake chopper, which puts a resistor across the bus from on_v up until the bus is down to off_v:
  *
  *     C V' = max(0, (U - V)/R) - [chopper] V/R_b - P/V
  *
@@ -17,6 +17,7 @@ struct supply_bus {
     double capacitance_f; /* 0 = there is no bus, the supply is the source */
     double on_v, off_v;   /* voltages of the chopper; on_v 0 = there is none */
     double brake_ohm;
+    bool returns; /* the source takes energy back, as a battery does */
 };
 
 /* Parts of the state. */

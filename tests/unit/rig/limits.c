@@ -190,6 +190,7 @@ static const struct limit rig_limits[] = {
     {"*.time_constant_s", 0.001, 1e6},
     {"*.crosstalk", 0, 1},
     {"seed", 0, 9e15},
+    {"voltage_delay_s", 0, 0.1},
     {"supply_ohm", 0, 1e3},
     {"supply_capacitance_f", 1e-4, 1e3},
     {"brake_chopper.on_v", DBL_MIN, 1e4},
@@ -212,11 +213,12 @@ static const struct limit rig_limits[] = {
         {"*.housing_k_w", 1e-6, 1e6}, {"*.winding_j_k", 1e-3, 1e9}, {"*.housing_j_k", 1e-3, 1e9},  \
         {"*.ambient_c", -60, 200}, {"*.R_per_k", 0, 0.01}, {"*.NKt_per_k", -0.01, 0},              \
         {"*.dead_time_s", 0, 1e-3}, {"*.pwm_hz", 1, 1e7}, {"*.diode_v", 0, 10},                    \
-        {"*.per_turn", 1e-6, 1e6}, {"*.rad", 0, 1}, {"*.nm", 0, 1e6}, {"*.bore_m", 1e-4, 10},      \
-        {"*.rod_m", 0, 10}, {"*.stroke_m", 1e-4, 100}, {"*.dead_volume_m3", 1e-9, 1},              \
-        {"*.base_m", 1e-4, 100}, {"*.arm_m", 1e-4, 100}, {"*.offset_rad", -10, 10},                \
-        {"*.closed_m", 1e-4, 100}, {"*.valve_hz", 1, 1e4}, {"*.valve_damping", 0.05, 0.99},        \
-        {"*.valve_v", 1e-3, 1e4}, {"*.valve_flow_m3_s", 1e-9, 10}, {"*.valve_drop_pa", 1e3, 1e9},  \
+        {"*.switching_s", 0, 1e-3}, {"*.bridge_ohm", 0, 1e6}, {"*.per_turn", 1e-6, 1e6},           \
+        {"*.rad", 0, 1}, {"*.nm", 0, 1e6}, {"*.bore_m", 1e-4, 10}, {"*.rod_m", 0, 10},             \
+        {"*.stroke_m", 1e-4, 100}, {"*.dead_volume_m3", 1e-9, 1}, {"*.base_m", 1e-4, 100},         \
+        {"*.arm_m", 1e-4, 100}, {"*.offset_rad", -10, 10}, {"*.closed_m", 1e-4, 100},              \
+        {"*.valve_hz", 1, 1e4}, {"*.valve_damping", 0.05, 0.99}, {"*.valve_v", 1e-3, 1e4},         \
+        {"*.valve_flow_m3_s", 1e-9, 10}, {"*.valve_drop_pa", 1e3, 1e9},                            \
         {"*.bulk_modulus_pa", 1e6, 1e11}, {"*.valve_lap", 0, 0.5}, {"*.leakage_m3_s_pa", 0, 1e-6}, \
         {"*.viscous_n_s_m", 0, 1e9}, {"*.coulomb_n", 0, 1e9}, {"*.coulomb_m_s", 1e-6, 10},         \
     {                                                                                              \
