@@ -344,7 +344,7 @@ static enum error_code task_set_pair(struct task *task, const char *pair, struct
     double value;
 
     if (!equals || equals - pair >= TEXT_SIZE) {
-        return error_set(error, ERROR_INPUT, "found \"%.100s\", expected NAME=VALUE", pair);
+        return error_set(error, ERROR_INPUT, "--set: found \"%.100s\", expected NAME=VALUE", pair);
     }
     snprintf(name, sizeof name, "%.*s", (int)(equals - pair), pair);
     while (i < count && strcmp(setting[i].name, name) != 0) {

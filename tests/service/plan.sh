@@ -79,7 +79,7 @@ run 2 --case 3-5 range.plan && says '^case 3 passed$' && says '4.json: found cas
     says '^case 5 passed$' && [ -e range.plan.results/5.json ] && [ ! -e range.plan.results/1.json ]
 result $? "a case of a range that has no result leaves the others theirs"
 
-run 2 --case 3-2 a.plan && says 'found cases 3-2' && run 2 --case 0-2 a.plan &&
+run 2 --case 3-2 a.plan && says 'case: found "3-2"' && run 2 --case 0-2 a.plan &&
     run 2 --case 2- a.plan && run 2 --case 1,2 a.plan && run 2 --case 1-7 a.plan &&
     says 'found case 7, expected 1 to 6' && run 2 --case 1-2 --output d a.plan &&
     says 'found --output with cases 1-2' && run 2 --case 1-100001 a.plan &&
