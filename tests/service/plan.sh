@@ -69,7 +69,7 @@ result $? "a result of another plan is refused"
 
 cp other.plan kept.plan
 run 2 --plan sweep.yaml --output other.plan && cmp -s other.plan kept.plan &&
-    says 'other.plan.results: found results of plan.*: remove the folder or give the plan another' &&
+    says 'other.plan.results: found results of plan.*: remove the folder or give the plan' &&
     run 0 --plan other.yaml --output other.plan && cmp -s other.plan kept.plan
 result $? "a plan is not written beside results of another one, and again beside its own"
 
