@@ -176,7 +176,8 @@ static enum error_code plot_refuse_span(const struct plot_options *o, const char
             all.count == 0
                 ? error_set(error, ERROR_INPUT, "%.200s: found no row, expected some", o->file)
                 : error_set(error, ERROR_INPUT,
-                            "found no row from %g to %g s, expected times within %g to %g s",
+                            "--from, --to: found no row from %g to %g s, expected times "
+                            "within %g to %g s",
                             o->span[0], o->span[1], all.value[0][0], all.value[0][all.count - 1]);
     }
     signals_free(&all);

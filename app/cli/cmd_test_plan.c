@@ -63,10 +63,11 @@ static enum error_code test_read_range(const char *text, size_t range[2], struct
         range[i] = *at >= '1' && *at <= '9' ? strtoul(at, &end, 10) : 0;
         if (range[i] < 1 || range[i] > SWEEP_CASES_MAX || range[i] < range[0] ||
             (*end && (i || *end != '-'))) {
-            return error_set(error, ERROR_INPUT,
-                             "found cases %.40s, expected a number or two as 1-500, each from 1 to "
-                             "%d",
-                             text, SWEEP_CASES_MAX);
+            return error_set(
+                error, ERROR_INPUT,
+                "--case: found \"%.40s\", expected a number or two as 1-500, each from 1 to "
+                "%d",
+                text, SWEEP_CASES_MAX);
         }
         at = *end ? end + 1 : at; /* one number is both */
     }

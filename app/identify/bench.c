@@ -397,10 +397,13 @@ static enum error_code find_columns(const struct bench_columns *columns, const s
         if (title[i] && column[i] < 0) {
             const char *near = text_nearest(title[i], csv->title, csv->ncolumn);
 
-            return error_set(error, ERROR_INPUT, "%s: found no column \"%.80s\"%s%.80s%s",
+            return error_set(error, ERROR_INPUT, "%s:1: found no column \"%.80s\"%s%.80s%s%s",
                              csv->path, title[i],
                              near ? ", expected it; the nearest is \"" : ", expected it",
-                             near ? near : "", near ? "\"" : "");
+                             near ? near : "", near ? "\"" : "",
+                             csv->ncolumn > 1 ? ""
+                                              : "; it was read as CSV, for a log of candump begins "
+                                                "with a time in parentheses");
         }
     }
     return ERROR_NONE;

@@ -255,8 +255,9 @@ static enum error_code plan_check_result(const struct plan *plan, const struct p
     plan_find_binary(binary);
     if (strcmp(result->plan, plan->id) != 0 || result->number != one->number) {
         return error_set(error, ERROR_INPUT,
-                         "%.200s: found case %zu of plan %s, expected case %zu of plan %s", path,
-                         result->number, result->plan, one->number, plan->id);
+                         "%.200s: found case %zu of plan %s, expected case %zu of plan %s: remove "
+                         "%.200s.results or give the plan another name",
+                         path, result->number, result->plan, one->number, plan->id, plan->path);
     }
     if (strcmp(result->binary, binary) != 0) {
         return error_set(error, ERROR_INPUT,
