@@ -3,12 +3,12 @@
 #include "app/cli/cmd_test_plan.h"
 
 #include "app/sweep/plan.h"
+#include "base/input_file.h"
 #include "base/options.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
 enum { LINES_MAX = 1000 }; /* in which a sweep names its scenarios */
 
@@ -18,10 +18,10 @@ enum { LINES_MAX = 1000 }; /* in which a sweep names its scenarios */
 const char *test_plan_describe(const char *path)
 {
     const char *wanted = NULL;
-    struct stat info;
-    FILE *file = !stat(path, &info) && S_ISREG(info.st_mode) ? fopen(path, "re") : NULL;
     char line[256];
+    FILE *file;
 
+    input_file_stream(path, &file, NULL);
     for (int i = 0; i < LINES_MAX && file && !wanted && fgets(line, sizeof line, file); i++) {
         if (i == 0 && !strncmp(line, "{\"plan\":", 8)) {
             wanted = "a plan: --case CASES runs cases of it, --merge writes their results";

@@ -2,6 +2,7 @@
 /* Compares the run of a stimulus with the recorded one. */
 #include "app/cli/recorded_run.h"
 
+#include "base/input_file.h"
 #include "base/journal.h"
 #include "rt/recording/recorder.h"
 
@@ -9,18 +10,17 @@
 #include <jansson.h>
 #include <limits.h>
 #include <string.h>
-#include <sys/stat.h>
 
 /* Opens a regular file of a recording; NULL = there is none. */
 static FILE *recorded_run_open(const char *directory, const char *name)
 {
     char path[PATH_MAX];
-    struct stat status;
     int size = snprintf(path, sizeof path, "%s/%s", directory, name);
+    struct error ignored;
+    FILE *file;
 
-    return size < (int)sizeof path && stat(path, &status) == 0 && S_ISREG(status.st_mode)
-               ? fopen(path, "re")
-               : NULL;
+    return size < (int)sizeof path && input_file_stream(path, &file, &ignored) == ERROR_NONE ? file
+                                                                                             : NULL;
 }
 
 /* Reads the number of ticks and the state hash of a summary. */

@@ -4,6 +4,7 @@
 
 #include "base/config.h"
 #include "base/hash.h"
+#include "base/input_file.h"
 #include "base/memory_file.h"
 #include "base/whole_file.h"
 
@@ -508,13 +509,13 @@ enum error_code plan_read(const char *path, size_t first, size_t last, struct ar
                           struct plan *plan, struct error *error)
 {
     char *line = malloc(LINE_MAX_BYTES);
-    FILE *in = fopen(path, "r");
-    enum error_code code = ERROR_NONE;
+    FILE *in;
+    enum error_code code = input_file_stream(path, &in, error);
     bool newer = false;
 
     *plan = (struct plan){.path = path};
-    if (!in || !line) {
-        code = in ? plan_no_memory(error) : error_set_file(error, errno, path, "cannot be read");
+    if (code || !line) {
+        code = code ? code : plan_no_memory(error);
         goto done;
     }
     if (!fgets(line, LINE_MAX_BYTES, in) || !plan_take_head(line, arena, plan, &newer)) {
