@@ -64,7 +64,11 @@ bool evaluate(const struct graph *graph, const struct derivation *derivation,
         }
     }
     for (size_t o = 0; o < derivation->count; o++) {
-        out[derivation->output[o].index] = operand(graph, value, derivation->output[o].value, 0);
+        const struct derive_output *output = &derivation->output[o];
+
+        if (!output->pose) {
+            out[output->index] = operand(graph, value, output->value, 0);
+        }
     }
     free(value);
     return true;
