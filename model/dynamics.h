@@ -59,7 +59,7 @@ struct dynamics_ops {
      * kinematics. */
     void (*velocities)(const struct dynamics *d, const double *q, const double *v,
                        struct body_motion *motion);
-    /* Accelerations of every observed body, given vdot. */
+    /* Accelerations of every observed body, given vdot; q likewise. */
     void (*acceleration)(const struct dynamics *d, const double *q, const double *v,
                          const double *vdot, struct body_acceleration *acceleration);
     /* Kinetic and potential energy, J; potential is zero with every mass at the world's origin. */

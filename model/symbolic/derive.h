@@ -17,7 +17,7 @@ enum derive_function {
     DERIVE_INVERSE,      /* generalized forces from q, v, vdot with external wrenches */
     DERIVE_KINEMATICS,   /* struct body_motion of the observed bodies */
     DERIVE_VELOCITIES,   /* w and v of it, in the pose that kinematics has kept */
-    DERIVE_ACCELERATION, /* struct body_acceleration of the observed bodies */
+    DERIVE_ACCELERATION, /* struct body_acceleration of the observed bodies, likewise */
     DERIVE_ENERGY,       /* kinetic, potential */
     DERIVE_COUNT
 };

@@ -8,8 +8,8 @@
 enum motion_part { MOTION_R = 0, MOTION_P = 9, MOTION_W = 12, MOTION_V = 15, MOTION_COUNT = 18 };
 enum acceleration_part { ACCELERATION_ALPHA = 0, ACCELERATION_A = 3, ACCELERATION_COUNT = 6 };
 
-/* Keeps what stands behind a constant factor in the pose for velocities, or takes it from there.
- * Numbers and places are the same in both functions, as the expressions are. */
+/* Keeps what stands behind a constant factor in the pose for velocities and accelerations, or takes
+ * it from there. Numbers and places are the same in all of them, as the expressions are. */
 static expr keep_factor(struct derive *d, expr x)
 {
     const struct graph_node *node = graph_get(d->g, x);
@@ -37,12 +37,10 @@ static expr keep_factor(struct derive *d, expr x)
     return graph_input(d->g, DERIVE_POSE, node->width, index);
 }
 
-/* Does that for a vector in the two functions that it matters to. */
+/* Does that for a vector; the energy has no pose. */
 static void keep_pose(struct derive *d, expr x[3])
 {
-    const bool kept = d->function == DERIVE_KINEMATICS || d->function == DERIVE_VELOCITIES;
-
-    for (int m = 0; kept && m < 3; m++) {
+    for (int m = 0; d->function != DERIVE_ENERGY && m < 3; m++) {
         x[m] = keep_factor(d, x[m]);
     }
 }
@@ -176,8 +174,8 @@ static void base_motion(struct derive *d, bool accelerations)
         derive_base_input(d, DERIVE_VDOT, BASE_V_LINEAR, linear);
         derive_base_input(d, DERIVE_VDOT, BASE_V_ANGULAR, angular);
         derive_add_cross(d, linear, w, v);
-        derive_rotate(d, base->R, linear, base->a);
-        derive_rotate(d, base->R, angular, base->alpha);
+        derive_rotate(d, R, linear, base->a);
+        derive_rotate(d, R, angular, base->alpha);
     }
 }
 
@@ -236,6 +234,7 @@ static void put_acceleration(struct derive *d, int body, struct state *lane)
 
     derive_body_origin(d, body, at);
     derive_rotate(d, lane->R, at, arm);
+    keep_pose(d, arm);
     derive_add_cross(d, across, lane->w, arm);
     derive_add_cross(d, lane->a, lane->alpha, arm);
     derive_add_cross(d, lane->a, lane->w, across);

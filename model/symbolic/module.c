@@ -73,7 +73,10 @@ static void generated_velocities(const struct dynamics *d, const double *q, cons
 static void generated_acceleration(const struct dynamics *d, const double *q, const double *v,
                                    const double *vdot, struct body_acceleration *acceleration)
 {
-    generated_of(d)->module->acceleration(q, v, vdot, (double *)acceleration);
+    const struct generated *g = generated_of(d);
+
+    (void)q;
+    g->module->acceleration(v, vdot, g->pose, (double *)acceleration);
 }
 
 static void generated_energy(const struct dynamics *d, const double *q, const double *v,

@@ -55,10 +55,10 @@ struct dynamics_module {
     void (*inverse)(const double *inertia, const double *q, const double *v, const double *vdot,
                     const double *ext, double *f);
     /* Observed bodies' entries of motion (18 nbody) and acceleration (6 nbody). pose, aligned to 32
-     * bytes, is what velocities needs of q: it finds w and v of motion alone, for other v. */
+     * bytes, is what the others need of q; velocities finds w and v of motion alone. */
     void (*kinematics)(const double *q, const double *v, double *pose, double *motion);
     void (*velocities)(const double *v, const double *pose, double *motion);
-    void (*acceleration)(const double *q, const double *v, const double *vdot,
+    void (*acceleration)(const double *v, const double *vdot, const double *pose,
                          double *acceleration);
     /* energy[0] kinetic, energy[1] potential, J. */
     void (*energy)(const double *inertia, const double *q, const double *v, double *energy);

@@ -46,7 +46,7 @@ static const char *const module_declaration[] = {
     "    void (*kinematics)(const double *q, const double *v, double *pose,",
     "                       double *motion);",
     "    void (*velocities)(const double *v, const double *pose, double *motion);",
-    "    void (*acceleration)(const double *q, const double *v, const double *vdot,",
+    "    void (*acceleration)(const double *v, const double *vdot, const double *pose,",
     "                         double *acceleration);",
     "    void (*energy)(const double *inertia, const double *q, const double *v,",
     "                   double *energy);",
@@ -239,8 +239,9 @@ static void write_dynamics_module(const struct generation *g)
         DERIVE_INERTIA, DERIVE_Q, DERIVE_V, DERIVE_TAU, DERIVE_EXT, DERIVE_EXTRA, DERIVE_ADDED};
     static const enum derive_array inverse[] = {DERIVE_INERTIA, DERIVE_Q, DERIVE_V, DERIVE_VDOT,
                                                 DERIVE_EXT};
-    static const enum derive_array motion[] = {DERIVE_Q, DERIVE_V, DERIVE_VDOT};
+    static const enum derive_array motion[] = {DERIVE_Q, DERIVE_V};
     static const enum derive_array velocity[] = {DERIVE_V, DERIVE_POSE};
+    static const enum derive_array acceleration[] = {DERIVE_V, DERIVE_VDOT, DERIVE_POSE};
     static const enum derive_array energy[] = {DERIVE_INERTIA, DERIVE_Q, DERIVE_V};
     const struct robot *robot = g->robot;
     size_t nobserved = 0;
@@ -249,9 +250,9 @@ static void write_dynamics_module(const struct generation *g)
     write_entry(g, DERIVE_FORWARD_EXT, "forward", forward, ARRAY_COUNT(forward));
     write_entry(g, DERIVE_IMPLICIT, "implicit", implicit, ARRAY_COUNT(implicit));
     write_entry(g, DERIVE_INVERSE, "inverse", inverse, ARRAY_COUNT(inverse));
-    write_entry(g, DERIVE_KINEMATICS, "kinematics", motion, 2);
+    write_entry(g, DERIVE_KINEMATICS, "kinematics", motion, ARRAY_COUNT(motion));
     write_entry(g, DERIVE_VELOCITIES, "velocities", velocity, ARRAY_COUNT(velocity));
-    write_entry(g, DERIVE_ACCELERATION, "acceleration", motion, 3);
+    write_entry(g, DERIVE_ACCELERATION, "acceleration", acceleration, ARRAY_COUNT(acceleration));
     write_entry(g, DERIVE_ENERGY, "energy", energy, ARRAY_COUNT(energy));
 
     /* The table */
