@@ -8,21 +8,38 @@
 enum motion_part { MOTION_R = 0, MOTION_P = 9, MOTION_W = 12, MOTION_V = 15, MOTION_COUNT = 18 };
 enum acceleration_part { ACCELERATION_ALPHA = 0, ACCELERATION_A = 3, ACCELERATION_COUNT = 6 };
 
+/* Returns whether the first lane of a constant that is not 0 is negative. */
+static bool factor_is_negative(const struct derive *d, expr factor)
+{
+    const struct graph_node *node = graph_get(d->g, factor);
+    int l = 0;
+
+    while (l < node->width - 1 && node->value[l] == 0.0) {
+        l++;
+    }
+    return (node->value[l] < 0.0) != expr_negative(factor);
+}
+
 /* Keeps what stands behind a constant factor in the pose for velocities and accelerations, or takes
  * it from there. Numbers and places are the same in all of them, as the expressions are. */
 static expr keep_factor(struct derive *d, expr x)
 {
-    const struct graph_node *node = graph_get(d->g, x);
+    const struct graph_node *node = d->g->failed ? NULL : graph_get(d->g, x);
     struct derivation *out = d->out;
     int index[TREE_LANES];
 
-    if (node->op == GRAPH_CONST) {
+    if (!node || node->op == GRAPH_CONST) {
         return x;
     }
     if (node->op == GRAPH_MUL && graph_get(d->g, node->operand[0])->op == GRAPH_CONST) {
-        const expr factor = node->operand[0], kept = keep_factor(d, node->operand[1]);
+        expr factor = node->operand[0], rest = node->operand[1];
+        bool negative = factor_is_negative(d, factor);
 
-        return expr_negative(x) ? expr_neg(mul(d, factor, kept)) : mul(d, factor, kept);
+        /* The sign goes with what is kept: which of a - b and b - a is the node depends on the
+         * order in which a function made them */
+        factor = negative ? expr_neg(factor) : factor;
+        rest = negative != expr_negative(x) ? expr_neg(rest) : rest;
+        return mul(d, factor, keep_factor(d, rest));
     }
     /* Aligned to its lanes */
     index[0] = (out->npose + node->width - 1) / node->width * node->width;
