@@ -29,8 +29,8 @@ struct snapshot {
 enum error_code snapshot_create(size_t size, struct arena *arena, struct snapshot **snapshot,
                                 struct error *error);
 
-/* Leaves out bytes of the value, from up to to (multiples of 8), which are never anything but 0: the
- * unused ends of its arrays, in their order, SNAPSHOT_GAPS of them. Before the first write. */
+/* Leaves bytes (multiples of 8) out of the value that are never anything but 0: the unused ends of
+ * its arrays, in their order, SNAPSHOT_GAPS at most. Before the first write. Not RT-safe. */
 void snapshot_leave_out(struct snapshot *snapshot, size_t from, size_t to);
 
 /* Publishes a value. From one thread only. RT-safe. */

@@ -339,9 +339,9 @@ static enum error_code bristles_check(struct native_engine *e,
 
 #define MOTION_SQUARES 1e18 /* of contact_check_motions' limit */
 
-/* Checks that all motions are numbers of a moderate size, by the sum of their squares; only where it
- * is not small each is looked at, to name the one that is wrong. That R is a rotation is left to who
- * made it. */
+/* Checks that all motions are numbers of a moderate size, by the sum of their squares; only where
+ * it is not small each is looked at, to name the one that is wrong. That R is a rotation is left to
+ * the caller, who made it. */
 static enum error_code motions_check(struct native_engine *e, const struct body_motion *motion)
 {
     const double *x = (const double *)motion;

@@ -139,8 +139,8 @@ static void write_place(FILE *file, bool reading, int width, const char *array, 
     }
 }
 
-/* Returns whether the lanes of an input stand side by side, aligned: those of mass properties and of
- * a pose. */
+/* Returns whether the lanes of an input stand side by side, aligned: those of mass properties and
+ * of a pose. */
 static bool is_row(const struct graph_node *node)
 {
     bool row = node->array == DERIVE_INERTIA ||
