@@ -2,6 +2,7 @@
 /* Reads tables of numbers from text. */
 #include "base/csv.h"
 
+#include "base/input_file.h"
 #include "base/text.h"
 
 #include <errno.h>
@@ -91,10 +92,10 @@ static enum error_code csv_begin(const char *path, FILE *file, struct csv **out,
 
 enum error_code csv_open(const char *path, struct csv **csv, struct error *error)
 {
-    FILE *file = fopen(path, "r");
+    FILE *file;
+    enum error_code code = input_file_stream(path, &file, error);
 
-    return file ? csv_begin(path, file, csv, error)
-                : error_set_file(error, errno, path, "cannot be read");
+    return code ? code : csv_begin(path, file, csv, error);
 }
 
 enum error_code csv_open_memory(const char *path, const void *bytes, size_t size, struct csv **csv,

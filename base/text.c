@@ -168,5 +168,8 @@ const char *text_nearest(const char *word, const char *const *words, size_t coun
             }
         }
     }
+    for (size_t i = 0; i < count && !nearest && length > 2; i++) {
+        nearest = strncmp(word, words[i], length) ? NULL : words[i];
+    }
     return nearest;
 }

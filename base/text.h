@@ -29,8 +29,9 @@ size_t text_utf8_length(const char *text, size_t size);
 void text_make_printable(char *text);
 
 /* Finds the word of the list that is nearest to `word` by edit distance, in which two swapped
- * letters are one edit; NULL = none is near enough to be worth naming (distance over a third of
- * the length, at least 2). words has count entries. */
+ * letters are one edit, else the first that begins with it, from three letters on; NULL = none is
+ * near enough to be worth naming (distance over a third of the length, at least 2). words has count
+ * entries. */
 const char *text_nearest(const char *word, const char *const *words, size_t count);
 
 #endif

@@ -3,6 +3,8 @@
  * folders. */
 #include "base/whole_file.h"
 
+#include "base/input_file.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
@@ -20,7 +22,72 @@ static const char *whole_file_name(const char *path)
     return slash ? slash + 1 : path;
 }
 
-/* Opens the folder of the path, so that nobody can replace it meanwhile. */
+/* A folder below which no symbolic link is followed; "" = none. */
+static struct {
+    char path[PATH_MAX];
+    size_t given; /* bytes of the path that a person gave, whose links are followed */
+} enclosure;
+
+void folder_enclose(const char *path, size_t given)
+{
+    snprintf(enclosure.path, sizeof enclosure.path, "%s", path);
+    enclosure.given = given;
+}
+
+/* Returns how many bytes of a path may lead through symbolic links. */
+static size_t folder_given(const char *path)
+{
+    const size_t length = strlen(enclosure.path);
+    const bool inside = length > 0 && !strncmp(path, enclosure.path, length) &&
+                        (path[length] == '/' || path[length] == '\0');
+
+    return inside ? enclosure.given : strlen(path);
+}
+
+/* Opens a folder, from the part that may be reached by links name by name; -1 with errno, ENOTDIR
+ * for a link in the rest. */
+static int folder_open(const char *path)
+{
+    enum { FOLDER = O_RDONLY | O_DIRECTORY | O_CLOEXEC };
+    const size_t given = folder_given(path);
+    char part[PATH_MAX], *rest = part + given, *name;
+    int folder;
+
+    if (strlen(path) >= sizeof part) {
+        errno = ENAMETOOLONG;
+        return -1;
+    }
+    snprintf(part, sizeof part, "%.*s", (int)given, path);
+    folder = open(given > 0 ? part : ".", FOLDER);
+    snprintf(rest, sizeof part - given, "%s", path + given);
+    while (folder >= 0 && (name = strsep(&rest, "/"))) {
+        int above = folder, reason;
+
+        if (*name) {
+            folder = openat(above, name, FOLDER | O_NOFOLLOW);
+            reason = errno;
+            close(above);
+            errno = reason;
+        }
+    }
+    return folder;
+}
+
+/* Writes the error of a folder that cannot be written in, or made; errno says why. */
+static enum error_code folder_refuse(const char *path, const char *what, struct error *error)
+{
+    const int reason = errno;
+
+    if (reason == ENOTDIR && folder_given(path) < strlen(path)) {
+        return error_set(error, ERROR_INPUT,
+                         "%.300s: found a symbolic link or a file, expected a directory: nothing "
+                         "is written where a link below the given folder points to",
+                         path);
+    }
+    return error_set_errno(error, reason, "cannot %s %.300s", what, path);
+}
+
+/* Opens the folder of the file, so that nobody can replace it meanwhile. */
 static enum error_code whole_file_open_folder(struct whole_file *file, struct error *error)
 {
     size_t length = (size_t)(whole_file_name(file->path) - file->path);
@@ -33,9 +100,8 @@ static enum error_code whole_file_open_folder(struct whole_file *file, struct er
         memcpy(folder, file->path, length);
         folder[length] = '\0';
     }
-    file->folder = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    return file->folder >= 0 ? ERROR_NONE
-                             : error_set_errno(error, errno, "cannot write %s", file->path);
+    file->folder = folder_open(folder);
+    return file->folder >= 0 ? ERROR_NONE : folder_refuse(file->path, "write", error);
 }
 
 /* Creates a file with a random name, which nobody can have guessed; returns its descriptor, -1
@@ -58,11 +124,12 @@ static int whole_file_create(struct whole_file *file)
     }
 }
 
-/* Opens a pipe or a character device; -1 with errno, also if it has become something else. */
-static int whole_file_open_device(const struct whole_file *file, int flags)
+/* Opens a pipe or a character device; -1 with errno, also if it has become something else. Waits
+ * neither for the reader of a pipe, which is ENXIO, nor for a line. */
+static int whole_file_open_device(const struct whole_file *file)
 {
-    int descriptor =
-        openat(file->folder, whole_file_name(file->path), O_WRONLY | O_CLOEXEC | flags);
+    int descriptor = openat(file->folder, whole_file_name(file->path),
+                            O_WRONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
     struct stat there;
 
     if (descriptor >= 0 &&
@@ -71,7 +138,18 @@ static int whole_file_open_device(const struct whole_file *file, int flags)
         errno = EINVAL;
         return -1;
     }
+    if (descriptor >= 0) {
+        fcntl(descriptor, F_SETFL, fcntl(descriptor, F_GETFL) & ~O_NONBLOCK);
+    }
     return descriptor;
+}
+
+/* Writes the error of a file that cannot be opened; errno says why. */
+static enum error_code whole_file_refuse(const char *path, struct error *error)
+{
+    return errno == ENXIO
+               ? error_set(error, ERROR_SYSTEM, "cannot open %s: a pipe that nobody reads", path)
+               : error_set_errno(error, errno, "cannot write %s", path);
 }
 
 /* Checks whether a symbolic link was made by another user than this one and root. */
@@ -89,6 +167,13 @@ static enum error_code whole_file_look(struct whole_file *file, struct error *er
 
     if (!*name || (found && S_ISDIR(there.st_mode))) {
         return error_set_errno(error, EISDIR, "cannot write %s", file->path);
+    }
+    if (found && S_ISREG(there.st_mode)) {
+        return input_file_check_output(file->path, &there, error);
+    }
+    if (found && (S_ISSOCK(there.st_mode) || S_ISBLK(there.st_mode))) {
+        return error_set(error, ERROR_INPUT, "%s: found a %s, expected a file", file->path,
+                         S_ISSOCK(there.st_mode) ? "socket" : "block device");
     }
     file->in_place = found && (S_ISFIFO(there.st_mode) || S_ISCHR(there.st_mode));
     if (file->in_place && !fstatat(file->folder, name, &link, AT_SYMLINK_NOFOLLOW) &&
@@ -123,10 +208,10 @@ enum error_code whole_file_open(struct whole_file *file, const char *path, struc
     if (code) {
         return code;
     }
-    descriptor = file->in_place ? whole_file_open_device(file, 0) : whole_file_create(file);
+    descriptor = file->in_place ? whole_file_open_device(file) : whole_file_create(file);
     file->out = descriptor >= 0 ? fdopen(descriptor, "w") : NULL;
     if (!file->out) {
-        code = error_set_errno(error, errno, "cannot write %s", path);
+        code = whole_file_refuse(path, error);
         if (descriptor >= 0) {
             close(descriptor);
             unlinkat(file->folder, file->in_place ? "" : file->partial, 0);
@@ -139,14 +224,19 @@ enum error_code whole_file_open(struct whole_file *file, const char *path, struc
 enum error_code whole_file_close(struct whole_file *file, enum error_code code, struct error *error)
 {
     bool failed = ferror(file->out) != 0;
+    struct stat status;
 
     failed = fflush(file->out) != 0 || failed;
     /* Data reaches the disk before the name does, or a power cut could leave an empty file */
     failed = failed || (!file->in_place && !code && fsync(fileno(file->out)) != 0);
+    failed = fstat(fileno(file->out), &status) != 0 || failed;
     failed = fclose(file->out) != 0 || failed;
     if (!failed && !code && !file->in_place) {
         failed =
             renameat(file->folder, file->partial, file->folder, whole_file_name(file->path)) != 0;
+        if (!failed) {
+            input_file_written(file->path, &status);
+        }
     }
     if (failed && !code) {
         code = error_set_errno(error, errno, "cannot write %s", file->path);
@@ -155,6 +245,27 @@ enum error_code whole_file_close(struct whole_file *file, enum error_code code, 
         unlinkat(file->folder, file->partial, 0);
     }
     close(file->folder);
+    return code;
+}
+
+enum error_code whole_file_probe(const char *path, struct error *error)
+{
+    struct whole_file file;
+    enum error_code code = whole_file_begin(&file, path, error);
+    int descriptor;
+
+    if (code) {
+        return code;
+    }
+    /* To open a pipe and to close it again would be its end for whoever reads it */
+    descriptor = file.in_place ? -1 : whole_file_create(&file);
+    if (descriptor >= 0) {
+        close(descriptor);
+        unlinkat(file.folder, file.partial, 0);
+    } else if (!file.in_place) {
+        code = whole_file_refuse(path, error);
+    }
+    close(file.folder);
     return code;
 }
 
@@ -186,19 +297,14 @@ enum error_code growing_file_open(const char *path, int *descriptor, struct erro
     if (code) {
         return code;
     }
-    *descriptor = file.in_place ? whole_file_open_device(&file, O_NONBLOCK | O_NOCTTY)
-                                : growing_file_create(&file);
-    if (*descriptor >= 0) {
-        fcntl(*descriptor, F_SETFL, fcntl(*descriptor, F_GETFL) & ~O_NONBLOCK);
-    } else if (errno == ELOOP) {
-        code = error_set(error, ERROR_INPUT,
-                         "%s: found a symbolic link, expected a file: what it points to is not "
-                         "overwritten",
-                         path);
-    } else if (errno == ENXIO) {
-        code = error_set(error, ERROR_SYSTEM, "cannot open %s: a pipe that nobody reads", path);
-    } else {
-        code = error_set_errno(error, errno, "cannot open %s", path);
+    *descriptor = file.in_place ? whole_file_open_device(&file) : growing_file_create(&file);
+    if (*descriptor < 0) {
+        code = errno == ELOOP
+                   ? error_set(error, ERROR_INPUT,
+                               "%s: found a symbolic link, expected a file: what it points to is "
+                               "not overwritten",
+                               path)
+                   : whole_file_refuse(path, error);
     }
     close(file.folder);
     return code;
@@ -206,22 +312,51 @@ enum error_code growing_file_open(const char *path, int *descriptor, struct erro
 
 /* ---- folders ---- */
 
+/* Makes a folder; -1 with errno. */
+static int folder_mkdir(const char *path)
+{
+    const char *name = whole_file_name(path);
+    char above[PATH_MAX];
+    int folder, made, reason;
+
+    if (folder_given(path) == strlen(path) || (size_t)(name - path) >= sizeof above) {
+        return mkdir(path, 0775);
+    }
+    snprintf(above, sizeof above, "%.*s", (int)(name - path), path);
+    folder = folder_open(above);
+    made = folder < 0 ? -1 : mkdirat(folder, name, 0775);
+    reason = errno;
+    if (folder >= 0) {
+        close(folder);
+    }
+    errno = reason;
+    return made;
+}
+
 enum error_code folder_make(const char *path, bool *made, struct error *error)
 {
     struct stat there;
-    bool fresh = mkdir(path, 0775) == 0;
+    bool fresh = folder_mkdir(path) == 0;
+    int folder;
 
     if (made) {
         *made = fresh;
     }
     if (!fresh && errno != EEXIST) {
-        return error_set_errno(error, errno, "cannot make the directory %s", path);
+        return folder_refuse(path, "make the directory", error);
     }
     if (!fresh && !lstat(path, &there) && whole_file_is_foreign(&there)) {
         return error_set(error, ERROR_INPUT,
                          "%s: found a symbolic link of another user, expected a directory: nothing "
                          "is written where it points to",
                          path);
+    }
+    if (!fresh && folder_given(path) < strlen(path)) {
+        folder = folder_open(path);
+        if (folder < 0) {
+            return folder_refuse(path, "make the directory", error);
+        }
+        close(folder);
     }
     return ERROR_NONE;
 }
@@ -241,8 +376,8 @@ enum error_code folder_make_all(const char *path, struct error *error)
         }
         memcpy(part, path, i);
         part[i] = '\0';
-        if (mkdir(part, 0775) && errno != EEXIST) {
-            return error_set_errno(error, errno, "cannot make the directory %s", part);
+        if (folder_mkdir(part) && errno != EEXIST) {
+            return folder_refuse(part, "make the directory", error);
         }
     }
     return folder_make(path, NULL, error);

@@ -1,70 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Reads YAML files: their bytes, paths that they refer to, and files that extend others. */
 #include "base/hash.h"
+#include "base/input_file.h"
 #include "base/text.h"
 #include "base/yaml_tree.h"
 
-#include <errno.h>
-#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 enum { MAX_CHAIN = 256 /* files that extend one another, for the stack's sake */ };
-
-/* ---- files ---- */
-
-/* Reads a file until its end or until the buffer is full. */
-static enum error_code yaml_read_bytes(int fd, const char *path, char *buffer, size_t capacity,
-                                       size_t *size, struct error *error)
-{
-    *size = 0;
-    while (*size < capacity) {
-        ssize_t n = read(fd, buffer + *size, capacity - *size);
-
-        if (n == 0) {
-            return ERROR_NONE;
-        }
-        if (n < 0 && errno != EINTR) {
-            return error_set_file(error, errno, path, "cannot be read");
-        }
-        *size += n > 0 ? (size_t)n : 0;
-    }
-    return ERROR_NONE;
-}
-
-enum error_code yaml_load_file(const char *path, char **text, size_t *size, struct error *error)
-{
-    /* O_NONBLOCK: a pipe must not hang the open; it is refused below */
-    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-    enum error_code code;
-    struct stat status;
-
-    *text = NULL;
-    if (fd < 0) {
-        return error_set_file(error, errno, path, "cannot be read");
-    }
-    if (fstat(fd, &status)) {
-        code = error_set_file(error, errno, path, "cannot be read");
-        goto done;
-    }
-    if (!S_ISREG(status.st_mode)) {
-        code = error_set(error, ERROR_INPUT, "%.200s: found %s, expected a file", path,
-                         S_ISDIR(status.st_mode) ? "a directory" : "no regular file");
-        goto done;
-    }
-    *text = malloc(YAML_MAX_FILE + 1);
-    if (!*text) {
-        code = error_set(error, ERROR_MEMORY, "%.200s: no memory to read it", path);
-        goto done;
-    }
-    code = yaml_read_bytes(fd, path, *text, YAML_MAX_FILE + 1, size, error);
-done:
-    close(fd);
-    return code;
-}
 
 /* ---- files that extend others ---- */
 
@@ -290,7 +236,7 @@ static enum error_code yaml_follow_extends(struct yaml_reader *r, const struct y
     }
 
     /* A file that cannot be loaded is the fault of the line that names it */
-    code = yaml_load_file(path, &text, &size, r->error);
+    code = input_file_load(path, YAML_MAX_FILE, &text, &size, r->error);
     if (code) {
         error_prefix(r->error, "%s:%d:%d", reference->mark.file, reference->mark.line,
                      reference->mark.column);

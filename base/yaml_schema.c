@@ -5,6 +5,7 @@
 #include "base/yaml.h"
 
 #include "base/hash.h"
+#include "base/input_file.h"
 #include "base/text.h"
 #include "base/yaml_tree.h"
 
@@ -488,7 +489,7 @@ enum error_code yaml_read_file(const char *path, const struct yaml_schema *schem
 {
     size_t size = 0;
     char *text;
-    enum error_code code = yaml_load_file(path, &text, &size, error);
+    enum error_code code = input_file_load(path, YAML_MAX_FILE, &text, &size, error);
 
     if (!code) {
         code = yaml_read_text(path, text, size, schema, arena, out, error);
@@ -527,11 +528,7 @@ enum error_code yaml_read_key(const char *path, const char *key, struct arena *a
     if (code) {
         return code;
     }
-    code = yaml_load_file(path, &content, &size, error);
-    if (!code && size > YAML_MAX_FILE) {
-        code = error_set(error, ERROR_INPUT, "%.200s: found more than %d bytes, expected fewer",
-                         path, YAML_MAX_FILE);
-    }
+    code = input_file_load(path, YAML_MAX_FILE, &content, &size, error);
     if (!code && !(code = yaml_tree_read(&r, content, size, &root))) {
         code = yaml_find_text(&r, root, key, text);
     }

@@ -53,10 +53,6 @@ enum error_code yaml_document_read(struct yaml_reader *reader, const char *name,
 /* Finds the field of a key; NULL = there is none, or no schema. */
 const struct yaml_field *yaml_find_field(const struct yaml_schema *schema, const char *key);
 
-/* Reads all bytes of a regular file into *text, NULL or the caller's to free; at most one more
- * than YAML_MAX_FILE. */
-enum error_code yaml_load_file(const char *path, char **text, size_t *size, struct error *error);
-
 /* Check what a plain scalar is. Quoted ones are text, whatever they look like. */
 bool yaml_is_null(const struct yaml_node *node);
 bool yaml_is_bool(const struct yaml_node *node);

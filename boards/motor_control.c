@@ -10,24 +10,6 @@
 #define LOOP_GAIN 0.5 /* g of the current loop */
 #define OVERLOAD_MS 10.0
 
-bool control_quantize(double value, int32_t *count)
-{
-    const double shifted = value + 0.5;
-
-    /* Values within the range, which has no NaN; floor() by hand: a call of the library costs more
-     * than all the rest */
-    if (shifted > (double)INT32_MIN && shifted < (double)INT32_MAX) {
-        *count = (int32_t)shifted;
-        *count -= *count > shifted;
-        return true;
-    }
-    if (!isfinite(value)) {
-        return false;
-    }
-    *count = shifted < 0.0 ? INT32_MIN : INT32_MAX;
-    return true;
-}
-
 void current_loop_tune(double ohm, double henry, double *kp_v_a, double *ki_v_as)
 {
     double a = henry > 0.0 ? portable_exp(-1e-3 * ohm / henry) : 0.0;

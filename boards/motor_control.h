@@ -7,12 +7,29 @@
 #ifndef BOARDS_MOTOR_CONTROL_H
 #define BOARDS_MOTOR_CONTROL_H
 
+#include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
 
 /* Rounds to the nearest count, held within int32; returns false (*count untouched) when value is
  * not finite. */
-bool control_quantize(double value, int32_t *count);
+static inline bool control_quantize(double value, int32_t *count)
+{
+    const double shifted = value + 0.5;
+
+    /* Values within the range, which has no NaN; floor() by hand: a call of the library costs more
+     * than all the rest */
+    if (shifted > (double)INT32_MIN && shifted < (double)INT32_MAX) {
+        *count = (int32_t)shifted;
+        *count -= *count > shifted;
+        return true;
+    }
+    if (!isfinite(value)) {
+        return false;
+    }
+    *count = shifted < 0.0 ? INT32_MIN : INT32_MAX;
+    return true;
+}
 
 static inline int64_t control_clamp(int64_t value, int64_t min, int64_t max)
 {

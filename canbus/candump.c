@@ -3,6 +3,8 @@
  * without printf, so that the loop may write them, and are parsed strictly. */
 #include "canbus/candump.h"
 
+#include "base/input_file.h"
+
 #include <errno.h>
 #include <string.h>
 
@@ -469,11 +471,8 @@ enum error_code candump_parse(const char *line, size_t size, struct bus_frame *f
 
 enum error_code candump_open(struct candump_reader *reader, const char *path, struct error *error)
 {
-    *reader = (struct candump_reader){.file = fopen(path, "re"), .path = path};
-    if (!reader->file) {
-        return error_set_errno(error, errno, "cannot open the log %s", path);
-    }
-    return ERROR_NONE;
+    *reader = (struct candump_reader){.path = path};
+    return input_file_stream(path, &reader->file, error);
 }
 
 /* Reads the next line; returns its size with the newline, 0 at the end of the file, and

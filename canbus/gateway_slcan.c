@@ -10,7 +10,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
 #include <termios.h>
 #include <unistd.h>
 
@@ -186,6 +185,46 @@ void gateway_slcan_reset(struct gateway_client *client)
     client->step_waits = false;
 }
 
+/* Returns whether a path is a link to a terminal, which text receives. */
+static bool slcan_read_link(const char *path, char text[64])
+{
+    static const char folder[] = "/dev/pts/";
+    ssize_t length = readlink(path, text, 63);
+
+    text[length > 0 ? length : 0] = '\0';
+    return !strncmp(text, folder, sizeof folder - 1);
+}
+
+/* Makes the path a link to the terminal of that name. Only a link that a killed run has left is
+ * replaced: it leads to a terminal that is gone, or to this one, which has got the number again. */
+static enum error_code slcan_make_link(const char *path, const char *name, struct error *error)
+{
+    char left[64];
+
+    if (slcan_read_link(path, left) && (!strcmp(left, name) || access(left, F_OK))) {
+        unlink(path);
+    }
+    if (!symlink(name, path)) {
+        return ERROR_NONE;
+    }
+    return errno == EEXIST
+               ? error_set(error, ERROR_INPUT,
+                           "slcan: found %.200s there already, expected a new name: only a link "
+                           "to a terminal that is gone is replaced",
+                           path)
+               : error_set_errno(error, errno, "slcan: cannot make the link %.200s", path);
+}
+
+/* Removes the link, unless it has become another one. */
+static void slcan_remove_link(const char *path, int line)
+{
+    char name[64], link[64];
+
+    if (!ptsname_r(line, name, sizeof name) && slcan_read_link(path, link) && !strcmp(name, link)) {
+        unlink(path);
+    }
+}
+
 /* Opens a pseudo-terminal and links its slave end to the configured path. The slave stays open
  * here too, so that the line exists before a client opens it and after it has closed it. */
 static enum error_code gateway_slcan_open_terminal(struct gateway *gateway, size_t index,
@@ -195,7 +234,6 @@ static enum error_code gateway_slcan_open_terminal(struct gateway *gateway, size
     struct gateway_client *client = &gateway->client[index];
     int line = posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC), other = -1;
     struct termios raw;
-    struct stat status;
     char name[64];
 
     /* Both ends, in raw mode (no echo, no translation) */
@@ -214,11 +252,7 @@ static enum error_code gateway_slcan_open_terminal(struct gateway *gateway, size
         goto fail;
     }
     /* The link to its name, and its place among the clients */
-    if (lstat(slcan->path, &status) == 0 && S_ISLNK(status.st_mode)) {
-        unlink(slcan->path); /* left by a run that was killed */
-    }
-    if (symlink(name, slcan->path)) {
-        error_set_errno(error, errno, "slcan: cannot make the link %.200s", slcan->path);
+    if (slcan_make_link(slcan->path, name, error)) {
         goto fail;
     }
     *client = (struct gateway_client){.socket = line,
@@ -283,7 +317,7 @@ void gateway_slcan_stop(struct gateway *gateway)
         struct gateway_client *client = &gateway->client[i];
 
         if (client->is_terminal) {
-            unlink(gateway->config.slcan[i].path);
+            slcan_remove_link(gateway->config.slcan[i].path, client->socket);
             close(client->other);
             close(client->socket);
             client->socket = -1;

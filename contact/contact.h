@@ -290,9 +290,9 @@ struct contact_world;
 struct contact_ops {
     const char *name;
     /* Computes contact and friction: the wrenches on all nbody bodies (overwritten). bristles: NULL
-     * = all relaxed, the only choice of a world without. Returns ERROR_NONE, ERROR_INPUT for a
-     * motion or a bristle that is not valid, or the engine's failure; wrench and rates are then
-     * undefined. */
+     * = all relaxed, the only choice of a world without. Returns ERROR_NONE, ERROR_INPUT for
+     * numbers that are not valid, or the engine's failure; wrench and rates are then undefined. R
+     * has to be a rotation, which an engine need not check. */
     enum error_code (*evaluate)(struct contact_world *world, const struct body_motion *motion,
                                 struct contact_bristles *bristles, struct contact_wrench *wrench);
     /* Writes at most max patches of the last evaluation; returns how many there are. */

@@ -55,7 +55,11 @@ struct dynamics_ops {
     /* Motion of every observed body; entries of other bodies may be left alone. */
     void (*kinematics)(const struct dynamics *d, const double *q, const double *v,
                        struct body_motion *motion);
-    /* Accelerations of every observed body, given vdot. */
+    /* The same with another v, w and v of motion alone: q must be that of the last call of
+     * kinematics. */
+    void (*velocities)(const struct dynamics *d, const double *q, const double *v,
+                       struct body_motion *motion);
+    /* Accelerations of every observed body, given vdot; q likewise. */
     void (*acceleration)(const struct dynamics *d, const double *q, const double *v,
                          const double *vdot, struct body_acceleration *acceleration);
     /* Kinetic and potential energy, J; potential is zero with every mass at the world's origin. */

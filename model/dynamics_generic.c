@@ -347,6 +347,7 @@ enum error_code dynamics_generic(const struct robot *robot, struct arena *arena,
         .implicit = generic_implicit,
         .inverse = generic_inverse,
         .kinematics = generic_kinematics,
+        .velocities = generic_kinematics,
         .acceleration = generic_acceleration,
         .energy = generic_energy,
     };

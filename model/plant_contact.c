@@ -67,12 +67,12 @@ enum { BRISTLES_AT_ONCE = 32 * CONTACT_BRISTLE };
 /* Whether all of a pair's are as good as 0. */
 static bool bristles_are_relaxed(const double y[CONTACT_BRISTLE])
 {
-    double most = 0.0;
-
     for (int k = 0; k < CONTACT_BRISTLE; k++) {
-        most = fmax(most, fabs(y[k]));
+        if (fabs(y[k]) >= BRISTLE_LEAST) {
+            return false;
+        }
     }
-    return most < BRISTLE_LEAST;
+    return true;
 }
 
 /* Bristles of pairs that do not touch. */

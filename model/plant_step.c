@@ -83,7 +83,8 @@ static void hold_command(struct plant *plant, double seconds)
 
     for (size_t d = 0; d < plant->ndrive; d++) {
         const struct motor_command *motor = &plant->command.motor[plant->drive_joint[d]];
-        double voltage = isnan(motor->voltage_v) ? 0.0 : motor->voltage_v;
+        double asked = isnan(motor->voltage_v) ? 0.0 : motor->voltage_v;
+        double voltage = asked > supply ? supply : asked > -supply ? asked : -supply;
         double *I = &plant->state[plant_drive_offset(plant, d) + DRIVE_CURRENT];
         bool shorted = motor->condition & DRIVE_SHORT, open = motor->condition & DRIVE_OPEN_PHASE;
 
@@ -95,8 +96,7 @@ static void hold_command(struct plant *plant, double seconds)
             hold_imposed_speed(plant, d, motor);
         }
         plant->bridge_on[d] = (motor->bridge_on || shorted) && !open;
-        plant->voltage[d] =
-            plant->bridge_on[d] && !shorted ? fmax(-supply, fmin(supply, voltage)) : 0.0;
+        plant->voltage[d] = plant->bridge_on[d] && !shorted ? voltage : 0.0;
 
         /* An open bridge stops the current at once: the winding's energy becomes heat */
         if (plant->has_effects) {

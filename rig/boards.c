@@ -11,6 +11,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 /* Returns the protocol of a bus: its own, or the rig's. */
 static const struct protocol *raw_bus_protocol(const struct rig_builder *b,
@@ -588,7 +589,10 @@ static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw
         }
     }
     code = rig_find_protocol(b, mark, file, &path);
-    code = code ? code : described_load(path, b->arena, protocol, b->error);
+    if (!code && (code = described_load(path, b->arena, protocol, b->error)) &&
+        access(path, R_OK)) {
+        error_prefix(b->error, "%s:%d:%d", mark->file, mark->line, mark->column);
+    }
     return code ? code : rig_check_format(b, raw, *protocol);
 }
 

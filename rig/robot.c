@@ -9,6 +9,7 @@
 
 #include <math.h>
 #include <string.h>
+#include <unistd.h>
 
 /* Replaces series springs of the robot by those of the rig. */
 static enum error_code rig_replace_springs(struct rig_builder *b)
@@ -201,10 +202,14 @@ static enum error_code rig_find_robot(struct rig_builder *b, const char **path)
 enum error_code rig_build_robot(struct rig_builder *b)
 {
     const struct raw_robot *raw = &b->raw->robot;
+    const struct yaml_mark *mark = &raw->file_mark;
     const char *path;
     enum error_code code = rig_find_robot(b, &path);
 
-    code = code ? code : robot_load(path, raw->variant, b->arena, &b->robot, b->error);
+    if (!code && (code = robot_load(path, raw->variant, b->arena, &b->robot, b->error)) &&
+        access(path, R_OK)) {
+        error_prefix(b->error, "%s:%d:%d", mark->file, mark->line, mark->column);
+    }
     code = code ? code : rig_replace_springs(b);
     code = code ? code : rig_hang_tools(b);
     code = code ? code : rig_add_masses(b);

@@ -11,13 +11,13 @@ const struct phase_budget phase_budgets[PHASE_COUNT] = {
                        10.1},
     [PHASE_BOARDS] = {"state machines, time-outs and control loops of the boards: the voltage of "
                       "each motor",
-                      8400, 1.7, 4.9},
-    [PHASE_PLANT] = {"moves the robot on by a tick: actuators, dynamics, contact", 118000, 19.0,
+                      7900, 1.7, 4.9},
+    [PHASE_PLANT] = {"moves the robot on by a tick: actuators, dynamics, contact", 109000, 19.0,
                      42.0},
-    [PHASE_SENSORS] = {"samples, delays, quantizes and disturbs what the boards measure", 26000,
+    [PHASE_SENSORS] = {"samples, delays, quantizes and disturbs what the boards measure", 21300,
                        2.7, 5.6},
     [PHASE_TRANSMIT] = {"wires in virtual time move on; boards send what is due", 45000, 13.8,
                         34.8},
-    [PHASE_PUBLISH] = {"hands state and counters to other threads, a row to the recorder", 3000,
+    [PHASE_PUBLISH] = {"hands state and counters to other threads, a row to the recorder", 1550,
                        0.8, 3.0},
 };

@@ -19,23 +19,36 @@ enum error_code snapshot_create(size_t size, struct arena *arena, struct snapsho
     return ERROR_NONE;
 }
 
-void snapshot_write(struct snapshot *snapshot, const void *value)
+void snapshot_leave_out(struct snapshot *snapshot, size_t from, size_t to)
 {
-    const unsigned char *from = value;
-    uint64_t sequence = atomic_load_explicit(&snapshot->sequence, memory_order_relaxed);
-    const size_t words = snapshot->words;
-    _Atomic uint64_t *to = snapshot->word;
+    snapshot->gap[snapshot->ngap++] = (struct snapshot_gap){from / 8, to / 8};
+}
 
-    /* Odd while the words are written, even when they are whole */
-    atomic_store_explicit(&snapshot->sequence, sequence + 1, memory_order_relaxed);
+/* Writes the words first to end of a value. */
+static void write_words(_Atomic uint64_t *to, const unsigned char *from, size_t first, size_t end)
+{
 #pragma GCC unroll 8
-    for (size_t i = 0; i < words; i++) {
+    for (size_t i = first; i < end; i++) {
         uint64_t word;
 
         memcpy(&word, from + 8 * i, 8);
         /* Release: whoever sees this word also sees the odd sequence number before it */
         atomic_store_explicit(&to[i], word, memory_order_release);
     }
+}
+
+void snapshot_write(struct snapshot *snapshot, const void *value)
+{
+    uint64_t sequence = atomic_load_explicit(&snapshot->sequence, memory_order_relaxed);
+    size_t first = 0;
+
+    /* Odd while the words are written, even when they are whole */
+    atomic_store_explicit(&snapshot->sequence, sequence + 1, memory_order_relaxed);
+    for (size_t g = 0; g < snapshot->ngap; g++) {
+        write_words(snapshot->word, value, first, snapshot->gap[g].from);
+        first = snapshot->gap[g].to;
+    }
+    write_words(snapshot->word, value, first, snapshot->words);
     atomic_store_explicit(&snapshot->sequence, sequence + 2, memory_order_release);
 }
 

@@ -454,7 +454,11 @@ static enum error_code simulator_create_loop(struct simulator *simulator, struct
     enum error_code code = snapshot_create(sizeof(struct simulator_status), simulator->arena,
                                            &simulator->published, error);
 
-    return code ? code : loop_create(&loop, simulator->arena, &simulator->loop, error);
+    if (code) {
+        return code;
+    }
+    simulator_leave_out_unused(simulator);
+    return loop_create(&loop, simulator->arena, &simulator->loop, error);
 }
 
 /* ---- all of it ---- */

@@ -103,6 +103,7 @@ struct simulator_status {
 };
 
 struct simulator;
+struct stimulus; /* sim/stimulus.h */
 
 /* Creates all parts or none. notice receives one line about the choice of transport, or "".
  * Memory from arena, which simulator_start seals; the configuration is borrowed. ERROR_INPUT,
@@ -181,6 +182,8 @@ simulator_task_runner(const struct simulator *simulator);         /* NULL = none
 const char *simulator_failure(const struct simulator *simulator); /* after LOOP_END_MODEL */
 /* What plant_settle found at the start; NULL without settle. */
 const struct settled *simulator_settled(const struct simulator *simulator);
+/* What a recorded controller has sent; NULL without config.stimulus. */
+const struct stimulus *simulator_stimulus(const struct simulator *simulator);
 /* Which implementation computes the rigid-body dynamics, and why; a sentence. */
 const char *simulator_dynamics(const struct simulator *simulator);
 /* For requests, NULL without config.requests; bytes of one checkpoint without the frames on their

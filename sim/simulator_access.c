@@ -94,6 +94,11 @@ const struct settled *simulator_settled(const struct simulator *simulator)
     return simulator->config.settle ? &simulator->settled : NULL;
 }
 
+const struct stimulus *simulator_stimulus(const struct simulator *simulator)
+{
+    return simulator->config.stimulus ? &simulator->stimulus : NULL;
+}
+
 const char *simulator_dynamics(const struct simulator *simulator)
 {
     return simulator->dynamics_notice.text;

@@ -97,6 +97,9 @@ struct loop_machine simulator_machine(struct simulator *simulator);
 /* Publishes the status; the context is the simulator. */
 void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *stats);
 
+/* Leaves out what the rig has no use for in the published status. */
+void simulator_leave_out_unused(struct simulator *simulator);
+
 /* Fills in the parts of the status that are known before the first tick. */
 void simulator_fill_start(struct simulator *simulator);
 

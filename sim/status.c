@@ -95,6 +95,27 @@ static void status_fill_faults(struct simulator *simulator)
     }
 }
 
+/* Leaves out of the published status the end of an array that has used elements. */
+#define LEAVE_OUT_END(simulator, array, used)                                                      \
+    snapshot_leave_out((simulator)->published,                                                     \
+                       offsetof(struct simulator_status, array) +                                  \
+                           (used) * sizeof *(simulator)->status.array,                             \
+                       offsetof(struct simulator_status, array) + sizeof(simulator)->status.array)
+
+void simulator_leave_out_unused(struct simulator *simulator)
+{
+    const struct rig *rig = simulator->config.rig;
+
+    LEAVE_OUT_END(simulator, q, rig->robot->njoint);
+    LEAVE_OUT_END(simulator, force_z, rig->contact.nbody);
+    LEAVE_OUT_END(simulator, free,
+                  rig->nfree < SIMULATOR_FREE_MAX ? rig->nfree : SIMULATOR_FREE_MAX);
+    LEAVE_OUT_END(simulator, bus, rig->nbus);
+    if (!simulator->external) {
+        LEAVE_OUT_END(simulator, external_heard_ns, 0);
+    }
+}
+
 void simulator_fill_start(struct simulator *simulator)
 {
     status_fill_faults(simulator);

@@ -13,6 +13,7 @@
 
 enum { STANDARD_IDS = 0x800, EXTENDED_IDS = 2048 };
 enum { FRAMES_MAX = 1 << 23 /* an hour of two buses at 1 kHz */ };
+#define WALL_CLOCK_NS (INT64_C(100000000) * 1000000000) /* three years: no run's, but 1973's */
 
 struct stimulus_reader {
     const struct rig *rig;
@@ -105,11 +106,53 @@ static bool stimulus_takes_frame(const struct stimulus_reader *reader, size_t bu
 
 /* ---- the log ---- */
 
+/* Moves a frame's time to the start of the run when the log begins at a time of the wall clock.
+ * ERROR_INPUT when the log is longer than any run. */
+static enum error_code stimulus_place_frame(const struct stimulus_reader *reader, int line,
+                                            struct stimulus *stimulus, struct bus_frame *frame,
+                                            struct error *error)
+{
+    if (line == 1) {
+        stimulus->start_ns = frame->time_ns >= WALL_CLOCK_NS ? frame->time_ns : 0;
+    }
+    frame->time_ns -= stimulus->start_ns;
+    return frame->time_ns < WALL_CLOCK_NS
+               ? ERROR_NONE
+               : error_set(error, ERROR_INPUT,
+                           "%s:%d: found a time %.0f s after the start of the log, expected less "
+                           "than %.0f s",
+                           reader->path, line, (double)frame->time_ns * 1e-9,
+                           (double)WALL_CLOCK_NS * 1e-9);
+}
+
+/* Counts a frame of a bus, and keeps it where there is room; refuses one that is earlier than the
+ * one before. last_ns: times of the buses' last frames. */
+static enum error_code stimulus_keep_frame(const struct stimulus_reader *reader, int line,
+                                           size_t bus, const struct bus_frame *frame,
+                                           int64_t last_ns[RIG_BUSES_MAX],
+                                           struct stimulus *stimulus, struct error *error)
+{
+    if (stimulus->count[bus] && frame->time_ns < last_ns[bus]) {
+        return error_set(error, ERROR_INPUT,
+                         "%s:%d: found a frame %.6f s earlier than the one before it on %s, "
+                         "expected the order of time; \"sort -s -k 1,1\" makes it",
+                         reader->path, line, (double)(last_ns[bus] - frame->time_ns) * 1e-9,
+                         reader->rig->bus[bus].name);
+    }
+    last_ns[bus] = frame->time_ns;
+    if (stimulus->frame[bus]) {
+        stimulus->frame[bus][stimulus->count[bus]] = *frame;
+    }
+    stimulus->count[bus]++;
+    return ERROR_NONE;
+}
+
 /* Reads the log once: counts the frames of each bus, and keeps them where there is room. */
 static enum error_code stimulus_pass(const struct stimulus_reader *reader,
                                      struct stimulus *stimulus, struct error *error)
 {
     struct candump_reader log;
+    int64_t last_ns[RIG_BUSES_MAX];
     enum error_code code = candump_open(&log, reader->path, error);
     bool end = false;
 
@@ -124,7 +167,8 @@ static enum error_code stimulus_pass(const struct stimulus_reader *reader,
 
         /* Each frame by the interface or bus that the log names */
         code = candump_next(&log, &frame, name, &end, error);
-        if (code || end) {
+        if (code || end ||
+            (code = stimulus_place_frame(reader, log.line, stimulus, &frame, error))) {
             break;
         }
         bus = stimulus_find_bus(reader, name);
@@ -134,10 +178,8 @@ static enum error_code stimulus_pass(const struct stimulus_reader *reader,
                              "--bus NAME=%s says which it is",
                              reader->path, log.line, name, reader->rig->file, name);
         } else if (stimulus_takes_frame(reader, (size_t)bus, &frame)) {
-            if (stimulus->frame[bus]) {
-                stimulus->frame[bus][stimulus->count[bus]] = frame;
-            }
-            stimulus->count[bus]++;
+            code = stimulus_keep_frame(reader, log.line, (size_t)bus, &frame, last_ns, stimulus,
+                                       error);
         }
         stimulus->end_ns = frame.time_ns > stimulus->end_ns ? frame.time_ns : stimulus->end_ns;
     }

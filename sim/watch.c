@@ -56,7 +56,8 @@ static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j)
     const struct robot_joint *joint = &watch->rig->robot->joint[j];
     struct watch_joint *seen = &watch->joint[j];
     double q = plant_sensors(watch->plant)->motor[j].q;
-    double depth = fmax(q - joint->upper, joint->lower - q);
+    double above = q - joint->upper, below = joint->lower - q;
+    double depth = above > below ? above : below;
 
     /* Well within its limits, and it was before */
     if (depth <= -WATCH_BACK && !seen->past && !seen->told) {
@@ -139,7 +140,9 @@ static double base_height(const struct watch *watch, const double position[3])
 
     for (size_t b = 0; b < robot->nbody; b++) {
         if (robot->body[b].observed) {
-            height = fmax(height, base - vec3_dot(motion[b].p, watch->up));
+            double above = base - vec3_dot(motion[b].p, watch->up);
+
+            height = above > height ? above : height;
         }
     }
     return height;

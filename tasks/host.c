@@ -5,7 +5,6 @@
 #include "base/count.h"
 #include "canbus/lockstep.h"
 
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -399,8 +398,9 @@ void host_set_motor(struct host *host, size_t axis, bool on)
 void host_set_voltage(struct host *host, size_t axis, double volts)
 {
     struct host_line *line = host_axis_line(host, axis);
+    const double most = host->config.supply_v;
 
-    host->volts[axis] = fmin(fmax(volts, -host->config.supply_v), host->config.supply_v);
+    host->volts[axis] = volts > most ? most : volts > -most ? volts : -most;
     if (line->ops->set_voltage) {
         line->ops->set_voltage(host, axis);
     }

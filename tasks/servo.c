@@ -173,7 +173,7 @@ static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
 
         V = fmin(fmax(V, back - most), back + most);
     }
-    return fmin(fmax(V, -limit), limit);
+    return V > limit ? limit : V > -limit ? V : -limit;
 }
 
 void servo_update(struct servo *servo)

@@ -137,6 +137,9 @@ static enum error_code squat_create(struct task *task, struct arena *arena, stru
     if (!squat || !from) {
         return error_set(error, ERROR_MEMORY, "no memory for the squat");
     }
+    if (config->thigh_m == 0) {
+        return error_set(error, ERROR_INPUT, "squat: the rig has no squat (tasks: squat)");
+    }
     if (!(config->thigh_m > 0 && config->shank_m > 0 && config->depth_m >= 0 &&
           config->period_s > 0 && config->cycles > 0)) {
         return error_set(error, ERROR_INPUT,

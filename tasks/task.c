@@ -106,6 +106,25 @@ static const char *task_nearest_joint(const struct task *task, const char *joint
     return nearest;
 }
 
+/* Writes the names of the joints, as many as there is room for. */
+static void task_list_joints(const struct task *task, char *list, size_t size)
+{
+    size_t used = 0;
+
+    list[0] = '\0';
+    for (size_t i = 0; i < task->config.host.naxis && used < size; i++) {
+        int length = snprintf(list + used, size - used, "%s%s", i ? ", " : "",
+                              task->config.host.axis[i].joint);
+
+        /* The dots of a list that is cut need five characters and a zero */
+        if (used + (size_t)length + 6 > size) {
+            snprintf(list + used, size - used, ", ...");
+            return;
+        }
+        used += (size_t)length;
+    }
+}
+
 enum error_code task_find_axis(const struct task *task, const char *joint, size_t *axis,
                                struct error *error)
 {
@@ -114,8 +133,13 @@ enum error_code task_find_axis(const struct task *task, const char *joint, size_
     if (index < 0) {
         const char *nearest = task_nearest_joint(task, joint);
 
-        return error_set(error, ERROR_INPUT, "%s: the rig has no joint %.63s%s%s", task->ops->name,
-                         joint, nearest ? ", expected " : "", nearest ? nearest : "");
+        char list[320];
+
+        task_list_joints(task, list, sizeof list);
+        return error_set(error, ERROR_INPUT, "%s: the rig has no joint %.63s, expected %s%s",
+                         task->ops->name, joint,
+                         nearest || task->config.host.naxis == 1 ? "" : "one of ",
+                         nearest ? nearest : list);
     }
     *axis = (size_t)index;
     return ERROR_NONE;
@@ -344,7 +368,7 @@ static enum error_code task_set_pair(struct task *task, const char *pair, struct
     double value;
 
     if (!equals || equals - pair >= TEXT_SIZE) {
-        return error_set(error, ERROR_INPUT, "found \"%.100s\", expected NAME=VALUE", pair);
+        return error_set(error, ERROR_INPUT, "--set: found \"%.100s\", expected NAME=VALUE", pair);
     }
     snprintf(name, sizeof name, "%.*s", (int)(equals - pair), pair);
     while (i < count && strcmp(setting[i].name, name) != 0) {

@@ -24,7 +24,7 @@ struct recorded_file {
     size_t size;
 };
 
-/* Maps a file. ERROR_SYSTEM with the reason; ERROR_INPUT for what is no regular file. */
+/* Maps a file. ERROR_INPUT for what is not there or no regular file; ERROR_SYSTEM. */
 enum error_code recorded_file_open(const char *path, struct recorded_file *file,
                                    struct error *error);
 void recorded_file_close(struct recorded_file *file); /* safe on a zeroed struct */

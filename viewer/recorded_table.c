@@ -3,13 +3,13 @@
  * asked for. */
 #include "viewer/recorded.h"
 
+#include "base/input_file.h"
+
 #include <errno.h>
-#include <fcntl.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #define TIME_MAX_S 9e9 /* seconds that fit in ns of int64_t */
@@ -19,32 +19,24 @@
 enum error_code recorded_file_open(const char *path, struct recorded_file *file,
                                    struct error *error)
 {
-    int descriptor = open(path, O_RDONLY | O_CLOEXEC);
-    struct stat info;
     void *data = MAP_FAILED;
+    size_t size;
+    int descriptor;
+    enum error_code code = input_file_open(path, &descriptor, &size, error);
 
     *file = (struct recorded_file){.data = NULL};
-    if (descriptor < 0 || fstat(descriptor, &info)) {
-        int reason = errno;
-
-        if (descriptor >= 0) {
-            close(descriptor);
-        }
-        return error_set_errno(error, reason, "cannot open %s", path);
+    if (code) {
+        return code;
     }
-    if (!S_ISREG(info.st_mode)) {
-        close(descriptor);
-        return error_set(error, ERROR_INPUT, "%s: expected a file", path);
-    }
-    if (info.st_size > 0) {
-        data = mmap(NULL, (size_t)info.st_size, PROT_READ, MAP_PRIVATE, descriptor, 0);
+    if (size > 0) {
+        data = mmap(NULL, size, PROT_READ, MAP_PRIVATE, descriptor, 0);
     }
     close(descriptor);
-    if (info.st_size > 0 && data == MAP_FAILED) {
+    if (size > 0 && data == MAP_FAILED) {
         return error_set_errno(error, errno, "cannot map %s", path);
     }
-    file->data = info.st_size > 0 ? data : NULL;
-    file->size = (size_t)info.st_size;
+    file->data = size > 0 ? data : NULL;
+    file->size = size;
     return ERROR_NONE;
 }
 

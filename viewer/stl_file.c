@@ -4,11 +4,10 @@
  * naming, and so exposing, other files. */
 #include "viewer/private.h"
 
-#include <errno.h>
-#include <fcntl.h>
+#include "base/input_file.h"
+
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 enum { STL_HEADER = 84, STL_FACE = 50 };
@@ -57,26 +56,19 @@ static enum error_code visual_refuse(const char *path, size_t size, struct error
                      path, size);
 }
 
-/* Opens a regular file of at most a size; -1 with the error. */
-static int visual_open(const char *path, size_t most, size_t *size, struct error *error)
+/* Opens a regular file of at most a size. */
+static enum error_code visual_open(const char *path, size_t most, int *fd, size_t *size,
+                                   struct error *error)
 {
-    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-    struct stat status;
+    enum error_code code = input_file_open(path, fd, size, error);
 
-    if (fd < 0 || fstat(fd, &status)) {
-        error_set_file(error, errno, path, "cannot be read");
-    } else if (!S_ISREG(status.st_mode) || status.st_size > (off_t)most) {
-        error_set(error, ERROR_INPUT, "%.200s: found %s, expected at most %d MB for all visuals",
-                  path, S_ISREG(status.st_mode) ? "more" : "no regular file",
-                  VIEWER_VISUAL_BYTES >> 20);
-    } else {
-        *size = (size_t)status.st_size;
-        return fd;
+    if (!code && *size > most) {
+        close(*fd);
+        code = error_set(error, ERROR_INPUT,
+                         "%.200s: found more, expected at most %d MB for all visuals", path,
+                         VIEWER_VISUAL_BYTES >> 20);
     }
-    if (fd >= 0) {
-        close(fd);
-    }
-    return -1;
+    return code;
 }
 
 enum error_code viewer_check_visual(const struct robot_visual *visual, struct error *error)
@@ -91,8 +83,7 @@ enum error_code viewer_check_visual(const struct robot_visual *visual, struct er
     if (!visual->file) {
         return ERROR_NONE;
     }
-    fd = visual_open(visual->file, VIEWER_VISUAL_BYTES, &size, error);
-    if (fd < 0) {
+    if (visual_open(visual->file, VIEWER_VISUAL_BYTES, &fd, &size, error)) {
         return error->code;
     }
     had = file_read(fd, header, sizeof header);
@@ -112,8 +103,7 @@ const struct viewer_file *viewer_visual_file(struct viewer *viewer, size_t visua
     if (!path || file->data) {
         return path ? file : NULL;
     }
-    fd = visual_open(path, VIEWER_VISUAL_BYTES - viewer->visual_bytes, &size, error);
-    if (fd < 0) {
+    if (visual_open(path, VIEWER_VISUAL_BYTES - viewer->visual_bytes, &fd, &size, error)) {
         return NULL;
     }
     data = malloc(size + 1);

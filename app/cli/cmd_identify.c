@@ -7,6 +7,7 @@
 #include "base/config.h"
 #include "base/count.h"
 #include "base/options.h"
+#include "base/whole_file.h"
 #include "manual/identify.h"
 
 #include <stdio.h>
@@ -128,7 +129,9 @@ static enum error_code identify_do(const struct identify_options *o, struct aren
                                    .steps = (int)o->steps,
                                    .progress = show_progress,
                                    .context = &terminal};
-    code = fit_prepare(&bench.bench, key, split_keys(keys, key), &problem, error);
+    /* A file that cannot be written is refused before the fit, which may take long */
+    code = o->output ? whole_file_probe(o->output, error) : ERROR_NONE;
+    code = code ? code : fit_prepare(&bench.bench, key, split_keys(keys, key), &problem, error);
     code = code ? code : identify_run(&bench, &problem, o->cross, arena, &result, error);
     if (terminal) {
         fputs("\r\033[K", stderr);

@@ -178,7 +178,7 @@ int cmd_import(int argc, char **argv)
          .value = &packages},
         {"--trust", OPTION_FLAG, NULL,
          "read meshes and included files also from outside the folder of FILE", .value = &trust},
-        {"--force", OPTION_FLAG, NULL, "write over the robot and the rigs of an import before",
+        {"--force", OPTION_FLAG, NULL, "write over the files of an import before",
          .value = &r.force},
     };
     static const struct operand_spec operands[] = {

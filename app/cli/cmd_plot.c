@@ -143,11 +143,32 @@ static size_t plot_arrange(const char *const *name, const struct signals *signal
     return npanel;
 }
 
+/* Returns whether a file's name ends so, in whatever case. */
+static bool plot_ends_in(const char *path, const char *end)
+{
+    const char *slash = strrchr(path, '/'), *dot = strrchr(slash ? slash : path, '.');
+
+    return dot && !strcasecmp(dot, end);
+}
+
+/* Refuses the ending of another format, which the file would not be in. A name without one is that
+ * of an SVG file, or of a device. */
+static enum error_code plot_check_output(const char *path, struct error *error)
+{
+    const char *slash = strrchr(path, '/'), *dot = strrchr(slash ? slash : path, '.');
+
+    return !dot || plot_ends_in(path, ".svg") || plot_ends_in(path, ".png")
+               ? ERROR_NONE
+               : error_set(error, ERROR_INPUT,
+                           "--output: found %.200s, expected a name that ends in .svg or .png: "
+                           "plot writes no other format",
+                           path);
+}
+
 /* Writes the panels as SVG, or as PNG where the file's name ends in .png; NULL: standard output. */
 static enum error_code plot_write(const struct svg_plot *panel, size_t npanel, const char *path,
                                   struct error *error)
 {
-    size_t length = path ? strlen(path) : 0;
     struct whole_file file;
     enum error_code code;
 
@@ -158,9 +179,8 @@ static enum error_code plot_write(const struct svg_plot *panel, size_t npanel, c
     if (code) {
         return code;
     }
-    code = length > 4 && !strcasecmp(path + length - 4, ".png")
-               ? png_write_panels(panel, npanel, file.out, error)
-               : svg_write_panels(panel, npanel, file.out, error);
+    code = plot_ends_in(path, ".png") ? png_write_panels(panel, npanel, file.out, error)
+                                      : svg_write_panels(panel, npanel, file.out, error);
     return whole_file_close(&file, code, error);
 }
 
@@ -176,7 +196,8 @@ static enum error_code plot_refuse_span(const struct plot_options *o, const char
             all.count == 0
                 ? error_set(error, ERROR_INPUT, "%.200s: found no row, expected some", o->file)
                 : error_set(error, ERROR_INPUT,
-                            "found no row from %g to %g s, expected times within %g to %g s",
+                            "--from, --to: found no row from %g to %g s, expected times "
+                            "within %g to %g s",
                             o->span[0], o->span[1], all.value[0][0], all.value[0][all.count - 1]);
     }
     signals_free(&all);
@@ -258,7 +279,8 @@ int cmd_plot(int argc, char **argv)
         {"--list", OPTION_FLAG, NULL, "print the titles of the signals, draw nothing",
          .value = &o.list},
         {"--output", OPTION_STRING, "FILE",
-         "SVG file to write, or PNG when its name ends in .png; by default SVG on standard output, "
+         "file to write: SVG, or PNG when its name ends in .png; by default SVG on standard "
+         "output, "
          "unless that is a terminal",
          .value = &o.output, .letter = "-o"},
         {"--title", OPTION_STRING, "TEXT", "title of the plot", .value = &o.title},
@@ -301,6 +323,9 @@ int cmd_plot(int argc, char **argv)
     if (o.span[0] > o.span[1]) {
         error_set(&error, ERROR_INPUT, "--from: found %g s behind --to %g s, expected it before",
                   o.span[0], o.span[1]);
+        return options_fail(&spec, &error);
+    }
+    if (o.output && plot_check_output(o.output, &error)) {
         return options_fail(&spec, &error);
     }
     code = plot_find_file(&o, &error);

@@ -6,16 +6,20 @@
 #include "app/cli/monitor.h"
 #include "app/cli/page.h"
 #include "app/cli/ready.h"
+#include "app/cli/recorded_run.h"
 #include "app/cli/rig_command.h"
 #include "app/cli/run_options.h"
 #include "app/cli/tables.h"
 #include "control/control.h"
 #include "base/journal.h"
+#include "sim/stimulus.h"
 #include "sim/summary.h"
 
 #include <inttypes.h>
 #include <signal.h>
 #include <unistd.h>
+
+static struct recorded_run recorded; /* of --stimulus */
 
 /* ---- the end of a run ---- */
 
@@ -126,6 +130,8 @@ static int run_finish(struct simulator *simulator, const struct control *control
         print_clients(control, page);
     }
     summary_print(&summary, stdout);
+    recorded_run_compare(&recorded, simulator_stats(simulator)->ticks,
+                         plant_hash(simulator_plant(simulator)), stdout);
     if (directory && summary_write(&summary, directory, &error)) {
         incomplete = command_fail("run", &error);
     }
@@ -396,11 +402,29 @@ static void print_settled(const struct simulator *simulator)
             settled->sideways, base);
 }
 
+/* Prints what of a recorded controller is not as it was recorded. */
+static void print_stimulus(const struct simulator *simulator)
+{
+    const struct stimulus *stimulus = simulator_stimulus(simulator);
+
+    if (!stimulus) {
+        return;
+    }
+    recorded_run_warn(&recorded, simulator_configuration(simulator)->stimulus, stderr);
+    if (stimulus->start_ns > 0) {
+        fprintf(stderr,
+                "stimulus: the times of the log are of the wall clock; the run starts at that of "
+                "its first frame, %" PRId64 ".%06" PRId64 "\n",
+                stimulus->start_ns / 1000000000, stimulus->start_ns % 1000000000 / 1000);
+    }
+}
+
 /* Prints what a person may want to know before the first tick. */
 static void print_start(const struct simulator *simulator, const char *host, const char *notice)
 {
     fprintf(stderr, "dynamics: %s\n", simulator_dynamics(simulator));
     print_settled(simulator);
+    print_stimulus(simulator);
     if (notice[0]) {
         fprintf(stderr, "%snotice: %s\n", journal_prefix(JOURNAL_NOTICE), notice);
     }
@@ -480,6 +504,15 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     }
     config.task_input = &input;
     config.gateway = joined ? &gateway : NULL;
+
+    /* A recording is played to its end, when its last ticks had no frame too */
+    recorded = (struct recorded_run){.ticks = 0};
+    if (config.stimulus) {
+        recorded_run_read(config.stimulus, &recorded);
+    }
+    if (!config.ticks && config.clock != LOOP_CLOCK_LOCKSTEP) {
+        config.ticks = recorded.ticks;
+    }
 
     /* Create the simulator, the socket that controls it and the page, then run */
     code = simulator_create(&config, arena, &simulator, notice, &error);

@@ -160,6 +160,12 @@ static enum error_code test_check_rig(struct scenario *scenario, struct error *e
     return code;
 }
 
+/* Returns the folder for recordings of failures. */
+static const char *test_output(const struct test_options *options)
+{
+    return options->output ? options->output : "test-results";
+}
+
 /* Adds the runs of a case: itself, recorded into a directory of its own, then each mutation,
  * unrecorded. */
 static void add_jobs(struct test_runs *plan, struct scenario *scenario, size_t number, size_t count,
@@ -174,8 +180,8 @@ static void add_jobs(struct test_runs *plan, struct scenario *scenario, size_t n
         job->seed_given = options->seed >= 0;
         job->seed = (uint64_t)options->seed;
         if (m < 0) {
-            used = snprintf(job->record, sizeof job->record, "%s/%s",
-                            options->output ? options->output : "test-results", scenario->name);
+            used = snprintf(job->record, sizeof job->record, "%s/%s", test_output(options),
+                            scenario->name);
             if (count > 1 && used > 0 && (size_t)used < sizeof job->record) {
                 snprintf(job->record + used, sizeof job->record - (size_t)used, "-%zu", number + 1);
             }
@@ -246,6 +252,7 @@ static enum error_code make_plan(struct test_runs *plan, const struct test_optio
         ncase += ncases[f];
         njob += ncases[f] * (1 + cases[f]->nmutation);
     }
+    folder_enclose(test_output(options), strlen(test_output(options)));
     code = test_check_names(cases, nfile, error);
     if (code) {
         return code;
@@ -337,19 +344,6 @@ static size_t test_parallel(const struct test_options *options)
     return options->jobs ? (size_t)options->jobs : processors > 0 ? (size_t)processors : 1;
 }
 
-/* Checks whether a file can be written, and leaves what is there as it is. */
-static enum error_code test_probe_file(const char *path, struct error *error)
-{
-    struct whole_file file;
-    struct error unused;
-    enum error_code code = whole_file_open(&file, path, error);
-
-    if (!code) {
-        whole_file_close(&file, ERROR_INPUT, &unused);
-    }
-    return code;
-}
-
 /* Makes all runs, prints and writes the results; returns the exit status. */
 static int run_plan(struct test_runs *plan, const struct test_options *options)
 {
@@ -365,7 +359,7 @@ static int run_plan(struct test_runs *plan, const struct test_options *options)
     struct error error;
 
     /* A file that cannot be written is refused before the runs, which may take long */
-    if (options->junit && test_probe_file(options->junit, &error)) {
+    if (options->junit && whole_file_probe(options->junit, &error)) {
         return command_fail("test", &error);
     }
 

@@ -3,12 +3,12 @@
 #include "app/cli/cmd_test_plan.h"
 
 #include "app/sweep/plan.h"
+#include "base/input_file.h"
 #include "base/options.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
 enum { LINES_MAX = 1000 }; /* in which a sweep names its scenarios */
 
@@ -18,10 +18,10 @@ enum { LINES_MAX = 1000 }; /* in which a sweep names its scenarios */
 const char *test_plan_describe(const char *path)
 {
     const char *wanted = NULL;
-    struct stat info;
-    FILE *file = !stat(path, &info) && S_ISREG(info.st_mode) ? fopen(path, "re") : NULL;
     char line[256];
+    FILE *file;
 
+    input_file_stream(path, &file, NULL);
     for (int i = 0; i < LINES_MAX && file && !wanted && fgets(line, sizeof line, file); i++) {
         if (i == 0 && !strncmp(line, "{\"plan\":", 8)) {
             wanted = "a plan: --case CASES runs cases of it, --merge writes their results";
@@ -63,10 +63,11 @@ static enum error_code test_read_range(const char *text, size_t range[2], struct
         range[i] = *at >= '1' && *at <= '9' ? strtoul(at, &end, 10) : 0;
         if (range[i] < 1 || range[i] > SWEEP_CASES_MAX || range[i] < range[0] ||
             (*end && (i || *end != '-'))) {
-            return error_set(error, ERROR_INPUT,
-                             "found cases %.40s, expected a number or two as 1-500, each from 1 to "
-                             "%d",
-                             text, SWEEP_CASES_MAX);
+            return error_set(
+                error, ERROR_INPUT,
+                "--case: found \"%.40s\", expected a number or two as 1-500, each from 1 to "
+                "%d",
+                text, SWEEP_CASES_MAX);
         }
         at = *end ? end + 1 : at; /* one number is both */
     }

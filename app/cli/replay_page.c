@@ -7,6 +7,7 @@
 #include "app/cli/ready.h"
 #include "app/cli/rig_command.h"
 #include "app/scenario/scenario.h"
+#include "base/input_file.h"
 #include "base/journal.h"
 #include "rt/recording/recorder.h"
 
@@ -75,7 +76,8 @@ static enum error_code replay_page_load_rig(const struct replay_page_options *op
                                             struct error *error)
 {
     char path[PATH_MAX];
-    json_t *summary;
+    json_t *summary = NULL;
+    FILE *in;
     const char *name, *file, *scenario;
     enum error_code code;
 
@@ -84,7 +86,10 @@ static enum error_code replay_page_load_rig(const struct replay_page_options *op
     }
     /* A summary that is missing leaves the names NULL */
     snprintf(path, sizeof path, "%s/" RECORDER_SUMMARY, options->directory);
-    summary = json_load_file(path, JSON_REJECT_DUPLICATES, NULL);
+    if (!input_file_stream(path, &in, NULL)) {
+        summary = json_loadf(in, JSON_REJECT_DUPLICATES, NULL);
+        fclose(in);
+    }
     name = json_string_value(json_object_get(summary, "rig"));
     file = json_string_value(json_object_get(summary, "rig_file"));
     scenario = json_string_value(json_object_get(summary, "scenario_file"));

@@ -5,9 +5,9 @@
 #include "base/count.h"
 #include "base/crc32.h"
 #include "base/csv.h"
+#include "base/input_file.h"
 #include "base/text.h"
 
-#include <errno.h>
 #include <float.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -308,42 +308,6 @@ enum error_code bench_of_own(const char *joint, struct arena *arena, struct benc
 
 /* ---- recordings ---- */
 
-/* Reads a whole file; *text ends in a zero byte and is the caller's to free. */
-static enum error_code read_whole(const char *path, char **text, size_t *size, struct error *error)
-{
-    FILE *file = fopen(path, "r");
-    enum error_code code = ERROR_NONE;
-
-    *text = NULL;
-    if (!file) {
-        return error_set_file(error, errno, path, "cannot be read");
-    }
-    for (size_t room = 1 << 16, used = 0; !code; room *= 2) {
-        char *more = room > RECORDING_BYTES_MAX ? NULL : realloc(*text, room);
-
-        if (!more) {
-            code = error_set(error, ERROR_MEMORY, "%.200s: found no memory for a file of this size",
-                             path);
-            break;
-        }
-        *text = more;
-        used += fread(more + used, 1, room - used - 1, file);
-        more[used] = '\0';
-        *size = used;
-        if (ferror(file)) {
-            code = error_set_file(error, errno, path, "cannot be read");
-        } else if (used < room - 1) {
-            break;
-        }
-    }
-    fclose(file);
-    if (code) {
-        free(*text);
-        *text = NULL;
-    }
-    return code;
-}
-
 /* Returns the number behind a word in the comments of a text, or 0. */
 static double find_gain(const char *text, size_t size, const char *word)
 {
@@ -397,10 +361,13 @@ static enum error_code find_columns(const struct bench_columns *columns, const s
         if (title[i] && column[i] < 0) {
             const char *near = text_nearest(title[i], csv->title, csv->ncolumn);
 
-            return error_set(error, ERROR_INPUT, "%s: found no column \"%.80s\"%s%.80s%s",
+            return error_set(error, ERROR_INPUT, "%s:1: found no column \"%.80s\"%s%.80s%s%s",
                              csv->path, title[i],
                              near ? ", expected it; the nearest is \"" : ", expected it",
-                             near ? near : "", near ? "\"" : "");
+                             near ? near : "", near ? "\"" : "",
+                             csv->ncolumn > 1 ? ""
+                                              : "; it was read as CSV, for a log of candump begins "
+                                                "with a time in parentheses");
         }
     }
     return ERROR_NONE;
@@ -485,7 +452,7 @@ enum error_code recording_read(const struct bench *bench, const char *path, cons
     const char *word = bench->columns.gain_word;
     char *text, sum[16];
     size_t size = 0;
-    enum error_code code = read_whole(path, &text, &size, error);
+    enum error_code code = input_file_load(path, RECORDING_BYTES_MAX, &text, &size, error);
 
     if (code) {
         return code;

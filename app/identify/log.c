@@ -3,6 +3,7 @@
 #include "app/identify/log.h"
 
 #include "base/count.h"
+#include "base/input_file.h"
 #include "canbus/candump.h"
 #include "rig/dbc.h"
 
@@ -27,8 +28,8 @@ struct log_source {
 
 bool recording_is_log(const char *path)
 {
-    FILE *file = fopen(path, "re");
-    int c = file ? getc(file) : EOF;
+    FILE *file;
+    int c = input_file_stream(path, &file, NULL) ? EOF : getc(file);
 
     while (c == ' ') {
         c = getc(file);

@@ -10,9 +10,10 @@
 #include "app/import/visuals.h"
 #include "app/import/write.h"
 #include "base/count.h"
+#include "base/whole_file.h"
 #include "rig/rig.h"
 
-#include <errno.h>
+#include <dirent.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -25,6 +26,9 @@
 /* Clearance between the ground and the lowest point of a robot that hangs by its base, m. */
 #define HANG_CLEARANCE_M 0.3
 
+/* Folders of an import: its own, robots, rigs, meshes, drives. */
+enum { IMPORT_FOLDERS = 5 };
+
 /* An import under way. */
 struct importer {
     const struct import_request *request;
@@ -34,7 +38,8 @@ struct importer {
     struct import_model model;
     struct import_robot robot;
     struct import_plan plan;
-    double supply_v; /* of the drives */
+    double supply_v;           /* of the drives */
+    bool made[IMPORT_FOLDERS]; /* folders that were not there */
 };
 
 /* ---- reading ---- */
@@ -118,15 +123,6 @@ static enum error_code import_read_files(struct importer *m)
 
 /* ---- folders ---- */
 
-/* Makes a folder unless it is there. */
-static enum error_code import_make_folder(const char *path, struct error *error)
-{
-    if (mkdir(path, 0777) && errno != EEXIST) {
-        return error_set_file(error, errno, path, "cannot be made");
-    }
-    return ERROR_NONE;
-}
-
 /* Writes the path FOLDER/before NAME after; an error when it is too long. 128 bytes stay free
  * for the names of meshes. */
 static enum error_code path_make(const struct importer *m, const char *before, const char *name,
@@ -155,46 +151,164 @@ static enum error_code import_name_files(struct importer *m)
     return path_make(m, "", name, "-import.txt", result->report);
 }
 
-/* Refuses to write over a robot or a rig, which may have been edited since. */
-static enum error_code import_check_folder(struct importer *m)
+/* Refuses a file that is there already. */
+static enum error_code import_check_new(const struct importer *m, const char *path)
 {
-    const char *const made[] = {m->result->rig, m->result->standing, m->result->robot};
     struct stat status;
 
-    for (size_t i = 0; i < ARRAY_COUNT(made) && !m->request->force; i++) {
-        if (!lstat(made[i], &status)) {
-            return error_set(m->error, ERROR_INPUT,
-                             "%.200s: found it there already, perhaps with changes of yours, "
-                             "expected no such file: give --force to write over what an import "
-                             "made, or another --output",
-                             made[i]);
+    return lstat(path, &status)
+               ? ERROR_NONE
+               : error_set(m->error, ERROR_INPUT,
+                           "%.200s: found it there already, perhaps with changes of yours, "
+                           "expected no such file: give --force to write over what an import "
+                           "made, or another --output",
+                           path);
+}
+
+/* Makes the path of a copy of the user's own drive file; *own = it is that file itself. */
+static enum error_code import_name_drive(const struct importer *m, size_t joint,
+                                         char path[PATH_MAX], bool *own)
+{
+    /* Named ../drives/NAME in the robot's file, whose folder need not be there yet */
+    const char *name = strrchr(m->robot.drive_file[joint], '/');
+    enum error_code code = path_make(m, "drives", name, "", path);
+    struct stat from, to;
+
+    *own = !code && !stat(m->robot.drive_copy[joint], &from) && !stat(path, &to) &&
+           from.st_dev == to.st_dev && from.st_ino == to.st_ino;
+    return code;
+}
+
+/* Checks whether a file in the folder meshes has a name that this import gives: BODY-shellN.obj or
+ * BODY-visualN.stl. */
+static bool import_owns_mesh(const struct importer *m, const char *name)
+{
+    static const char *const kind[][2] = {{"-shell", ".obj"}, {"-visual", ".stl"}};
+    const struct robot *robot = m->robot.robot;
+
+    for (size_t i = 0; i < robot->nbody * ARRAY_COUNT(kind); i++) {
+        const char *const *mark = kind[i % ARRAY_COUNT(kind)];
+        char begin[64];
+        int length = snprintf(begin, sizeof begin, "%.40s%s",
+                              robot->body[i / ARRAY_COUNT(kind)].name, mark[0]);
+        size_t digits =
+            strncmp(name, begin, (size_t)length) ? 0 : strspn(name + length, "0123456789");
+
+        if (digits > 0 && !strcmp(name + length + digits, mark[1])) {
+            return true;
         }
     }
+    return false;
+}
+
+/* Calls a function for each file in the folder meshes whose name this import gives, until one
+ * returns an error. */
+static enum error_code import_visit_meshes(const struct importer *m,
+                                           enum error_code (*visit)(const struct importer *m,
+                                                                    const char *path))
+{
+    char path[PATH_MAX];
+    enum error_code code = path_make(m, "meshes", "", "", path);
+    DIR *folder = code ? NULL : opendir(path);
+    const struct dirent *entry;
+
+    while (folder && !code && (entry = readdir(folder))) {
+        if (import_owns_mesh(m, entry->d_name)) {
+            code = path_make(m, "meshes/", entry->d_name, "", path);
+            code = code ? code : visit(m, path);
+        }
+    }
+    if (folder) {
+        closedir(folder);
+    }
+    return code;
+}
+
+/* Refuses to write over what may be the user's: robot, rigs, drives and meshes. */
+static enum error_code import_check_folder(const struct importer *m)
+{
+    const char *const made[] = {m->result->rig, m->result->standing, m->result->robot,
+                                m->result->report};
+    enum error_code code = ERROR_NONE;
+    char path[PATH_MAX];
+    bool own;
+
+    if (m->request->force) {
+        return ERROR_NONE;
+    }
+    for (size_t i = 0; i < ARRAY_COUNT(made) && !code; i++) {
+        code = import_check_new(m, made[i]);
+    }
+    for (size_t j = 0; j < m->robot.robot->njoint && !code; j++) {
+        if (m->robot.drive_copy[j]) {
+            code = import_name_drive(m, j, path, &own);
+            code = code || own ? code : import_check_new(m, path);
+        }
+    }
+    return code ? code : import_visit_meshes(m, import_check_new);
+}
+
+/* Removes a file of an import that failed. */
+static enum error_code import_remove_file(const struct importer *m, const char *path)
+{
+    (void)m;
+    unlink(path);
     return ERROR_NONE;
 }
 
 /* Removes the files of an import that failed; none of them was there before it began. */
-static void import_remove_files(const struct import_result *result)
+static void import_remove_files(const struct importer *m)
 {
+    const struct import_result *result = m->result;
+    char path[PATH_MAX];
+    bool own;
+
     unlink(result->robot);
     unlink(result->rig);
     if (result->standing[0]) {
         unlink(result->standing);
     }
+    for (size_t j = 0; j < m->robot.robot->njoint; j++) {
+        if (m->robot.drive_copy[j] && !import_name_drive(m, j, path, &own) && !own) {
+            unlink(path);
+        }
+    }
+    import_visit_meshes(m, import_remove_file);
 }
 
-/* Makes the output folder and the folders in it. */
+/* The output folder and the folders in it. */
+static const char *const import_folder[] = {"", "/robots", "/rigs", "/meshes", "/drives"};
+
+/* Makes the output folder and the folders in it, that of drives only for one; made says which were
+ * not there. */
 static enum error_code import_make_folders(struct importer *m)
 {
-    static const char *const below[] = {"robots", "rigs", "meshes"};
     char path[PATH_MAX];
-    enum error_code code = import_make_folder(m->request->folder, m->error);
+    enum error_code code = ERROR_NONE;
+    bool drives = false;
 
-    for (size_t i = 0; i < ARRAY_COUNT(below) && !code; i++) {
-        code = path_make(m, below[i], "", "", path);
-        code = code ? code : import_make_folder(path, m->error);
+    folder_enclose(m->request->folder, strlen(m->request->folder));
+    for (size_t j = 0; j < m->robot.robot->njoint; j++) {
+        drives = drives || m->robot.drive_copy[j];
+    }
+    for (size_t i = 0; i < (size_t)IMPORT_FOLDERS - !drives && !code; i++) {
+        snprintf(path, sizeof path, "%s%s", m->request->folder, import_folder[i]);
+        code = folder_make(path, &m->made[i], m->error);
     }
     return code;
+}
+
+/* Removes the folders that were made and are empty, from the bottom up. */
+static void import_remove_folders(const struct importer *m)
+{
+    char path[PATH_MAX];
+
+    for (size_t i = IMPORT_FOLDERS; i-- > 0;) {
+        snprintf(path, sizeof path, "%s%s", m->request->folder, import_folder[i]);
+        if (m->made[i]) {
+            rmdir(path);
+        }
+    }
 }
 
 /* ---- the bench ---- */
@@ -287,8 +401,11 @@ static enum error_code import_write_bench(struct importer *m)
     rig.gains = gains;
     /* Gains depend on the pose, and whether the robot stands in it; each file is read back at
      * once */
-    if ((code = import_plan_buses(rig.robot, &m->request->boards, &m->plan, m->error)) ||
-        (code = import_choose_poses(m, &rig)) ||
+    code = import_plan_buses(rig.robot, &m->request->boards, &m->plan, m->error);
+    if (code) {
+        return error_prefix(m->error, "%.200s", m->model.file);
+    }
+    if ((code = import_choose_poses(m, &rig)) ||
         (code = import_find_gains(rig.robot,
                                   rig.robot->pose[robot_find_pose(rig.robot, rig.pose)].joint,
                                   rig.standing != NULL, m->arena, gains, m->error)) ||
@@ -313,13 +430,12 @@ static enum error_code import_copy_drives(struct importer *m)
     const struct import_robot *from = &m->robot;
     enum error_code code = ERROR_NONE;
     char path[PATH_MAX];
+    bool own;
 
     for (size_t j = 0; j < from->robot->njoint && !code; j++) {
         if (from->drive_copy[j]) {
-            code = path_make(m, "drives", "", "", path);
-            code = code ? code : import_make_folder(path, m->error);
-            code = code ? code : path_make(m, "robots/", from->drive_file[j], "", path);
-            code = code ? code : import_copy_drive(from->drive_copy[j], path, m->error);
+            code = import_name_drive(m, j, path, &own);
+            code = code || own ? code : import_copy_drive(from->drive_copy[j], path, m->error);
         }
     }
     return code;
@@ -367,13 +483,15 @@ enum error_code import_run(const struct import_request *request, struct arena *a
         (code = import_make_robot(&m.model, &request->options, arena, &result->notes, &m.robot,
                                   &m.supply_v, error)) ||
         (code = import_check_shapes(&m.robot, &request->packages, error)) ||
-        (code = import_name_files(&m)) || (code = import_check_folder(&m)) ||
-        (code = import_make_folders(&m))) {
+        (code = import_name_files(&m)) || (code = import_check_folder(&m))) {
         return code;
     }
-    code = import_write_files(&m);
-    if (code && !request->force) {
-        import_remove_files(result);
+    code = import_make_folders(&m);
+    if (!code && (code = import_write_files(&m)) && !request->force) {
+        import_remove_files(&m);
+    }
+    if (code) {
+        import_remove_folders(&m);
     }
     return code;
 }

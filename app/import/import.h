@@ -19,7 +19,7 @@ struct import_request {
     const char *folder;      /* output folder, made when it is missing; its parent must exist */
     const char *pose;        /* name of the pose to start in; NULL: the import chooses */
     struct import_boards boards;
-    bool force; /* overwrite the robot and the rigs of an earlier import */
+    bool force; /* overwrite the files of an earlier import */
     struct import_options options;
     struct import_packages packages;
 };

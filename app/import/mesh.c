@@ -3,18 +3,17 @@
 #include "app/import/mesh_private.h"
 
 #include "app/import/path.h"
+#include "base/input_file.h"
 #include "base/vec3.h"
 #include "base/whole_file.h"
 
 #include <errno.h>
-#include <fcntl.h>
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 /* ---- where a mesh is ---- */
 
@@ -178,56 +177,12 @@ enum error_code import_find_mesh(const struct import_model *model,
 
 /* ---- reading and writing ---- */
 
-enum error_code mesh_read_file(const char *path, size_t most, char **out, size_t *size,
-                               struct error *error)
-{
-    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-    struct stat status;
-    enum error_code code = ERROR_NONE;
-    ssize_t got = 1;
-    char *text = NULL;
-
-    *size = 0;
-    if (fd < 0 || fstat(fd, &status)) {
-        code = error_set_file(error, errno, path, "cannot be read");
-        goto done;
-    }
-    /* Sizes are checked before any memory is taken: the file is not trusted */
-    if (!S_ISREG(status.st_mode) || (size_t)status.st_size > most) {
-        code = error_set(error, ERROR_INPUT, "%.200s: found %s, expected at most %zu bytes", path,
-                         S_ISREG(status.st_mode) ? "more" : "no regular file", most);
-        goto done;
-    }
-    text = malloc((size_t)status.st_size + 1);
-    if (!text) {
-        code = error_set(error, ERROR_MEMORY, "%.200s: no memory to read it", path);
-        goto done;
-    }
-    while (got > 0 && *size < (size_t)status.st_size) {
-        got = read(fd, text + *size, (size_t)status.st_size - *size);
-        *size += got > 0 ? (size_t)got : 0;
-    }
-    /* A file that has become shorter, or cannot be read to its end, is none */
-    if (*size < (size_t)status.st_size) {
-        free(text);
-        code = error_set_file(error, got < 0 ? errno : EIO, path, "cannot be read");
-        goto done;
-    }
-    *out = text;
-
-done:
-    if (fd >= 0) {
-        close(fd);
-    }
-    return code;
-}
-
 enum error_code import_read_mesh(const char *path, const double scale[3], struct arena *arena,
                                  struct import_mesh *mesh, struct error *error)
 {
     char *text;
     size_t size;
-    enum error_code code = mesh_read_file(path, IMPORT_MESH_BYTES_MAX, &text, &size, error);
+    enum error_code code = input_file_load(path, IMPORT_MESH_BYTES_MAX, &text, &size, error);
 
     if (code) {
         return code;

@@ -2,6 +2,7 @@
 /* Colors of meshes: the table of a mesh's colors, and the materials of an OBJ (MTL files). */
 #include "app/import/mesh_private.h"
 
+#include "base/input_file.h"
 #include "base/text.h"
 
 #include <limits.h>
@@ -140,7 +141,7 @@ void mesh_read_library(struct mesh_reader *r)
     snprintf(path, sizeof path, "%.*s%s", slash ? (int)(slash - r->name) + 1 : 0, r->name, word);
     if (word[0] == '/' || strstr(word, "..")) {
         mesh_remark(r, "its materials", word, ": expected a file beside it");
-    } else if (mesh_read_file(path, MTL_BYTES_MAX, &text, &size, &why)) {
+    } else if (input_file_load(path, MTL_BYTES_MAX, &text, &size, &why)) {
         mesh_remark(r, "its materials", word, ", which cannot be read");
     } else {
         mtl_read(r, text, size);

@@ -54,13 +54,6 @@ enum error_code mesh_parse(const char *name, bool is_file, const char *text, siz
 bool mesh_next_word(struct mesh_reader *r, char word[MESH_WORD_MAX]);
 void mesh_skip_line(struct mesh_reader *r);
 
-/* ---- mesh.c ---- */
-
-/* Reads a whole regular file of at most that many bytes into memory of the heap, which the
- * caller frees. */
-enum error_code mesh_read_file(const char *path, size_t most, char **text, size_t *size,
-                               struct error *error);
-
 /* ---- mesh_materials.c ---- */
 
 /* Returns the index of a color in the mesh's table, which it is added to while there is room;

@@ -173,9 +173,8 @@ enum error_code import_plan_buses(const struct robot *robot, const struct import
     code = code ? code : plan_add_joints(robot, VALVES_MOST, true, plan, error);
     if (!code && plan->nbus == 0) {
         return error_set(error, ERROR_INPUT,
-                         "%.200s: found no joint that a drive can turn, expected one: all of its "
-                         "joints are fixed, or slide",
-                         robot->file);
+                         "found no joint that a drive can turn, expected one: all of its joints "
+                         "are fixed, or slide");
     }
     return code ? code : plan_add_sensors(robot, plan, error);
 }

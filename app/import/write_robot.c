@@ -3,6 +3,7 @@
 #include "app/import/write.h"
 
 #include "base/count.h"
+#include "base/input_file.h"
 #include "base/whole_file.h"
 
 #include <errno.h>
@@ -374,14 +375,14 @@ enum error_code import_write_robot(const struct import_robot *from, const char *
 
 enum error_code import_copy_drive(const char *from, const char *path, struct error *error)
 {
-    FILE *in = fopen(from, "re");
+    FILE *in;
     struct whole_file file;
-    enum error_code code;
+    enum error_code code = input_file_stream(from, &in, error);
     char block[4096];
     size_t size;
 
-    if (!in) {
-        return error_set_file(error, errno, from, "cannot be opened");
+    if (code) {
+        return code;
     }
     code = whole_file_open(&file, path, error);
     if (!code) {

@@ -3,19 +3,16 @@
 #include "app/import/xml.h"
 
 #include "app/import/model.h"
+#include "base/input_file.h"
 #include "base/text.h"
 
 #include <dlfcn.h>
-#include <errno.h>
-#include <fcntl.h>
 #include <libxml/parser.h>
 #include <libxml/parserInternals.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 /* Characters of one number, at most; characters of a value shown in a message. */
 enum { NUMBER_MAX = 64, SHOWN_MAX = 48 };
@@ -225,56 +222,12 @@ enum error_code xml_text_open(struct xml_file *file, const char *name, const cha
     return code;
 }
 
-/* Reads all bytes of a regular file of bounded size into the heap; the caller frees *text, after
- * errors too. */
-static enum error_code xml_load_file(const char *path, char **text, size_t *size,
-                                     struct error *error)
-{
-    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-    struct stat status;
-    enum error_code code = ERROR_NONE;
-    ssize_t got;
-
-    *text = NULL;
-    *size = 0;
-    if (fd < 0 || fstat(fd, &status)) {
-        code = error_set_file(error, errno, path, "cannot be read");
-        goto done;
-    }
-
-    /* The size is checked before memory is taken: the file is not trusted */
-    if (!S_ISREG(status.st_mode) || status.st_size > XML_FILE_MAX) {
-        code = error_set(error, ERROR_INPUT, "%.200s: found %s, expected at most %d bytes", path,
-                         S_ISREG(status.st_mode) ? "more" : "no regular file", XML_FILE_MAX);
-        goto done;
-    }
-    *text = malloc((size_t)status.st_size + 1);
-    if (!*text) {
-        code = error_set(error, ERROR_MEMORY, "%.200s: no memory to read it", path);
-        goto done;
-    }
-    while (*size < (size_t)status.st_size) {
-        got = read(fd, *text + *size, (size_t)status.st_size - *size);
-        if (got <= 0) {
-            code = error_set_file(error, got < 0 ? errno : EIO, path, "cannot be read");
-            goto done;
-        }
-        *size += (size_t)got;
-    }
-
-done:
-    if (fd >= 0) {
-        close(fd);
-    }
-    return code;
-}
-
 enum error_code xml_file_open(struct xml_file *file, const char *path, struct arena *arena,
                               struct error *error)
 {
     char *text, *name = arena_strdup(arena, path);
     size_t size;
-    enum error_code code = xml_load_file(path, &text, &size, error);
+    enum error_code code = input_file_load(path, XML_FILE_MAX, &text, &size, error);
 
     *file = (struct xml_file){0};
     if (!code) {

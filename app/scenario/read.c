@@ -2,14 +2,17 @@
 /* Reads scenarios: the parameters first, then the document once for each of their combinations. */
 #include "app/scenario/private.h"
 
+#include "base/config.h"
 #include "base/count.h"
 #include "base/hash.h"
+#include "base/input_file.h"
 #include "base/text.h"
 
-#include <errno.h>
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #define AT(member) offsetof(struct STRUCT, member)
 
@@ -401,9 +404,19 @@ static enum error_code extend_rig(struct scenario *scenario, size_t key_at, stru
 enum error_code scenario_load_rig(const struct scenario *scenario, struct arena *arena,
                                   const struct rig **rig, struct error *error)
 {
-    return scenario->changes ? rig_load_text(scenario->file, scenario->changes,
-                                             scenario->changes_size, arena, rig, error)
-                             : rig_load(scenario->rig_path, arena, rig, error);
+    const struct yaml_mark *mark = &scenario->rig_mark;
+    char found[PATH_MAX];
+    enum error_code code = scenario->changes
+                               ? rig_load_text(scenario->file, scenario->changes,
+                                               scenario->changes_size, arena, rig, error)
+                               : rig_load(scenario->rig_path, arena, rig, error);
+
+    /* A rig that is not there is a mistake of the scenario */
+    if (code && !scenario->changes &&
+        (config_locate(CONFIG_RIG, scenario->rig_path, found, NULL) || access(found, R_OK))) {
+        error_prefix(error, "%s:%d:%d", mark->file, mark->line, mark->column);
+    }
+    return code;
 }
 
 /* ---- the file ---- */
@@ -479,29 +492,11 @@ enum error_code scenario_read_with(const char *path, const struct scenario_value
                                    size_t *count, struct error *error)
 {
     struct parameters instead = {.given = given, .ngiven = ngiven};
-    char *text = malloc(EXPANDED_MAX);
-    FILE *in = text ? fopen(path, "rb") : NULL;
-    enum error_code code = ERROR_NONE;
+    char *text;
     size_t size;
+    enum error_code code = input_file_load(path, EXPANDED_MAX - 1, &text, &size, error);
 
-    if (!in) {
-        code = text ? error_set_file(error, errno, path, "cannot be read")
-                    : error_set(error, ERROR_MEMORY, "no memory left for scenario %s", path);
-        free(text);
-        return code;
-    }
-
-    /* A file that fills the buffer may be longer, and is refused */
-    size = fread(text, 1, EXPANDED_MAX, in);
-    if (ferror(in)) {
-        code = error_set_file(error, errno, path, "cannot be read");
-    } else if (size == EXPANDED_MAX) {
-        code = error_set(error, ERROR_INPUT, "%s: found %d bytes or more, expected fewer", path,
-                         EXPANDED_MAX);
-    } else {
-        code = read_text(path, text, size, &instead, arena, cases, count, error);
-    }
-    fclose(in);
+    code = code ? code : read_text(path, text, size, &instead, arena, cases, count, error);
     free(text);
     return code;
 }

@@ -3,6 +3,7 @@
 #include "app/sweep/plan.h"
 
 #include "base/hash.h"
+#include "base/input_file.h"
 #include "base/whole_file.h"
 #include "contact/mesh/solid_store.h"
 
@@ -19,7 +20,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-enum { BATCH = 64 }; /* cases that are read and started together */
+enum {
+    BATCH = 64, /* cases that are read and started together */
+    RESULT_BYTES_MAX = 1 << 20,
+};
 
 /* Address space for what a batch reads, and for a rig, bytes; pages cost nothing until they are
  * touched. */
@@ -88,10 +92,24 @@ static void plan_result_path(const struct plan *plan, size_t number, char path[P
     snprintf(path, PATH_MAX, "%.4000s.results/%zu.json", plan->path, number);
 }
 
+/* Loads a file of JSON; NULL when it cannot be read or is none. */
+static json_t *result_load(const char *path)
+{
+    char *text;
+    size_t size;
+    json_t *file = NULL;
+
+    if (!input_file_load(path, RESULT_BYTES_MAX, &text, &size, NULL)) {
+        file = json_loadb(text, size, JSON_REJECT_DUPLICATES, NULL);
+        free(text);
+    }
+    return file;
+}
+
 enum error_code plan_read_result(const char *path, struct arena *arena, struct plan_result *result,
                                  struct error *error)
 {
-    json_t *file = json_load_file(path, JSON_REJECT_DUPLICATES, NULL), *margin = NULL;
+    json_t *file = result_load(path), *margin = NULL;
     const json_t *version = json_object_get(file, "format_version");
     bool newer = json_integer_value(version) > PLAN_FORMAT_VERSION;
     const char *plan, *hash, *binary, *status, *state, *message;
@@ -255,8 +273,9 @@ static enum error_code plan_check_result(const struct plan *plan, const struct p
     plan_find_binary(binary);
     if (strcmp(result->plan, plan->id) != 0 || result->number != one->number) {
         return error_set(error, ERROR_INPUT,
-                         "%.200s: found case %zu of plan %s, expected case %zu of plan %s", path,
-                         result->number, result->plan, one->number, plan->id);
+                         "%.200s: found case %zu of plan %s, expected case %zu of plan %s: remove "
+                         "%.200s.results or give the plan another name",
+                         path, result->number, result->plan, one->number, plan->id, plan->path);
     }
     if (strcmp(result->binary, binary) != 0) {
         return error_set(error, ERROR_INPUT,
@@ -454,10 +473,14 @@ static enum error_code plan_run_batch(struct plan_batch *batch, const struct pla
 enum error_code plan_run_cases(const struct plan *plan, const struct plan_run_options *options,
                                struct error *error)
 {
+    const char *slash;
     char path[PATH_MAX];
     enum error_code code = solid_store_open(error);
 
+    /* The folder of results is not given but named after the plan: it is no link */
     plan_results_folder(plan, path);
+    slash = strrchr(path, '/');
+    folder_enclose(path, slash ? (size_t)(slash - path) + 1 : 0);
     code = code ? code : folder_make(path, NULL, error);
     for (size_t from = 0; !code && from < plan->nlist; from += BATCH) {
         struct arena arena;

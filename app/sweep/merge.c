@@ -24,7 +24,8 @@ static enum error_code merge_check(const struct plan *plan, const struct plan_re
                                    const struct plan_result **first, struct error *error)
 {
     if (strcmp(one->plan, plan->id) != 0) {
-        return error_set(error, ERROR_INPUT, "%.200s: found a result of plan %s, expected %s", path,
+        return error_set(error, ERROR_INPUT,
+                         "%.200s: found a result of plan %s, expected %s: remove the file", path,
                          one->plan, plan->id);
     }
     if (one->number > plan->ncase || strcmp(one->hash, plan->list[one->number - 1].hash) != 0) {

@@ -4,9 +4,11 @@
 
 #include "base/config.h"
 #include "base/hash.h"
+#include "base/input_file.h"
 #include "base/memory_file.h"
 #include "base/whole_file.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <inttypes.h>
 #include <jansson.h>
@@ -274,25 +276,54 @@ static enum error_code plan_put_all(struct planner *planner, struct arena *arena
     return code;
 }
 
+/* Refuses a plan's name that has results of another plan, by the first result that can be read. */
+static enum error_code plan_check_old_results(const char *path, const char *id, struct arena *arena,
+                                              struct error *error)
+{
+    char folder[PATH_MAX], file[PATH_MAX + 300];
+    struct plan_result result = {.plan = ""};
+    const struct dirent *entry;
+    DIR *directory;
+
+    plan_results_folder(&(struct plan){.path = path}, folder);
+    directory = opendir(folder);
+    while (directory && !*result.plan && (entry = readdir(directory))) {
+        snprintf(file, sizeof file, "%s/%s", folder, entry->d_name);
+        if (*entry->d_name != '.' && plan_read_result(file, arena, &result, NULL)) {
+            *result.plan = '\0';
+        }
+    }
+    if (directory) {
+        closedir(directory);
+    }
+    return !*result.plan || !strcmp(result.plan, id)
+               ? ERROR_NONE
+               : error_set(error, ERROR_INPUT,
+                           "%.200s: found results of plan %s, this is %s: remove the folder or "
+                           "give the plan another name",
+                           folder, result.plan, id);
+}
+
 /* Writes the plan's file: the head, with a hash of everything as its id, then the lines. */
 static enum error_code plan_save(const struct planner *planner, const char *path, const char *lines,
-                                 struct error *error)
+                                 struct arena *arena, struct error *error)
 {
     const struct sweep *sweep = planner->sweep;
     struct whole_file file;
     uint64_t sum = hash_bytes(HASH_START, lines, strlen(lines));
     char id[PLAN_HASH];
     json_t *head;
-    enum error_code code = whole_file_open(&file, path, error);
-
-    if (code) {
-        return code;
-    }
+    enum error_code code;
 
     /* The id stands for the lines, the name and the program */
     sum = hash_bytes(sum, sweep->name, strlen(sweep->name));
     sum = sweep->program ? hash_bytes(sum, sweep->program, strlen(sweep->program)) : sum;
     snprintf(id, sizeof id, "%016" PRIx64, sum);
+    code = plan_check_old_results(path, id, arena, error);
+    code = code ? code : whole_file_open(&file, path, error);
+    if (code) {
+        return code;
+    }
     head = json_pack("{s:i, s:s, s:s, s:I, s:s, s:s}", "plan", PLAN_FORMAT_VERSION, "name",
                      sweep->name, "description", sweep->description ? sweep->description : "",
                      "cases", (json_int_t)planner->ncase, "program",
@@ -356,7 +387,7 @@ enum error_code plan_write(const char *path_of_sweep, const char *path, size_t *
     } else {
         code = memory_file_close(planner.lines, &lines, "a plan", error);
     }
-    code = code ? code : plan_save(&planner, path, lines.text, error);
+    code = code ? code : plan_save(&planner, path, lines.text, &arena, error);
     *ncase = planner.ncase;
 done:
     free(lines.text);
@@ -478,13 +509,13 @@ enum error_code plan_read(const char *path, size_t first, size_t last, struct ar
                           struct plan *plan, struct error *error)
 {
     char *line = malloc(LINE_MAX_BYTES);
-    FILE *in = fopen(path, "r");
-    enum error_code code = ERROR_NONE;
+    FILE *in;
+    enum error_code code = input_file_stream(path, &in, error);
     bool newer = false;
 
     *plan = (struct plan){.path = path};
-    if (!in || !line) {
-        code = in ? plan_no_memory(error) : error_set_file(error, errno, path, "cannot be read");
+    if (code || !line) {
+        code = code ? code : plan_no_memory(error);
         goto done;
     }
     if (!fgets(line, LINE_MAX_BYTES, in) || !plan_take_head(line, arena, plan, &newer)) {

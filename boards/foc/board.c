@@ -86,7 +86,7 @@ static void foc_board_sample(struct board *board, const struct plant_sensors *se
     const struct board_axis_config *axis = &board->config.axis[0];
     int64_t now_ms = board->boards->now_ns / MS, ms = now_ms - foc->sampled_ms;
     const struct motor_sense *sense;
-    int32_t raw, position, turn;
+    int32_t raw, position = 0, turn = 0;
 
     foc->supply_v = board_supply_v(sensors);
     if (axis->joint < 0) {

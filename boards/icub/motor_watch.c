@@ -2,8 +2,6 @@
 /* Watches faults of a motor board's hardware, its limits and its time-outs. */
 #include "boards/icub/motor_private.h"
 
-#include <math.h>
-
 enum { OVERLOAD_MS = 10 }; /* budget of over-current, see motor_board.c */
 
 /* Updates the I2t overload of an axis; returns whether it trips. */
@@ -20,7 +18,7 @@ static bool motor_axis_is_over_current(const struct board *board, struct motor_a
         return axis->current_a != 0.0;
     }
     axis->overload += (axis->current_a * axis->current_a / (limit * limit) - 1.0) * tick_ms;
-    axis->overload = fmax(axis->overload, 0.0);
+    axis->overload = axis->overload > 0.0 ? axis->overload : 0.0;
     return axis->overload > OVERLOAD_MS;
 }
 

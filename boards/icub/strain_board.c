@@ -172,7 +172,7 @@ static void strain_board_convert(struct board *board, int channel, double value,
     }
     strain->adc[channel] = (int32_t)raw - ICUB_STRAIN_ZERO;
     strain->saturated[channel] = strain_board_saturation(raw);
-    if (strain->saturated[channel] == SATURATED_NOT &&
+    if (peak != value && strain->saturated[channel] == SATURATED_NOT &&
         strain_board_read_raw(board, channel, peak, &raw)) {
         strain->saturated[channel] = strain_board_saturation(raw);
     }

@@ -4,15 +4,12 @@
  * text is walked in place (obj_text.c): no line buffer to overflow, no limit to a line.
  */
 #include "base/count.h"
+#include "base/input_file.h"
 #include "contact/mesh/obj_private.h"
 
-#include <errno.h>
-#include <fcntl.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 /* Reads the statement at the current place, up to the end of its line: a vertex, a face, or one
  * that is ignored; any other is ERROR_INPUT. */
@@ -182,65 +179,14 @@ enum error_code mesh_read_obj_text(const char *name, const char *text, size_t si
     return code;
 }
 
-/* Reads all of a regular file; the caller frees *text, also after an error. */
-static enum error_code obj_read_bytes(const char *path, int fd, char **text, size_t *size,
-                                      struct error *error)
-{
-    struct stat about;
-
-    /* Its size, if it has one */
-    if (fstat(fd, &about) != 0) {
-        return error_set_file(error, errno, path, "cannot be examined");
-    }
-    if (!S_ISREG(about.st_mode)) {
-        return error_set(error, ERROR_INPUT, "%s: found something else, expected a regular file",
-                         path);
-    }
-    if ((uintmax_t)about.st_size > MESH_MAX_FILE_BYTES) {
-        return error_set(error, ERROR_INPUT, "%s: found %jd bytes, expected at most %zu", path,
-                         (intmax_t)about.st_size, MESH_MAX_FILE_BYTES);
-    }
-    *text = malloc((size_t)about.st_size + 1);
-    if (!*text) {
-        return error_set(error, ERROR_MEMORY, "%s: no memory for its %jd bytes", path,
-                         (intmax_t)about.st_size);
-    }
-
-    /* Its bytes, or fewer when it becomes shorter meanwhile */
-    while (*size < (size_t)about.st_size) {
-        ssize_t got = read(fd, *text + *size, (size_t)about.st_size - *size);
-
-        if (got < 0 && errno == EINTR) {
-            continue;
-        }
-        if (got < 0) {
-            return error_set_errno(error, errno, "%s: cannot be read", path);
-        }
-        if (got == 0) {
-            break;
-        }
-        *size += (size_t)got;
-    }
-    return ERROR_NONE;
-}
-
 enum error_code mesh_read_obj(const char *path, struct arena *arena, const struct mesh **mesh,
                               struct error *error)
 {
-    /* O_NONBLOCK: a FIFO without a writer must not block the open */
-    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-    char *text = NULL;
-    size_t size = 0;
-    enum error_code code;
+    char *text;
+    size_t size;
+    enum error_code code = input_file_load(path, MESH_MAX_FILE_BYTES, &text, &size, error);
 
-    if (fd < 0) {
-        return error_set_file(error, errno, path, "cannot be opened");
-    }
-    code = obj_read_bytes(path, fd, &text, &size, error);
-    if (code == ERROR_NONE) {
-        code = mesh_read_obj_text(path, text, size, arena, mesh, error);
-    }
+    code = code ? code : mesh_read_obj_text(path, text, size, arena, mesh, error);
     free(text);
-    close(fd);
     return code;
 }

@@ -73,7 +73,7 @@ static double surface_nominal_area(const struct contact_surface *given,
 
     switch (given->shape) {
     case CONTACT_HALF_SPACE:
-        return INFINITY;
+        return (double)INFINITY;
     case CONTACT_SPHERE:
     case CONTACT_CAPSULE:
         width = given->radius_m * sqrt(8 * NOMINAL_DEPTH);

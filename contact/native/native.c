@@ -6,6 +6,7 @@
  */
 #include "contact/native/private.h"
 #include "base/vec3.h"
+#include "contact/lanes.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -336,6 +337,33 @@ static enum error_code bristles_check(struct native_engine *e,
     return ERROR_NONE;
 }
 
+#define MOTION_SQUARES 1e18 /* of contact_check_motions' limit */
+
+/* Checks that all motions are numbers of a moderate size, by the sum of their squares; only where
+ * it is not small each is looked at, to name the one that is wrong. That R is a rotation is left to
+ * the caller, who made it. */
+static enum error_code motions_check(struct native_engine *e, const struct body_motion *motion)
+{
+    const double *x = (const double *)motion;
+    const size_t n = e->nbody * (sizeof *motion / sizeof *x);
+    lanes sum = {0};
+    double rest = 0;
+    size_t i = 0;
+
+    for (; i + LANES <= n; i += LANES) {
+        lanes some = lanes_load_any(x + i);
+
+        sum += some * some;
+    }
+    for (; i < n; ++i) {
+        rest += x[i] * x[i];
+    }
+    if (lanes_sum(sum) + rest <= MOTION_SQUARES) {
+        return ERROR_NONE;
+    }
+    return contact_check_motions(motion, e->nbody, e->failure, sizeof e->failure);
+}
+
 /* Evaluates contact and friction of all near pairs: struct contact_ops. */
 static enum error_code native_evaluate(struct contact_world *world,
                                        const struct body_motion *motion,
@@ -343,8 +371,7 @@ static enum error_code native_evaluate(struct contact_world *world,
                                        struct contact_wrench *wrench)
 {
     struct native_engine *e = (struct native_engine *)world;
-
-    enum error_code code = contact_check_motions(motion, e->nbody, e->failure, sizeof e->failure);
+    enum error_code code = motions_check(e, motion);
 
     code = code ? code : bristles_check(e, bristles);
     if (code != ERROR_NONE) {

@@ -305,7 +305,7 @@ static double grip_find_demand(const struct springs *s, const struct native_grip
     if (grip->inverse_pressure_radius > 0) {
         square += moment * moment * grip->inverse_pressure_radius * grip->inverse_pressure_radius;
     } else if (e[BRISTLE_TWIST] != 0) {
-        return INFINITY;
+        return (double)INFINITY;
     }
     return sqrt(square) / (limit + DBL_MIN);
 }

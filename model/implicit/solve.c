@@ -181,7 +181,7 @@ void implicit_contact_accelerations(struct plant *plant, const double *a, struct
     const struct dynamics *dynamics = plant->config.dynamics;
     size_t nbody = plant->config.robot->nbody, nv = plant->config.robot->nv;
 
-    dynamics->ops->kinematics(dynamics, plant->q, a, im->motion);
+    dynamics->ops->velocities(dynamics, plant->q, a, im->motion);
     for (size_t t = 0; t < im->ntouched; t++) {
         int c = im->touched[t];
         size_t body = (size_t)plant->config.contact_body[c];

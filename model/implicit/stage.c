@@ -192,9 +192,9 @@ static void raise_jump_at_joints(struct plant *plant)
     }
     for (size_t j = 0; j < robot->njoint; j++) {
         const double lever = robot->joint[j].type == JOINT_REVOLUTE ? STRIKE_LEVER : 1.0;
+        const double jump = lever * im->stage_h * fabs(im->a[first + j] - im->a_point[first + j]);
 
-        im->jump =
-            fmax(im->jump, lever * im->stage_h * fabs(im->a[first + j] - im->a_point[first + j]));
+        im->jump = jump > im->jump ? jump : im->jump;
     }
 }
 

@@ -13,6 +13,7 @@ static void derive_equations(struct derive *d)
         derive_inverse(d);
         break;
     case DERIVE_KINEMATICS:
+    case DERIVE_VELOCITIES:
     case DERIVE_ACCELERATION:
         derive_motion(d);
         break;
@@ -36,9 +37,9 @@ enum error_code derive(enum derive_function function, const struct tree *tree, b
     enum error_code code = ERROR_NONE;
     int observed = 0;
 
-    /* At most 18 outputs a body: its motion */
+    /* At most 27 outputs a body: its motion, and 9 of its pose */
     memset(out, 0, sizeof *out);
-    out->output = calloc(18 * tree->nbody + 12, sizeof *out->output);
+    out->output = calloc(27 * tree->nbody + 12, sizeof *out->output);
     d.state = calloc(tree->ngroup, sizeof *d.state);
     d.observed = calloc(tree->nbody, sizeof *d.observed);
     if (!out->output || !d.state || !d.observed) {

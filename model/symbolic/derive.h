@@ -16,7 +16,8 @@ enum derive_function {
     DERIVE_IMPLICIT,     /* the same with added joint and body inertias */
     DERIVE_INVERSE,      /* generalized forces from q, v, vdot with external wrenches */
     DERIVE_KINEMATICS,   /* struct body_motion of the observed bodies */
-    DERIVE_ACCELERATION, /* struct body_acceleration of the observed bodies */
+    DERIVE_VELOCITIES,   /* w and v of it, in the pose that kinematics has kept */
+    DERIVE_ACCELERATION, /* struct body_acceleration of the observed bodies, likewise */
     DERIVE_ENERGY,       /* kinetic, potential */
     DERIVE_COUNT
 };
@@ -31,18 +32,21 @@ enum derive_array {
     DERIVE_EXT,   /* struct wrench of each body */
     DERIVE_EXTRA, /* added inertia of each joint */
     DERIVE_ADDED, /* 21 numbers for each observed body, see model/symbolic/module.h */
+    DERIVE_POSE,  /* what kinematics keeps of a pose */
     DERIVE_ARRAYS
 };
 
-/* out[index] = value, a one-lane expression. */
+/* out[index] = value, a one-lane expression; or pose[index] and what follows, its lanes. */
 struct derive_output {
     int index;
     expr value;
+    bool pose;
 };
 
 struct derivation {
     size_t count;
     struct derive_output *output;
+    int npose; /* numbers of a pose */
 };
 
 /* Derives one function into graph; with inertia_inputs mass properties are inputs, else the tree's

@@ -271,7 +271,7 @@ void derive_rotate(struct derive *d, expr R[3][3], const expr x[3], expr y[3])
 
 void derive_put(struct derive *d, int index, expr value)
 {
-    d->out->output[d->out->count++] = (struct derive_output){index, value};
+    d->out->output[d->out->count++] = (struct derive_output){index, value, false};
 }
 
 void derive_put_joint(struct derive *d, size_t group, expr value)

@@ -2,9 +2,65 @@
 /* Expressions of kinematics, accelerations and energy in the world frame. */
 #include "model/symbolic/derive_private.h"
 
+#include <string.h>
+
 /* Offsets of the parts of a struct body_motion and a struct body_acceleration, in doubles. */
 enum motion_part { MOTION_R = 0, MOTION_P = 9, MOTION_W = 12, MOTION_V = 15, MOTION_COUNT = 18 };
 enum acceleration_part { ACCELERATION_ALPHA = 0, ACCELERATION_A = 3, ACCELERATION_COUNT = 6 };
+
+/* Returns whether the first lane of a constant that is not 0 is negative. */
+static bool factor_is_negative(const struct derive *d, expr factor)
+{
+    const struct graph_node *node = graph_get(d->g, factor);
+    int l = 0;
+
+    while (l < node->width - 1 && node->value[l] == 0.0) {
+        l++;
+    }
+    return (node->value[l] < 0.0) != expr_negative(factor);
+}
+
+/* Keeps what stands behind a constant factor in the pose for velocities and accelerations, or takes
+ * it from there. Numbers and places are the same in all of them, as the expressions are. */
+static expr keep_factor(struct derive *d, expr x)
+{
+    const struct graph_node *node = d->g->failed ? NULL : graph_get(d->g, x);
+    struct derivation *out = d->out;
+    int index[TREE_LANES];
+
+    if (!node || node->op == GRAPH_CONST) {
+        return x;
+    }
+    if (node->op == GRAPH_MUL && graph_get(d->g, node->operand[0])->op == GRAPH_CONST) {
+        expr factor = node->operand[0], rest = node->operand[1];
+        bool negative = factor_is_negative(d, factor);
+
+        /* The sign goes with what is kept: which of a - b and b - a is the node depends on the
+         * order in which a function made them */
+        factor = negative ? expr_neg(factor) : factor;
+        rest = negative != expr_negative(x) ? expr_neg(rest) : rest;
+        return mul(d, factor, keep_factor(d, rest));
+    }
+    /* Aligned to its lanes */
+    index[0] = (out->npose + node->width - 1) / node->width * node->width;
+    out->npose = index[0] + node->width;
+    if (d->function == DERIVE_KINEMATICS) {
+        out->output[out->count++] = (struct derive_output){index[0], x, true};
+        return x;
+    }
+    for (int l = 1; l < node->width; l++) {
+        index[l] = index[0] + l;
+    }
+    return graph_input(d->g, DERIVE_POSE, node->width, index);
+}
+
+/* Does that for a vector; the energy has no pose. */
+static void keep_pose(struct derive *d, expr x[3])
+{
+    for (int m = 0; d->function != DERIVE_ENERGY && m < 3; m++) {
+        x[m] = keep_factor(d, x[m]);
+    }
+}
 
 /* Fills the pose of the base: inputs when it floats, else constants. */
 static void base_pose(struct derive *d)
@@ -91,6 +147,10 @@ static void world_outward(struct derive *d, size_t group, bool accelerations)
     derive_column_of(state->R, body->axis, axis);
     for (int m = 0; body->prismatic && m < 3; m++) {
         add_to(d, &arm[m], mul(d, axis[m], state->d));
+    }
+    keep_pose(d, axis);
+    keep_pose(d, arm);
+    for (int m = 0; body->prismatic && m < 3; m++) {
         slide[m] = mul(d, axis[m], state->rate);
     }
     if (accelerations) {
@@ -111,24 +171,28 @@ static void world_outward(struct derive *d, size_t group, bool accelerations)
 static void base_motion(struct derive *d, bool accelerations)
 {
     struct state *base = &d->state[0];
-    expr w[3], v[3];
+    expr w[3], v[3], R[3][3];
 
     base_pose(d);
     if (!d->tree->robot->floating) {
         return;
     }
+    memcpy(R, base->R, sizeof R);
+    for (int m = 0; m < 3; m++) {
+        keep_pose(d, R[m]);
+    }
     derive_base_input(d, DERIVE_V, BASE_V_LINEAR, v);
     derive_base_input(d, DERIVE_V, BASE_V_ANGULAR, w);
-    derive_rotate(d, base->R, v, base->v);
-    derive_rotate(d, base->R, w, base->w);
+    derive_rotate(d, R, v, base->v);
+    derive_rotate(d, R, w, base->w);
     if (accelerations) {
         expr linear[3], angular[3];
 
         derive_base_input(d, DERIVE_VDOT, BASE_V_LINEAR, linear);
         derive_base_input(d, DERIVE_VDOT, BASE_V_ANGULAR, angular);
         derive_add_cross(d, linear, w, v);
-        derive_rotate(d, base->R, linear, base->a);
-        derive_rotate(d, base->R, angular, base->alpha);
+        derive_rotate(d, R, linear, base->a);
+        derive_rotate(d, R, angular, base->alpha);
     }
 }
 
@@ -155,12 +219,14 @@ static void lane_state(struct derive *d, const struct state *state, int l, struc
     }
 }
 
-/* Writes the motion of a body's own frame, moved there from its working frame. */
+/* Writes the motion of a body's own frame, moved there from its working frame; velocities leave
+ * out where it is. */
 static void put_motion(struct derive *d, int body, struct state *lane)
 {
+    const bool place = d->function == DERIVE_KINEMATICS;
     expr at[3], arm[3], row[3];
 
-    for (int m = 0; m < 3; m++) {
+    for (int m = 0; place && m < 3; m++) {
         derive_apply(d, d->tree->body[body].align, lane->R[m], row);
         put_vector(d, MOTION_COUNT * body + MOTION_R + 3 * m, row);
     }
@@ -169,8 +235,11 @@ static void put_motion(struct derive *d, int body, struct state *lane)
     for (int m = 0; m < 3; m++) {
         add_to(d, &lane->p[m], arm[m]);
     }
+    keep_pose(d, arm);
     derive_add_cross(d, lane->v, lane->w, arm);
-    put_vector(d, MOTION_COUNT * body + MOTION_P, lane->p);
+    if (place) {
+        put_vector(d, MOTION_COUNT * body + MOTION_P, lane->p);
+    }
     put_vector(d, MOTION_COUNT * body + MOTION_W, lane->w);
     put_vector(d, MOTION_COUNT * body + MOTION_V, lane->v);
 }
@@ -182,6 +251,7 @@ static void put_acceleration(struct derive *d, int body, struct state *lane)
 
     derive_body_origin(d, body, at);
     derive_rotate(d, lane->R, at, arm);
+    keep_pose(d, arm);
     derive_add_cross(d, across, lane->w, arm);
     derive_add_cross(d, lane->a, lane->alpha, arm);
     derive_add_cross(d, lane->a, lane->w, across);

@@ -15,6 +15,7 @@ struct emission {
     const struct derivation *derivation;
     const char *name;
     bool reads[DERIVE_ARRAYS];
+    bool keeps; /* it writes a pose */
     bool *reached;
     bool *early;  /* it is needed for an angle */
     int *slot;    /* place of an angle among the angles, or -1 */
@@ -28,8 +29,8 @@ struct emission {
     int memory[];
 };
 
-static const char *const array_name[DERIVE_ARRAYS] = {"inertia", "q",   "v",     "tau",
-                                                      "vdot",    "ext", "extra", "added"};
+static const char *const array_name[DERIVE_ARRAYS] = {"inertia", "q",     "v",     "tau", "vdot",
+                                                      "ext",     "extra", "added", "pose"};
 
 const char *emit_array_name(enum derive_array array)
 {
@@ -59,6 +60,7 @@ static void mark_reached(struct emission *e)
 {
     for (size_t o = 0; o < e->derivation->count; o++) {
         e->reached[expr_node(e->derivation->output[o].value)] = true;
+        e->keeps = e->keeps || e->derivation->output[o].pose;
     }
     for (size_t n = e->graph->count; n-- > 0;) {
         const struct graph_node *node = &e->graph->node[n];
@@ -70,6 +72,11 @@ static void mark_reached(struct emission *e)
             e->reads[node->array] = true;
         }
     }
+}
+
+bool emission_keeps(const struct emission *e)
+{
+    return e->keeps;
 }
 
 bool emission_reads(const struct emission *e, enum derive_array array)
@@ -132,13 +139,25 @@ static void write_place(FILE *file, bool reading, int width, const char *array, 
     }
 }
 
+/* Returns whether the lanes of an input stand side by side, aligned: those of mass properties and
+ * of a pose. */
+static bool is_row(const struct graph_node *node)
+{
+    bool row = node->array == DERIVE_INERTIA ||
+               (node->array == DERIVE_POSE && node->index[0] % node->width == 0);
+
+    for (int l = 1; row && l < node->width; l++) {
+        row = node->index[l] == node->index[0] + l;
+    }
+    return row;
+}
+
 /* Writes an element, or one for each lane, of an argument array. */
 static void write_input(const struct emission *e, const struct graph_node *node)
 {
     const char *name = array_name[node->array];
 
-    /* Lanes of mass properties stand side by side */
-    if (node->width == 1 || node->array == DERIVE_INERTIA) {
+    if (node->width == 1 || is_row(node)) {
         write_place(e->file, true, node->width, name, node->index[0]);
         return;
     }
@@ -394,7 +413,10 @@ static void write_piece(struct emission *e, int piece)
 
         if (e->piece[expr_node(output->value)] == piece) {
             write_node_value(e, expr_node(output->value));
-            fprintf(e->file, "    out[%d] = ", output->index);
+            fprintf(e->file, "    ");
+            write_place(e->file, false, output->pose ? graph_width(e->graph, output->value) : 1,
+                        output->pose ? "pose" : "out", output->index);
+            fprintf(e->file, " = ");
             write_operand(e, output->value);
             fprintf(e->file, ";\n");
         }
@@ -417,6 +439,9 @@ static void write_arguments(const struct emission *e, bool types, bool inside)
     if (inside && e->nscratch) {
         fprintf(e->file, "%swork, ", types ? "double *restrict " : "");
     }
+    if (e->keeps) {
+        fprintf(e->file, "%spose, ", types ? "double *restrict " : "");
+    }
     fprintf(e->file, "%sout)", types ? "double *restrict " : "");
 }
 
@@ -428,7 +453,8 @@ static void write_unused(const struct emission *e)
             fprintf(e->file, "    (void)%s;\n", array_name[a]);
         }
     }
-    fprintf(e->file, "%s%s    (void)out;\n", e->nslot ? "    (void)sine;\n    (void)cosine;\n" : "",
+    fprintf(e->file, "%s%s%s    (void)out;\n", e->keeps ? "    (void)pose;\n" : "",
+            e->nslot ? "    (void)sine;\n    (void)cosine;\n" : "",
             e->nscratch ? "    (void)work;\n" : "");
 }
 

@@ -23,12 +23,15 @@ enum error_code emission_create(const char *name, const struct graph *graph,
                                 struct error *error);
 void emission_destroy(struct emission *emission);
 
-/* Writes it, once: static, void, with the argument arrays that it reads and the array out. Errors
- * of the file are left to ferror. */
+/* Writes it, once: static, void, with the argument arrays that it reads, the array
+ * pose if it writes one, and the array out. Errors of the file are left to ferror. */
 void emission_write(struct emission *emission, FILE *file);
 
 /* Returns whether the function reads an argument array; after emission_create. */
 bool emission_reads(const struct emission *emission, enum derive_array array);
+
+/* Returns whether it writes a pose, into the array pose before out; after emission_create. */
+bool emission_keeps(const struct emission *emission);
 
 /* Writes what stands once before all variants: vector types and macros. */
 void emit_preamble(FILE *file);

@@ -15,11 +15,12 @@ _Static_assert(sizeof(struct added_inertia) == 21 * sizeof(double),
 _Static_assert(sizeof(struct body_acceleration) == 6 * sizeof(double),
                "an acceleration is 6 numbers");
 
-/* The work of struct dynamics: the module, and the robot's mass properties where they are
- * inputs. */
+/* The work of struct dynamics: the module, the robot's mass properties where they are inputs, and
+ * the pose of the last kinematics. */
 struct generated {
     const struct dynamics_module *module;
     const double *inertia;
+    double *pose;
 };
 
 static const struct generated *generated_of(const struct dynamics *d)
@@ -55,13 +56,27 @@ static void generated_inverse(const struct dynamics *d, const double *q, const d
 static void generated_kinematics(const struct dynamics *d, const double *q, const double *v,
                                  struct body_motion *motion)
 {
-    generated_of(d)->module->kinematics(q, v, (double *)motion);
+    const struct generated *g = generated_of(d);
+
+    g->module->kinematics(q, v, g->pose, (double *)motion);
+}
+
+static void generated_velocities(const struct dynamics *d, const double *q, const double *v,
+                                 struct body_motion *motion)
+{
+    const struct generated *g = generated_of(d);
+
+    (void)q;
+    g->module->velocities(v, g->pose, (double *)motion);
 }
 
 static void generated_acceleration(const struct dynamics *d, const double *q, const double *v,
                                    const double *vdot, struct body_acceleration *acceleration)
 {
-    generated_of(d)->module->acceleration(q, v, vdot, (double *)acceleration);
+    const struct generated *g = generated_of(d);
+
+    (void)q;
+    g->module->acceleration(v, vdot, g->pose, (double *)acceleration);
 }
 
 static void generated_energy(const struct dynamics *d, const double *q, const double *v,
@@ -81,6 +96,7 @@ static const struct dynamics_ops generated_ops = {
     .implicit = generated_implicit,
     .inverse = generated_inverse,
     .kinematics = generated_kinematics,
+    .velocities = generated_velocities,
     .acceleration = generated_acceleration,
     .energy = generated_energy,
 };
@@ -154,7 +170,7 @@ enum error_code dynamics_generated(const struct robot *robot, const struct dynam
                          module->ninertia ? ", not only with other masses" : "");
     }
     work = arena_alloc(arena, 1, sizeof *work);
-    if (!work) {
+    if (!work || !(work->pose = arena_alloc(arena, module->npose, sizeof *work->pose))) {
         return error_set(error, ERROR_MEMORY, "no memory for the generated dynamics");
     }
     work->module = module;

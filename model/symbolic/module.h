@@ -24,7 +24,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define DYNAMICS_MODULE_ABI 2
+#define DYNAMICS_MODULE_ABI 3
 
 struct dynamics_module {
     uint32_t abi; /* DYNAMICS_MODULE_ABI */
@@ -36,6 +36,7 @@ struct dynamics_module {
     uint64_t tree_hash;     /* of the frames that inertia is given in */
     uint32_t lanes;         /* limbs side by side, at most, on which they depend */
     uint32_t ninertia;      /* numbers in inertia; 0 = the code has them */
+    uint32_t npose;         /* numbers in pose */
     const char *robot;
     const char *variant;                   /* "plain", "avx2" or "avx512" */
     const struct dynamics_module *plainer; /* the next simpler variant, NULL after "plain" */
@@ -53,9 +54,11 @@ struct dynamics_module {
     /* Generalized forces f (nv) of vdot; ext or NULL. */
     void (*inverse)(const double *inertia, const double *q, const double *v, const double *vdot,
                     const double *ext, double *f);
-    /* Observed bodies' entries of motion (18 nbody) and acceleration (6 nbody). */
-    void (*kinematics)(const double *q, const double *v, double *motion);
-    void (*acceleration)(const double *q, const double *v, const double *vdot,
+    /* Observed bodies' entries of motion (18 nbody) and acceleration (6 nbody). pose, aligned to 32
+     * bytes, is what the others need of q; velocities finds w and v of motion alone. */
+    void (*kinematics)(const double *q, const double *v, double *pose, double *motion);
+    void (*velocities)(const double *v, const double *pose, double *motion);
+    void (*acceleration)(const double *v, const double *vdot, const double *pose,
                          double *acceleration);
     /* energy[0] kinetic, energy[1] potential, J. */
     void (*energy)(const double *inertia, const double *q, const double *v, double *energy);

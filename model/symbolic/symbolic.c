@@ -15,8 +15,8 @@
 static const char *const function_name[DERIVE_COUNT] = {
     [DERIVE_FORWARD] = "forward_free",      [DERIVE_FORWARD_EXT] = "forward_ext",
     [DERIVE_IMPLICIT] = "forward_implicit", [DERIVE_INVERSE] = "inverse_ext",
-    [DERIVE_KINEMATICS] = "motion",         [DERIVE_ACCELERATION] = "accelerate",
-    [DERIVE_ENERGY] = "energies",
+    [DERIVE_KINEMATICS] = "motion",         [DERIVE_VELOCITIES] = "velocity",
+    [DERIVE_ACCELERATION] = "accelerate",   [DERIVE_ENERGY] = "energies",
 };
 
 _Static_assert((int)DERIVE_COUNT == (int)SYMBOLIC_FUNCTIONS, "every function is reported");
@@ -24,14 +24,14 @@ _Static_assert((int)DERIVE_COUNT == (int)SYMBOLIC_FUNCTIONS, "every function is 
 static const char *const module_declaration[] = {
     "#ifndef HIL_DYNAMICS_MODULE",
     "#define HIL_DYNAMICS_MODULE",
-    "#define DYNAMICS_MODULE_ABI 2",
+    "#define DYNAMICS_MODULE_ABI 3",
     "struct dynamics_module {",
     "    uint32_t abi;",
     "    uint32_t nbody, njoint, nq, nv;",
     "    uint32_t nobserved;",
     "    const int *observed;",
     "    uint64_t robot_hash, massless_hash, tree_hash;",
-    "    uint32_t lanes, ninertia;",
+    "    uint32_t lanes, ninertia, npose;",
     "    const char *robot;",
     "    const char *variant;",
     "    const struct dynamics_module *plainer;",
@@ -43,8 +43,10 @@ static const char *const module_declaration[] = {
     "                     const double *added, double *vdot);",
     "    void (*inverse)(const double *inertia, const double *q, const double *v,",
     "                    const double *vdot, const double *ext, double *f);",
-    "    void (*kinematics)(const double *q, const double *v, double *motion);",
-    "    void (*acceleration)(const double *q, const double *v, const double *vdot,",
+    "    void (*kinematics)(const double *q, const double *v, double *pose,",
+    "                       double *motion);",
+    "    void (*velocities)(const double *v, const double *pose, double *motion);",
+    "    void (*acceleration)(const double *v, const double *vdot, const double *pose,",
     "                         double *acceleration);",
     "    void (*energy)(const double *inertia, const double *q, const double *v,",
     "                   double *energy);",
@@ -193,7 +195,7 @@ static void write_call(const struct generation *g, enum derive_function function
             fprintf(g->file, "%s, ", array == DERIVE_EXT ? ext : emit_array_name(array));
         }
     }
-    fprintf(g->file, "out);\n");
+    fprintf(g->file, "%sout);\n", emission_keeps(g->emission[function]) ? "pose, " : "");
 }
 
 /* Writes a function of the module: its parameters, those that it may not use, its call. */
@@ -207,7 +209,10 @@ static void write_entry(const struct generation *g, enum derive_function functio
         fprintf(g->file, "const double *%s, ", emit_array_name(parameter[a]));
         ext = ext || parameter[a] == DERIVE_EXT;
     }
-    fprintf(g->file, "double *out)\n{\n");
+    fprintf(g->file, "%sdouble *out)\n{\n", function == DERIVE_KINEMATICS ? "double *pose, " : "");
+    if (function == DERIVE_KINEMATICS && !emission_keeps(g->emission[function])) {
+        fprintf(g->file, "    (void)pose;\n");
+    }
     for (size_t a = 0; a < count; a++) {
         if (!emission_reads(g->emission[function], parameter[a])) {
             fprintf(g->file, "    (void)%s;\n", emit_array_name(parameter[a]));
@@ -234,7 +239,9 @@ static void write_dynamics_module(const struct generation *g)
         DERIVE_INERTIA, DERIVE_Q, DERIVE_V, DERIVE_TAU, DERIVE_EXT, DERIVE_EXTRA, DERIVE_ADDED};
     static const enum derive_array inverse[] = {DERIVE_INERTIA, DERIVE_Q, DERIVE_V, DERIVE_VDOT,
                                                 DERIVE_EXT};
-    static const enum derive_array motion[] = {DERIVE_Q, DERIVE_V, DERIVE_VDOT};
+    static const enum derive_array motion[] = {DERIVE_Q, DERIVE_V};
+    static const enum derive_array velocity[] = {DERIVE_V, DERIVE_POSE};
+    static const enum derive_array acceleration[] = {DERIVE_V, DERIVE_VDOT, DERIVE_POSE};
     static const enum derive_array energy[] = {DERIVE_INERTIA, DERIVE_Q, DERIVE_V};
     const struct robot *robot = g->robot;
     size_t nobserved = 0;
@@ -243,8 +250,9 @@ static void write_dynamics_module(const struct generation *g)
     write_entry(g, DERIVE_FORWARD_EXT, "forward", forward, ARRAY_COUNT(forward));
     write_entry(g, DERIVE_IMPLICIT, "implicit", implicit, ARRAY_COUNT(implicit));
     write_entry(g, DERIVE_INVERSE, "inverse", inverse, ARRAY_COUNT(inverse));
-    write_entry(g, DERIVE_KINEMATICS, "kinematics", motion, 2);
-    write_entry(g, DERIVE_ACCELERATION, "acceleration", motion, 3);
+    write_entry(g, DERIVE_KINEMATICS, "kinematics", motion, ARRAY_COUNT(motion));
+    write_entry(g, DERIVE_VELOCITIES, "velocities", velocity, ARRAY_COUNT(velocity));
+    write_entry(g, DERIVE_ACCELERATION, "acceleration", acceleration, ARRAY_COUNT(acceleration));
     write_entry(g, DERIVE_ENERGY, "energy", energy, ARRAY_COUNT(energy));
 
     /* The table */
@@ -255,15 +263,16 @@ static void write_dynamics_module(const struct generation *g)
             "\nstatic const struct dynamics_module NAME(module) = {\n"
             "    DYNAMICS_MODULE_ABI, %zu, %zu, %zu, %zu, %zu, observed, UINT64_C(0x%016" PRIx64
             "),\n"
-            "    UINT64_C(0x%016" PRIx64 "), UINT64_C(0x%016" PRIx64 "), %d, %zu,\n"
+            "    UINT64_C(0x%016" PRIx64 "), UINT64_C(0x%016" PRIx64 "), %d, %zu, %d,\n"
             "    robot_name, VARIANT_NAME, PLAINER, %zu,\n"
             "    NAME(forward), NAME(implicit), NAME(inverse), NAME(kinematics), "
-            "NAME(acceleration),\n"
-            "    NAME(energy), NAME(sincos),\n"
+            "NAME(velocities),\n"
+            "    NAME(acceleration), NAME(energy), NAME(sincos),\n"
             "};\n",
             robot->nbody, robot->njoint, robot->nq, robot->nv, nobserved, robot->hash,
             robot->massless_hash, tree_hash(&g->tree), g->lanes,
-            g->inertia_inputs ? g->tree.ninertia : 0, g->report.count[DERIVE_FORWARD].operations);
+            g->inertia_inputs ? g->tree.ninertia : 0, g->derivation[DERIVE_KINEMATICS].npose,
+            g->report.count[DERIVE_FORWARD].operations);
 }
 
 /* Writes the constants that the functions and the table refer to. */

@@ -7,7 +7,7 @@ import re
 from typing import Dict, Generic, Iterable, Mapping, TypeVar
 
 from .database import HOST, Bus, Message, Signal
-from .errors import NoTelemetry, UnknownName
+from .errors import BoardError, NoTelemetry, UnknownName
 from .gateway import RawFrame
 
 # by bus and identifier: the last frame of each message
@@ -58,7 +58,8 @@ class Joint:
     """A joint with its motor.
 
     name: the rig's. bus: that of its motor board. voltage_v: the voltage for the motor (V), told to
-    its board with every step while the motor is on (Simulator.enable), limited to the supply."""
+    its board with every step; its supply is the most that acts. BoardError for one other than 0
+    while the motor is not enabled (Simulator.enable), for its board would ignore it."""
 
     # a misspelled voltage_v is an error
     __slots__ = ("name", "bus", "enabled", "_volts", "_on", "_protocol", "_latest", "_all",
@@ -90,6 +91,9 @@ class Joint:
         volts = float(volts)
         if volts - volts != 0.0:
             raise ValueError(f"{self.name}: found {volts} V, expected a number")
+        if volts and not self.enabled:
+            raise BoardError(f"{self.name}: found {volts:g} V for a motor that is not enabled, "
+                             f"expected enable({self.name!r}) before")
         self._volts = volts
 
     def _read(self, quantity: str) -> float:

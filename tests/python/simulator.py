@@ -271,6 +271,24 @@ def test_what_was_sent_takes_part_in_the_next_tick():
             sim.joints["LElbj"].voltage_v = math.nan
 
 
+def test_a_voltage_for_a_motor_that_is_not_enabled_is_refused():
+    from coman_hil import BoardError, Simulator
+    with Simulator(rig("coman"), hold="always") as sim:
+        left = sim.joints["LElbj"]
+        sim.enable("RElbj")
+        with raises(BoardError, "LElbj: found 5 V", "expected enable('LElbj') before"):
+            left.voltage_v = 5
+        assert left.voltage_v == 0
+        left.voltage_v = 0      # is what it has
+        sim.enable("LElbj")
+        left.voltage_v = 5
+        sim.step(20)
+        assert left.current_a > 0.5
+        sim.disable("LElbj")
+        with raises(BoardError, "not enabled"):
+            left.voltage_v = 5
+
+
 def test_boards_that_do_not_obey_are_told():
     from coman_hil import BoardError, NoTelemetry, Simulator
     with Simulator(rig("coman"), hold="always", faults=["supply sag 30 0..0.5"]) as sim:
@@ -360,7 +378,7 @@ def test_steps_a_second():
                 sim.enable(*what)
             count, begin = 500, time.monotonic()
             for number in range(count):
-                for joint in sim.joints.values():
+                for joint in filter(lambda joint: joint.enabled, sim.joints.values()):
                     joint.voltage_v = number / count
                 sim.step()
             took = time.monotonic() - begin

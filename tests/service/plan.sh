@@ -25,7 +25,7 @@ run()
 
 says() { grep -q -e "$1" "$work/out"; }
 
-echo 1..16
+echo 1..17
 
 run 0 --plan sweep.yaml --output a.plan && says '^6 cases$' &&
     run 0 --plan sweep.yaml --output b.plan && cmp -s a.plan b.plan && [ "$(wc -l <a.plan)" -eq 7 ]
@@ -64,8 +64,14 @@ rm a.plan.results/two.json
 
 run 0 --case 1 other.plan && cp other.plan.results/1.json b.plan.results &&
     run 2 --merge b.plan && says '1.json: found a result of plan' &&
-    run 2 --case 1 b.plan && says '1.json: found case 1 of plan'
+    run 2 --case 1 b.plan && says '1.json: found case 1 of plan.*: remove b.plan.results or give'
 result $? "a result of another plan is refused"
+
+cp other.plan kept.plan
+run 2 --plan sweep.yaml --output other.plan && cmp -s other.plan kept.plan &&
+    says 'other.plan.results: found results of plan.*: remove the folder or give the plan' &&
+    run 0 --plan other.yaml --output other.plan && cmp -s other.plan kept.plan
+result $? "a plan is not written beside results of another one, and again beside its own"
 
 cp a.plan range.plan
 run 0 --case 2 range.plan && run 0 --case 1-6 --jobs 2 range.plan &&
@@ -79,7 +85,7 @@ run 2 --case 3-5 range.plan && says '^case 3 passed$' && says '4.json: found cas
     says '^case 5 passed$' && [ -e range.plan.results/5.json ] && [ ! -e range.plan.results/1.json ]
 result $? "a case of a range that has no result leaves the others theirs"
 
-run 2 --case 3-2 a.plan && says 'found cases 3-2' && run 2 --case 0-2 a.plan &&
+run 2 --case 3-2 a.plan && says 'case: found "3-2"' && run 2 --case 0-2 a.plan &&
     run 2 --case 2- a.plan && run 2 --case 1,2 a.plan && run 2 --case 1-7 a.plan &&
     says 'found case 7, expected 1 to 6' && run 2 --case 1-2 --output d a.plan &&
     says 'found --output with cases 1-2' && run 2 --case 1-100001 a.plan &&

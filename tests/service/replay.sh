@@ -36,7 +36,7 @@ wrong()
     result $? "$name" "status $status"
 }
 
-echo 1..14
+echo 1..20
 
 for rig in coman coman-fd coman-foc coman-compact; do
     for wire in ideal wire; do
@@ -80,3 +80,44 @@ echo "(0.000000) can0 6FF#000000000000" >"$work/none.log"
 wrong 2 "a log without a controller is refused" "no frame of a controller" run coman --clock free \
     --transport local --stimulus "$work/none.log"
 wrong 2 "replay needs a page or an interface" "neither --http nor --onto" replay "$work/real"
+
+# A log of the wall clock begins with the run; its times in awk keep their microseconds
+shift_log()
+{
+    awk -v by="$1" '{ split(substr($1, 2), t, "[.)]"); sub(/^[^ ]*/, ""); \
+        printf "(%d.%s)%s\n", t[1] + by, t[2], $0 }' "$work/real/candump.log"
+}
+then=$(hash coman --clock free --wire ideal --stimulus "$work/real")
+grep -q "^recording: ended in the same state" "$work/out"
+result $? "a recording that was played ends with a comparison"
+{ echo "(1700000000.000000) can0 6FF#000000000000" && shift_log 1700000000; } >"$work/wall.log"
+again=$(hash coman --clock free --wire ideal --duration 1.2 --stimulus "$work/wall.log")
+same "a log of the wall clock is played from its first frame on" "$then" "$again"
+grep -q "the run starts at that of its first frame, 1700000000.000" "$work/err"
+result $? "and says so"
+shift_log 1700000000 | cat "$work/real/candump.log" - >"$work/jump.log"
+wrong 2 "a log that jumps to the wall clock is refused" \
+    "jump.log:[0-9]*: found a time 1700000000 s after the start" run coman --clock free \
+    --transport local --stimulus "$work/jump.log"
+tac "$work/real/candump.log" >"$work/back.log"
+wrong 2 "a log whose times run backwards is refused" "back.log:[0-9]*: found a frame .* earlier" \
+    run coman --clock free --transport local --stimulus "$work/back.log"
+
+# What a client of the control socket has done is in no frame
+timeout 60 "$program" run coman-compact --clock real --task hold --duration 3 --transport local \
+    --control "$work/socket" --ready "$work/ready" --record "$work/asked" --quiet \
+    >"$work/out" 2>"$work/err" </dev/null &
+run=$!
+while kill -0 $run 2>/dev/null && [ ! -e "$work/ready" ]; do
+    sleep 0.05
+done
+timeout 20 "$program" ctl --socket "$work/socket" push LFoot force_n=0,5,0 >"$work/ctl" 2>&1
+wait $run
+then=$(sed -n 's/^ *state hash //p' "$work/out")
+again=$(hash coman-compact --clock free --stimulus "$work/asked")
+test "$then" != "$again" &&
+    grep -q "warning: .*events.log has 1 request.*first: .* body LFoot pushed with 5.0 N" \
+        "$work/err" &&
+    grep -q "^recording: ended in another state, $then: its requests were not played" "$work/out"
+result $? "requests that are not played are named before the run, and the other state after it" \
+    "$then and $again"

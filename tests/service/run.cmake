@@ -9,6 +9,8 @@ hil_script_test(service_goodbye COMMAND /usr/bin/python3
                 LABELS service TIMEOUT 120)
 hil_script_test(service_planted COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/service/planted.sh
                 $<TARGET_FILE:coman-hil> LABELS service TIMEOUT 120)
+hil_script_test(service_own_files COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/service/own_files.sh
+                $<TARGET_FILE:coman-hil> LABELS service TIMEOUT 120)
 hil_script_test(service_trust COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/service/trust.sh
                 $<TARGET_FILE:coman-hil> LABELS service TIMEOUT 120)
 hil_script_test(service_squat COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/squat.sh

@@ -137,6 +137,12 @@ static void names_no_word_when_none_is_near(void **state)
     assert_null(text_nearest("voltage", words, ARRAY_COUNT(words)));
     assert_null(text_nearest(longest, words, ARRAY_COUNT(words)));
     assert_null(text_nearest("mass_kg", words, 0));
+    /* A begin of three letters and more is near, an edit nearer */
+    const char *const joints[] = {"LHipSag", "LKneeSag", "RKneeSag", "LKneec"};
+    assert_string_equal(text_nearest("RKnee", joints, 3), "RKneeSag");
+    assert_string_equal(text_nearest("LKnee", joints, 3), "LKneeSag");
+    assert_string_equal(text_nearest("LKnee", joints, 4), "LKneec");
+    assert_null(text_nearest("LK", joints, 3));
 }
 
 static void passes_over_words_that_are_too_long_to_compare(void **state)

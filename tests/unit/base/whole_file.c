@@ -271,7 +271,70 @@ static void growing_into_a_pipe_that_nobody_reads_is_an_error(void **state)
     assert_int_equal(unlink(path), 0);
 }
 
+static void whole_into_a_pipe_that_nobody_reads_is_an_error_and_never_a_wait(void **state)
+{
+    struct whole_file file;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(mkfifo(path, 0600), 0);
+    assert_int_equal(whole_file_open(&file, path, &error), ERROR_SYSTEM);
+    assert_non_null(strstr(error.text, "a pipe that nobody reads"));
+    assert_int_equal(whole_file_probe(path, &error), ERROR_NONE);
+    assert_int_equal(unlink(path), 0);
+}
+
+static void a_probe_leaves_everything_as_it_is(void **state)
+{
+    struct error error;
+
+    (void)state;
+    assert_int_equal(whole_file_probe(path, &error), ERROR_NONE);
+    assert_int_equal(count_entries(), 0);
+    assert_int_equal(whole_file_probe("/nowhere/file", &error), ERROR_SYSTEM);
+    assert_int_equal(whole_file_probe(folder, &error), ERROR_SYSTEM);
+}
+
 /* ---- folders ---- */
+
+/* Below the folder that was given no link is followed, by which it is itself reached. */
+static void links_below_the_folder_given_are_not_followed(void **state)
+{
+    char given[64], below[80], link[96];
+    struct whole_file file;
+    struct error error;
+    int descriptor;
+
+    (void)state;
+    snprintf(given, sizeof given, "%s/given", folder);
+    snprintf(below, sizeof below, "%s/below", given);
+    snprintf(link, sizeof link, "%s/link", below);
+    assert_int_equal(symlink(".", given), 0);
+    folder_enclose(given, strlen(given));
+    assert_int_equal(folder_make_all(below, &error), ERROR_NONE);
+    assert_int_equal(folder_make(below, NULL, &error), ERROR_NONE);
+    assert_int_equal(symlink(folder, link), 0);
+    assert_int_equal(folder_make(link, NULL, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "found a symbolic link"));
+    assert_int_equal(folder_make_all(link, &error), ERROR_INPUT);
+    snprintf(link, sizeof link, "%s/link/deep", below);
+    assert_int_equal(folder_make_all(link, &error), ERROR_INPUT);
+    assert_int_equal(whole_file_open(&file, link, &error), ERROR_INPUT);
+    assert_int_equal(growing_file_open(link, &descriptor, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "found a symbolic link"));
+    snprintf(link, sizeof link, "%s/link", below);
+    assert_int_equal(unlink(link), 0);
+    assert_int_equal(write_file(link, "text", ERROR_NONE), ERROR_NONE);
+    assert_int_equal(unlink(link), 0);
+
+    /* A folder that is named after what was given may itself be none */
+    folder_enclose(given, (size_t)(strrchr(given, '/') - given) + 1);
+    assert_int_equal(folder_make(given, NULL, &error), ERROR_INPUT);
+    folder_enclose("", 0);
+    assert_int_equal(folder_make(given, NULL, &error), ERROR_NONE);
+    assert_int_equal(rmdir(below), 0);
+    assert_int_equal(unlink(given), 0);
+}
 
 static void folders_are_made_and_others_cannot_write_into_them(void **state)
 {
@@ -334,6 +397,9 @@ int main(void)
         cmocka_unit_test(growing_is_another_file_than_the_one_that_was_there),
         cmocka_unit_test(growing_refuses_links_to_files),
         cmocka_unit_test(growing_into_a_pipe_that_nobody_reads_is_an_error),
+        cmocka_unit_test(whole_into_a_pipe_that_nobody_reads_is_an_error_and_never_a_wait),
+        cmocka_unit_test(a_probe_leaves_everything_as_it_is),
+        cmocka_unit_test(links_below_the_folder_given_are_not_followed),
         cmocka_unit_test(folders_are_made_and_others_cannot_write_into_them),
         cmocka_unit_test(a_folder_behind_the_link_of_another_user_is_not_taken),
     };

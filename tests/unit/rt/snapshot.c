@@ -94,6 +94,29 @@ static void nothing_is_read_before_the_first_write(void **state)
     arena_fini(&arena);
 }
 
+static void gaps_stay_zero(void **state)
+{
+    uint64_t value[8], found[8];
+    struct snapshot *snapshot;
+    struct arena arena;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
+    assert_int_equal(snapshot_create(sizeof value, &arena, &snapshot, &error), ERROR_NONE);
+    snapshot_leave_out(snapshot, 16, 32);
+    snapshot_leave_out(snapshot, 56, 64);
+    for (uint64_t i = 0; i < 8; i++) {
+        value[i] = i + 1;
+    }
+    snapshot_write(snapshot, value);
+    assert_int_equal(snapshot_read(snapshot, found), 1);
+    for (uint64_t i = 0; i < 8; i++) {
+        assert_int_equal(found[i], i == 2 || i == 3 || i == 7 ? 0 : i + 1);
+    }
+    arena_fini(&arena);
+}
+
 static void no_memory_is_an_error(void **state)
 {
     struct snapshot *snapshot;
@@ -111,6 +134,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(readers_get_whole_values_while_the_writer_runs),
         cmocka_unit_test(nothing_is_read_before_the_first_write),
+        cmocka_unit_test(gaps_stay_zero),
         cmocka_unit_test(no_memory_is_an_error),
     };
 

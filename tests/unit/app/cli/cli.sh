@@ -10,14 +10,15 @@ trap 'rm -rf "$work"' EXIT
 . "$source/tests/service/tap.sh"
 tap_show="$work/out $work/err"
 
+problem=
 # run STATUS ARGUMENTS...: runs the program; remembers whether the status is the expected one
 run() {
     expected=$1
     shift
     "$program" "$@" >"$work/out" 2>"$work/err" </dev/null
     status=$?
-    problem=
-    [ "$status" -eq "$expected" ] || problem="exit status $status, expected $expected"
+    [ "$status" -eq "$expected" ] ||
+        problem="$problem; exit status $status, expected $expected: $*"
 }
 # says FILE TEXT: FILE (out or err) holds TEXT
 says() { grep -Fq -- "$2" "$work/$1" || problem="$problem; no \"$2\" in $1"; }
@@ -28,9 +29,10 @@ silent() { [ ! -s "$work/$1" ] || problem="$problem; $1 is not empty"; }
 conclude() {
     test -z "$problem"
     result $? "$1" "$problem"
+    problem=
 }
 
-echo 1..35
+echo 1..38
 
 run 0 --help
 says out 'usage: coman-hil COMMAND'
@@ -97,6 +99,20 @@ if command -v script >/dev/null; then
         ! grep -q '<svg' "$work/typed" || problem="$problem; an SVG in a terminal"
 fi
 conclude plot_takes_a_recording_and_fills_no_terminal
+
+# A value that only the command can judge is refused with its option, a missing part with its name
+run 2 plot "$work/recording" --signal q_LKneeSag_rad --from -1 --to 0
+says err '--from, --to: found no row from -1 to 0 s, expected times within 0.01 to 0.05 s'
+run 2 run walk-flat --clock free --task walk --set '[::1]:0' --control none
+says err '--set: found "[::1]:0", expected NAME=VALUE'
+run 2 run xl330-pendulum --clock free --task squat --control none
+says err 'squat: the rig has no squat (tasks: squat)'
+sed 's|^rig: .*|rig: ../nope.yaml|' "$source/config/scenarios/push_recovery.yaml" >"$work/lost.yaml"
+line=$(grep -n '^rig:' "$work/lost.yaml" | cut -d: -f1)
+run 2 test "$work/lost.yaml"
+says err "lost.yaml:$line:6: "
+says err 'nope.yaml: cannot be read'
+conclude errors_name_the_option_or_the_place_that_is_to_be_changed
 
 run 0 --version
 says out 'coman-hil 0.'

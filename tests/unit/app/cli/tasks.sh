@@ -75,8 +75,9 @@ run --task excite --joint LElbj --set excite.amplitude_rad=3
 result $? "an excitation beyond the joint's limits is not begun"
 refused "found no joint, expected one by --joint" --task sweep
 result $? "a sweep without a joint is refused"
-refused "sweep: the rig has no joint Elbow" --task sweep --joint Elbow
-result $? "a joint that is not there is refused"
+refused "sweep: the rig has no joint Elbow, expected one of WaistLat, WaistSag" --task sweep \
+    --joint Elbow
+result $? "a joint that is not there is refused with those that are"
 refused "sweep: the rig has no joint LElb, expected LElbj" --task sweep --joint LElb
 result $? "with the nearest one"
 refused "sweep.points: found \"0\", expected a whole number, 1 to 200" \

@@ -10,7 +10,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 . "$source/tests/service/tap.sh"
 tap_show=$work/out
-echo "1..18"
+echo "1..20"
 
 # arm FOLDER OHM: a pendulum on a drive of the catalogue with friction by load
 arm() {
@@ -125,6 +125,16 @@ sed 's/ can0 / can7 /' "$work/excite/candump.log" >"$work/other.log"
 "$hil" identify xl330-pendulum --free R_ohm --recording "$work/other.log" >"$work/out" 2>&1
 [ $? -eq 2 ] && grep -q 'found 0 angles of joint pivot (pivot_motor_position)' "$work/out"
 result $? "a log of another interface is refused"
+
+sed '1s/^(/ [/' "$work/excite/candump.log" >"$work/damaged.log"
+"$hil" identify xl330-pendulum --free R_ohm --recording "$work/damaged.log" >"$work/out" 2>&1
+[ $? -eq 2 ] && grep -q 'damaged.log:1: found no column .*; it was read as CSV' "$work/out"
+result $? "a log with a damaged begin is said to be taken for CSV"
+
+cp "$source/config/rigs/xl330-pendulum.yaml" "$work/alone.yaml"
+"$hil" check "$work/alone.yaml" >"$work/out" 2>&1
+[ $? -eq 2 ] && grep -q 'alone.yaml:7:15: .*xl330-pendulum.yaml: cannot be read' "$work/out"
+result $? "a rig that was copied without its robot is told its line"
 
 # Other protocols: percent every millisecond and angles every four; a bridge that is told
 cp -r "$work/guess" "$work/other"

@@ -49,7 +49,7 @@ static double lane_value(const struct graph *graph, double (*value)[GRAPH_LANES]
 }
 
 bool evaluate(const struct graph *graph, const struct derivation *derivation,
-              const double *const argument[DERIVE_ARRAYS], double *out)
+              const double *const argument[DERIVE_ARRAYS], double *pose, double *out)
 {
     double(*value)[GRAPH_LANES] = calloc(graph->count, sizeof *value);
 
@@ -64,7 +64,12 @@ bool evaluate(const struct graph *graph, const struct derivation *derivation,
         }
     }
     for (size_t o = 0; o < derivation->count; o++) {
-        out[derivation->output[o].index] = operand(graph, value, derivation->output[o].value, 0);
+        const struct derive_output *output = &derivation->output[o];
+
+        for (int l = 0; l < (output->pose ? graph_width(graph, output->value) : 1); l++) {
+            (output->pose ? pose : out)[output->index + l] =
+                operand(graph, value, output->value, l);
+        }
     }
     free(value);
     return true;

@@ -7,10 +7,10 @@
 #include "model/symbolic/derive.h"
 #include "tests/unit/model/random_robot.h"
 
-/* Evaluates a derived function: argument[array] may be NULL when it is not read. Returns false when
- * there is no memory. */
+/* Evaluates a derived function: argument[array] may be NULL when it is not read, pose when
+ * it is not written. Returns false when there is no memory. */
 bool evaluate(const struct graph *graph, const struct derivation *derivation,
-              const double *const argument[DERIVE_ARRAYS], double *out);
+              const double *const argument[DERIVE_ARRAYS], double *pose, double *out);
 
 /* A trunk with pairs and triples of like limbs on its bodies: what goes into lanes. Fits struct
  * random_tree; every second body is observed. */

@@ -23,7 +23,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-enum { BODIES = RANDOM_JOINTS + 1, VELOCITIES = RANDOM_JOINTS + 6 };
+enum { BODIES = RANDOM_JOINTS + 1, VELOCITIES = RANDOM_JOINTS + 6, POSE = 40 * BODIES };
 
 static char folder[64];
 
@@ -100,6 +100,13 @@ static void compare_module(const struct robot *robot, const struct dynamics_modu
         memset(found, 0, sizeof found);
         a->ops->kinematics(a, x.q, x.v, (struct body_motion *)expected);
         b->ops->kinematics(b, x.q, x.v, (struct body_motion *)found);
+        for (uint32_t o = 0; o < module->nobserved; o++) {
+            note(&motion, found + 18 * module->observed[o], expected + 18 * module->observed[o],
+                 18);
+        }
+        /* Other velocities in the same pose */
+        a->ops->velocities(a, x.q, vdot, (struct body_motion *)expected);
+        b->ops->velocities(b, x.q, vdot, (struct body_motion *)found);
         for (uint32_t o = 0; o < module->nobserved; o++) {
             note(&motion, found + 18 * module->observed[o], expected + 18 * module->observed[o],
                  18);
@@ -185,8 +192,11 @@ static void assert_same_bits(const struct robot *robot, const struct dynamics_mo
 {
     static double of_a[18 * BODIES], of_b[18 * BODIES];
     static double extra[RANDOM_JOINTS], added[21 * BODIES];
+    static _Alignas(32) double pose_a[POSE], pose_b[POSE];
     struct random_state x;
     uint64_t seed = 67;
+
+    assert_true(a->npose == b->npose && a->npose <= POSE);
 
     for (int n = 0; n < 1000; n++) {
         const size_t nv = robot->nv * sizeof(double);
@@ -203,17 +213,20 @@ static void assert_same_bits(const struct robot *robot, const struct dynamics_mo
         a->inverse(NULL, x.q, x.v, of_a, NULL, of_a + VELOCITIES);
         b->inverse(NULL, x.q, x.v, of_a, NULL, of_b + VELOCITIES);
         assert_memory_equal(of_a + VELOCITIES, of_b + VELOCITIES, nv);
-        a->acceleration(x.q, x.v, of_a, of_a + VELOCITIES);
-        b->acceleration(x.q, x.v, of_a, of_b + VELOCITIES);
-        for (uint32_t o = 0; o < a->nobserved; o++) {
-            assert_memory_equal(of_a + VELOCITIES + 6 * a->observed[o],
-                                of_b + VELOCITIES + 6 * a->observed[o], 6 * sizeof(double));
-        }
-        a->kinematics(x.q, x.v, of_a);
-        b->kinematics(x.q, x.v, of_b);
+        a->kinematics(x.q, x.v, pose_a, of_a);
+        b->kinematics(x.q, x.v, pose_b, of_b);
+        assert_memory_equal(pose_a, pose_b, a->npose * sizeof *pose_a);
+        a->velocities(x.q, pose_a, of_a);
+        b->velocities(x.q, pose_b, of_b);
         for (uint32_t o = 0; o < a->nobserved; o++) {
             assert_memory_equal(of_a + 18 * a->observed[o], of_b + 18 * a->observed[o],
                                 18 * sizeof(double));
+        }
+        a->acceleration(x.v, x.q, pose_a, of_a);
+        b->acceleration(x.v, x.q, pose_b, of_b);
+        for (uint32_t o = 0; o < a->nobserved; o++) {
+            assert_memory_equal(of_a + 6 * a->observed[o], of_b + 6 * a->observed[o],
+                                6 * sizeof(double));
         }
         a->energy(NULL, x.q, x.v, of_a);
         b->energy(NULL, x.q, x.v, of_b);
@@ -326,6 +339,7 @@ static double far_difference(const struct robot *robot, const struct dynamics_mo
                              double size)
 {
     static double expected[18 * BODIES], found[18 * BODIES];
+    static _Alignas(32) double pose[POSE];
     struct dynamics generic;
     struct error error;
     uint64_t seed = 59;
@@ -342,7 +356,7 @@ static double far_difference(const struct robot *robot, const struct dynamics_mo
             x.q[robot->nq - robot->njoint + j] = random_in(&seed, -size, size);
         }
         generic.ops->kinematics(&generic, x.q, x.v, (struct body_motion *)expected);
-        module->kinematics(x.q, x.v, found);
+        module->kinematics(x.q, x.v, pose, found);
         for (uint32_t o = 0; o < module->nobserved; o++) {
             for (int m = 0; m < 12; m++) {
                 int at = 18 * module->observed[o] + m;

@@ -144,18 +144,22 @@ static void subject_close(struct subject *s)
     tree_destroy(&s->tree);
 }
 
+/* The pose of the last kinematics is that of velocities and accelerations. */
 static void run(const struct subject *s, enum derive_function f, const struct random_state *x,
                 const double *vdot, const double *extra, const double *added, double *out)
 {
+    static double pose[40 * BODIES];
     const double *const argument[DERIVE_ARRAYS] = {[DERIVE_Q] = x->q,
                                                    [DERIVE_V] = x->v,
                                                    [DERIVE_TAU] = x->tau,
                                                    [DERIVE_VDOT] = vdot,
                                                    [DERIVE_EXT] = x->ext[0].force,
                                                    [DERIVE_EXTRA] = extra,
-                                                   [DERIVE_ADDED] = added};
+                                                   [DERIVE_ADDED] = added,
+                                                   [DERIVE_POSE] = pose};
 
-    assert_true(evaluate(&s->graph[f], &s->derivation[f], argument, out));
+    assert_in_range(s->derivation[f].npose, 0, 40 * BODIES);
+    assert_true(evaluate(&s->graph[f], &s->derivation[f], argument, pose, out));
 }
 
 static void assert_close(const double *found, const double *expected, size_t n, double tolerance,
@@ -173,6 +177,7 @@ static void compare(const struct subject *s, const struct random_state *x)
     const struct dynamics *g = &s->generic;
     const struct robot *robot = s->robot;
     double expected[18 * BODIES], found[18 * BODIES], vdot[VELOCITIES], energy[2];
+    struct random_state other = *x;
     size_t n = robot->nv;
 
     g->ops->forward(g, x->q, x->v, x->tau, NULL, expected);
@@ -203,6 +208,16 @@ static void compare(const struct subject *s, const struct random_state *x)
     for (size_t b = 0; b < robot->nbody; b++) {
         if (robot->body[b].observed) {
             assert_close(found + 6 * b, expected + 6 * b, 6, 1e-11, "acceleration");
+        }
+    }
+
+    /* Other velocities in the same pose: w and v alone */
+    memcpy(other.v, vdot, n * sizeof *vdot);
+    g->ops->kinematics(g, x->q, vdot, (struct body_motion *)expected);
+    run(s, DERIVE_VELOCITIES, &other, NULL, NULL, NULL, found);
+    for (size_t b = 0; b < robot->nbody; b++) {
+        if (robot->body[b].observed) {
+            assert_close(found + 18 * b + 12, expected + 18 * b + 12, 6, 1e-12, "velocities");
         }
     }
 }
@@ -525,7 +540,8 @@ static void compare_forward(uint64_t *seed, const struct robot *robot)
     }
     subject_open(&s, robot, 4);
     s.generic.ops->forward(&s.generic, q, v, tau, NULL, expected);
-    assert_true(evaluate(&s.graph[DERIVE_FORWARD], &s.derivation[DERIVE_FORWARD], argument, found));
+    assert_true(
+        evaluate(&s.graph[DERIVE_FORWARD], &s.derivation[DERIVE_FORWARD], argument, NULL, found));
     assert_close(found, expected, robot->nv, 1e-11, "forward");
     subject_close(&s);
 }

@@ -1,0 +1,124 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Compares the run of a stimulus with the recorded one. */
+#include "app/cli/recorded_run.h"
+
+#include "base/input_file.h"
+#include "base/journal.h"
+#include "rt/recording/recorder.h"
+
+#include <inttypes.h>
+#include <jansson.h>
+#include <limits.h>
+#include <string.h>
+
+/* Opens a regular file of a recording; NULL = there is none. */
+static FILE *recorded_run_open(const char *directory, const char *name)
+{
+    char path[PATH_MAX];
+    int size = snprintf(path, sizeof path, "%s/%s", directory, name);
+    struct error ignored;
+    FILE *file;
+
+    return size < (int)sizeof path && input_file_stream(path, &file, &ignored) == ERROR_NONE ? file
+                                                                                             : NULL;
+}
+
+/* Reads the number of ticks and the state hash of a summary. */
+static void recorded_run_read_summary(FILE *file, struct recorded_run *run)
+{
+    json_t *summary = json_loadf(file, JSON_REJECT_DUPLICATES, NULL);
+    const char *hash = json_string_value(json_object_get(summary, "state_hash"));
+    json_int_t ticks = json_integer_value(json_object_get(summary, "ticks"));
+
+    if (hash && strlen(hash) < sizeof run->state_hash && ticks > 0) {
+        run->ticks = (uint64_t)ticks;
+        snprintf(run->state_hash, sizeof run->state_hash, "%s", hash);
+    }
+    json_decref(summary);
+}
+
+/* Checks whether the text of an event is a request that has changed the robot's course: a push, a
+ * tunable, or a fault switched by hand. Pauses, speeds and comings and goings do not. */
+static bool recorded_run_is_request(const char *text)
+{
+    static const char *const others[] = {"process ", "paused ",     "resumed ",
+                                         "speed ",   "as fast as ", "checkpoint "};
+    const char *control = "control: ", *hand = strstr(text, " (by hand): ");
+
+    if (strncmp(text, control, strlen(control)) != 0) {
+        return strncmp(text, "fault ", 6) == 0 && hand;
+    }
+    for (size_t i = 0; i < sizeof others / sizeof *others; i++) {
+        if (!strncmp(text + strlen(control), others[i], strlen(others[i]))) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* Counts the requests among the events, "TIME PRIORITY TEXT" each, and keeps the first. */
+static void recorded_run_read_events(FILE *file, struct recorded_run *run)
+{
+    char line[RECORDER_EVENT_TEXT + 64];
+
+    while (fgets(line, sizeof line, file)) {
+        char *priority, *text;
+
+        line[strcspn(line, "\n")] = '\0';
+        priority = strchr(line, ' ');
+        text = priority ? strchr(priority + 1, ' ') : NULL;
+        if (!text || !recorded_run_is_request(text + 1)) {
+            continue;
+        }
+        if (run->requests++ == 0) {
+            snprintf(run->first, sizeof run->first, "%.*s s %s", (int)(priority - line), line,
+                     text + 1);
+        }
+    }
+}
+
+void recorded_run_read(const char *directory, struct recorded_run *run)
+{
+    FILE *summary = recorded_run_open(directory, RECORDER_SUMMARY);
+    FILE *events = recorded_run_open(directory, "events.log");
+
+    *run = (struct recorded_run){.ticks = 0};
+    if (summary) {
+        recorded_run_read_summary(summary, run);
+        fclose(summary);
+    }
+    if (events) {
+        recorded_run_read_events(events, run);
+        fclose(events);
+    }
+}
+
+void recorded_run_warn(const struct recorded_run *run, const char *directory, FILE *out)
+{
+    if (run->requests) {
+        fprintf(out,
+                "%swarning: %s/events.log has %zu request%s of \"coman-hil ctl\", the page or "
+                "another client, which are in no frame and are not played; the first: %s\n",
+                journal_prefix(JOURNAL_WARNING), directory, run->requests,
+                run->requests > 1 ? "s" : "", run->first);
+    }
+}
+
+void recorded_run_compare(const struct recorded_run *run, uint64_t ticks, uint64_t state_hash,
+                          FILE *out)
+{
+    char hash[24];
+
+    if (!run->ticks || run->ticks != ticks) {
+        return;
+    }
+    snprintf(hash, sizeof hash, "%016" PRIx64, state_hash);
+    if (!strcmp(hash, run->state_hash)) {
+        fputs("recording: ended in the same state\n", out);
+    } else {
+        fprintf(out, "recording: ended in another state, %s: %s\n", run->state_hash,
+                run->requests ? "its requests were not played"
+                              : "the rig, the dynamics, a fault, the seed or another option is not "
+                                "as it was");
+    }
+}

@@ -1,0 +1,186 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Files to be read: regular ones within their limit, which no output replaces. */
+#include "base/input_file.h"
+
+#include "base/whole_file.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+static char folder[] = "/tmp/input-file-XXXXXX";
+static char path[64], other[64];
+
+static int make_folder(void **state)
+{
+    (void)state;
+    if (!mkdtemp(folder)) {
+        return -1;
+    }
+    snprintf(path, sizeof path, "%s/file", folder);
+    snprintf(other, sizeof other, "%s/other", folder);
+    return 0;
+}
+
+static int empty_folder(void **state)
+{
+    (void)state;
+    unlink(path);
+    unlink(other);
+    return 0;
+}
+
+static int remove_folder(void **state)
+{
+    (void)state;
+    return rmdir(folder);
+}
+
+static void put(const char *name, const char *text)
+{
+    FILE *file = fopen(name, "w");
+
+    assert_non_null(file);
+    fputs(text, file);
+    fclose(file);
+}
+
+static void read_it(const char *name)
+{
+    struct error error;
+    size_t size;
+    int fd;
+
+    assert_int_equal(input_file_open(name, &fd, &size, &error), ERROR_NONE);
+    close(fd);
+}
+
+static void assert_refused(const char *name, const char *why)
+{
+    struct error error;
+    size_t size;
+    char *text = folder;
+    FILE *file = stdin;
+
+    assert_int_equal(input_file_load(name, 1000, &text, &size, &error), ERROR_INPUT);
+    assert_null(text);
+    assert_memory_equal(error.text, name, strlen(name));
+    assert_non_null(strstr(error.text, why));
+    assert_int_equal(input_file_stream(name, &file, &error), ERROR_INPUT);
+    assert_null(file);
+}
+
+/* The time limit of the test is the assertion that none of them waits. */
+static void what_is_no_regular_file_is_refused_at_once(void **state)
+{
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    int listener = socket(AF_UNIX, SOCK_STREAM, 0);
+
+    (void)state;
+    assert_int_equal(mkfifo(path, 0600), 0);
+    memcpy(address.sun_path, other, sizeof other);
+    assert_int_equal(bind(listener, (struct sockaddr *)&address, sizeof address), 0);
+    assert_refused(path, "found no regular file, expected a file");
+    assert_refused(other, "found no regular file, expected a file");
+    assert_refused("/dev/zero", "found no regular file, expected a file");
+    assert_refused(folder, "found a directory, expected a file");
+    assert_refused("/nowhere/file", "cannot be read: No such file");
+    close(listener);
+}
+
+static void a_file_is_read_up_to_its_limit(void **state)
+{
+    struct error error;
+    size_t size;
+    char *text;
+
+    (void)state;
+    put(path, "four");
+    assert_int_equal(input_file_load(path, 4, &text, &size, &error), ERROR_NONE);
+    assert_int_equal(size, 4);
+    assert_string_equal(text, "four");
+    free(text);
+    assert_int_equal(input_file_load(path, 3, &text, &size, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "found more than 3 bytes, expected at most that"));
+    assert_null(text);
+}
+
+/* Writes to a file as an output does; returns the outcome. */
+static enum error_code write_to(const char *name, struct error *error)
+{
+    struct whole_file file;
+    enum error_code code = whole_file_open(&file, name, error);
+
+    return code ? code : whole_file_close(&file, ERROR_NONE, error);
+}
+
+static void an_input_is_no_output_by_any_name(void **state)
+{
+    struct error error;
+    int fd;
+
+    (void)state;
+    put(path, "input");
+    read_it(path);
+    read_it(path);
+    assert_int_equal(write_to(path, &error), ERROR_INPUT);
+    assert_int_equal(whole_file_probe(path, &error), ERROR_INPUT);
+    assert_int_equal(growing_file_open(path, &fd, &error), ERROR_INPUT);
+    for (int hard = 0; hard < 2; hard++) {
+        assert_int_equal(hard ? link(path, other) : symlink(path, other), 0);
+        assert_int_equal(write_to(other, &error), ERROR_INPUT);
+        assert_non_null(strstr(error.text, path));
+        assert_non_null(strstr(error.text, other));
+        unlink(other);
+    }
+    assert_int_equal(write_to(other, &error), ERROR_NONE);
+}
+
+/* As an import does, which checks what it has made. */
+static void what_was_written_and_read_back_may_be_written_again(void **state)
+{
+    struct error error;
+
+    (void)state;
+    for (int i = 0; i < 3; i++) {
+        assert_int_equal(write_to(path, &error), ERROR_NONE);
+        read_it(path);
+    }
+}
+
+/* File systems give the inode of a file that was removed to the next one. */
+static void a_file_in_the_place_of_an_input_that_is_gone_is_none(void **state)
+{
+    struct error error;
+    struct stat there;
+
+    (void)state;
+    put(path, "input");
+    read_it(path);
+    assert_int_equal(rename(path, other), 0);
+    assert_int_equal(stat(other, &there), 0);
+    assert_int_equal(input_file_check_output(other, &there, &error), ERROR_NONE);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_teardown(what_is_no_regular_file_is_refused_at_once, empty_folder),
+        cmocka_unit_test_teardown(a_file_is_read_up_to_its_limit, empty_folder),
+        cmocka_unit_test_teardown(an_input_is_no_output_by_any_name, empty_folder),
+        cmocka_unit_test_teardown(what_was_written_and_read_back_may_be_written_again,
+                                  empty_folder),
+        cmocka_unit_test_teardown(a_file_in_the_place_of_an_input_that_is_gone_is_none,
+                                  empty_folder),
+    };
+
+    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+}
