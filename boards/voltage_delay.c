@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What passes between a board's set point and its bridge: voltages reach the drives some ticks after
- * the boards have computed them. */
+/* Time between a board's set point and its bridge: voltages reach the drives some ticks after the
+ * boards have computed them. */
 #include "boards/board_private.h"
 
 /* Rows of voltages by joint, V: the newest is what the boards set last, the row behind it the

@@ -173,8 +173,8 @@ static const struct {
 static const char *const sources[SOURCES] = {
     [POSITION] = " POSITION:position TELEMETRY_FD:link_position ",
     [DEFLECTION] = " TELEMETRY:deflection ",
-    [MOTOR_POSITION] = " MOTOR_POSITION:position FOC:position TELEMETRY:motor_position "
-                       "TELEMETRY_FD:motor_position ",
+    [MOTOR_POSITION] = (" MOTOR_POSITION:position FOC:position TELEMETRY:motor_position "
+                        "TELEMETRY_FD:motor_position "),
     [MOTOR_VELOCITY] = " FOC:velocity TELEMETRY_FD:motor_velocity ",
     [CURRENT] = " CURRENT:current FOC:current TELEMETRY:current TELEMETRY_FD:current ",
     [TORQUE] = " TELEMETRY:torque TELEMETRY_FD:torque FORCE:torque TORQUE:torque ",

@@ -27,7 +27,7 @@ static bool simbody_find_program(char folder[PATH_MAX])
 bool contact_simbody_find(char *path, size_t size)
 {
     /* From the program's folder: where it is installed, in the build's, in that of its tests */
-    static const char *const places[] = {"../" HIL_MODULE_FOLDER, "modules", "../modules"};
+    static const char *const places[] = {("../" HIL_MODULE_FOLDER), "modules", "../modules"};
     char folder[PATH_MAX];
 
     if (!simbody_find_program(folder)) {

@@ -15,7 +15,8 @@
  * from the torques that the gear carries. Both sgn are sets at zero: a rotor at rest rests while
  * |load| <= F(0), no current flows while |V - Kw qm'| <= V_h.
  * What holds at zero is a mode; the equations of a mode are smooth. R, Kt and Kw follow the
- * temperatures. The ripple of the current and the switching of the bridge cost power, and nothing else.
+ * temperatures. The ripple of the current and the switching of the bridge cost power, and do
+ * nothing else.
  *
  * SI units, link side, temperatures in degree C. Pure functions of drives whose effects are not
  * NULL. RT-safe.

@@ -574,6 +574,41 @@ static void dead_time_takes_its_voltage(void **unused)
     arena_fini(&rig.arena);
 }
 
+/* A held rotor at the end of its current's rise: what the supply gives becomes heat of winding and
+ * bridge, by I = V/(R + R_b), the ripple U d (1 - d)/(L f), d = V/U, and t_s f U |I|. */
+static void bridges_lose_what_their_ripple_and_switching_take(void **unused)
+{
+    static const enum plant_integrator integrator[] = {PLANT_IMPLICIT, PLANT_DOPRI5};
+    const double V = -12.0, U = 48.0, R_b = 0.1, f = 2e4, t_s = 2e-7;
+    struct robot_sea sea = free_rotor();
+
+    (void)unused;
+    for (size_t i = 0; i < 2; i++) {
+        const double I = V / (sea.R + R_b), peak_to_peak = U * 0.25 * 0.75 / (sea.L * f);
+        const double square = I * I + peak_to_peak * peak_to_peak / 12.0;
+        const double switched = t_s * f * U * fabs(I);
+        struct effects_rig rig;
+        struct plant_energy energy;
+
+        effects_rig_begin(&rig, sea,
+                          (struct robot_effects){.pwm = f, .switching = t_s, .bridge_ohm = R_b});
+        rig.config.integrator = integrator[i];
+        effects_rig_start(&rig);
+        rig.motor[0] =
+            (struct motor_command){.bridge_on = true, .voltage_v = V, .condition = DRIVE_JAM};
+        step_rig(&rig, 200);
+        assert_near(rig.drive[DRIVE_CURRENT], I, 1e-9);
+        assert_int_equal(plant_restart_energy(rig.plant), ERROR_NONE);
+        step_rig(&rig, 1000);
+        assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+        assert_near(energy.joule_heat, sea.R * square, 1e-6 * energy.joule_heat);
+        assert_near(energy.bridge_loss, R_b * square + switched, 1e-6 * energy.joule_heat);
+        assert_near(energy.electrical_in, energy.joule_heat + energy.bridge_loss,
+                    1e-6 * energy.joule_heat);
+        arena_fini(&rig.arena);
+    }
+}
+
 /* ---- temperatures ---- */
 
 /* A constant current into two bodies: the response of the linear system, from its poles. */
@@ -662,6 +697,7 @@ int main(void)
         cmocka_unit_test(freewheeling_current_decays_against_the_supply),
         cmocka_unit_test(diodes_rectify_what_exceeds_the_supply),
         cmocka_unit_test(dead_time_takes_its_voltage),
+        cmocka_unit_test(bridges_lose_what_their_ripple_and_switching_take),
         cmocka_unit_test(windings_warm_up_as_two_bodies),
         cmocka_unit_test(warm_windings_conduct_and_pull_less),
     };

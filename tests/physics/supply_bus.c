@@ -41,6 +41,22 @@ static void a_source_charges_and_does_not_discharge(void **unused)
                 1e-11);
 }
 
+/* A battery takes energy back: the bus falls to it as it rises to it. */
+static void a_battery_takes_back_what_a_source_does_not(void **unused)
+{
+    const struct supply_bus bus = {.capacitance_f = 0.01, .returns = true};
+    double state[SUPPLY_STATE] = {50.0, 0.0}, work[3] = {0.0};
+
+    (void)unused;
+    for (int k = 1; k <= 10; k++) {
+        supply_advance(&bus, 48.0, 0.5, 0.0, 1e-3, state, work);
+        assert_near(state[SUPPLY_VOLTAGE], 48.0 + 2.0 * exp(-1e-3 * k / 0.005), 1e-4);
+    }
+    assert_true(work[0] < 0.0 && work[1] > 0.0);
+    assert_near(work[0] - work[1],
+                0.5 * 0.01 * (state[SUPPLY_VOLTAGE] * state[SUPPLY_VOLTAGE] - 2500.0), 1e-11);
+}
+
 /* Energy that comes back stays in C V^2/2 to the last bit but a few. */
 static void energy_that_comes_back_lifts_the_bus(void **unused)
 {
@@ -215,6 +231,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_source_charges_and_does_not_discharge),
+        cmocka_unit_test(a_battery_takes_back_what_a_source_does_not),
         cmocka_unit_test(energy_that_comes_back_lifts_the_bus),
         cmocka_unit_test(the_chopper_burns_down_to_its_threshold),
         cmocka_unit_test(a_bus_that_is_asked_too_much_stays_finite),

@@ -133,6 +133,8 @@ static void a_supply_has_the_bus_that_is_given(void **state)
     rig = load_toy_rig_with("");
     assert_true(rig->supply_bus.capacitance_f == 0.0 && rig->supply_bus.on_v == 0.0);
     refused("supply_capacitance_f: 0.02\n", "without supply_ohm, expected both");
+    refused("supply_returns: true\n", "without supply_capacitance_f");
+    refused("voltage_delay_s: 0.00137\n", "found a delay of 0.00137 s, expected whole ticks");
     refused("brake_chopper: {on_v: 60, off_v: 55, ohm: 3}\n", "without supply_capacitance_f");
     refused("supply_ohm: 0.1\nsupply_capacitance_f: 0.02\n"
             "brake_chopper: {on_v: 60, off_v: 60, ohm: 3}\n",
