@@ -226,8 +226,9 @@ class Suite:
         return str(SOURCE / path) in self.inputs[program]
 
     def of(self, path, seconds):
-        """Tests that depend on a file and take so long together: those of the file (rank 0), of
-        what includes its header (1), of the folders of both (2), others (3), scripts (4)."""
+        """Tests that depend on a file: all of the file (rank 0), and as many as take so long
+        together of what includes its header (1), of the folders of both (2), others (3), scripts
+        (4)."""
         header = f'"{path.with_suffix(".h")}"'
         users = [user.relative_to(SOURCE) for folder in (*ROOMS, "tests")
                  for user in (SOURCE / folder).rglob("*.c") if header in user.read_text()]
@@ -249,8 +250,9 @@ class Suite:
         found.sort(key=lambda test: (test.rank, test.seconds))
         total, chosen = 0.0, []
         for test in found:
-            if test.rank == 0 or total + test.seconds <= seconds:
-                total += test.seconds
+            cost = test.seconds if test.rank > 0 else 0.0
+            if total + cost <= seconds:
+                total += cost
                 chosen.append(test)
         return [test for test in chosen if self.passes(test)]
 
@@ -391,8 +393,8 @@ def main():
                         help="and N files of each room at random")
     parser.add_argument("--mutants", type=int, default=20, metavar="N",
                         help="of a file, drawn at random (20); 0: all")
-    parser.add_argument("--seconds", type=float, default=20, metavar="S",
-                        help="of tests for a mutant that survives (20)")
+    parser.add_argument("--seconds", type=float, default=40, metavar="S",
+                        help="of tests beside the file's own for a mutant that survives (40)")
     parser.add_argument("--seed", default="1", help="of all drawings (1)")
     parser.add_argument("--list", action="store_true", help="print the mutants and try none")
     parser.add_argument("--verbose", action="store_true",
