@@ -293,12 +293,15 @@ enum error_code growing_file_open(const char *path, int *descriptor, struct erro
 {
     struct whole_file file;
     enum error_code code = whole_file_begin(&file, path, error);
+    struct stat made;
 
     if (code) {
         return code;
     }
     *descriptor = file.in_place ? whole_file_open_device(&file) : growing_file_create(&file);
-    if (*descriptor < 0) {
+    if (*descriptor >= 0 && !fstat(*descriptor, &made)) {
+        input_file_written(path, &made);
+    } else if (*descriptor < 0) {
         code = errno == ELOOP
                    ? error_set(error, ERROR_INPUT,
                                "%s: found a symbolic link, expected a file: what it points to is "

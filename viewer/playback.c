@@ -8,6 +8,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 /* Span before a jump whose frames a client gets: those of COMAN fit in VIEWER_TRACE. Span over
  * which loads are means. */
@@ -51,13 +52,13 @@ static enum error_code recording_open_rows(struct recording *recording, struct a
     if (!recording_path(recording, "signals.csv", path)) {
         return error_set(error, ERROR_INPUT, "the name of the recording is too long");
     }
-    code = recorded_table_open(path, arena, &recording->signals, error);
-    if (code == ERROR_SYSTEM) {
+    if (access(path, R_OK)) {
         return error_set(error, ERROR_INPUT,
                          "%s: found no signals.csv that can be read, expected a recording of "
                          "\"run --record\" with --record-format csv or both",
                          recording->config.directory);
     }
+    code = recorded_table_open(path, arena, &recording->signals, error);
     if (!code && recording_path(recording, "poses.csv", path)) {
         code = recorded_table_open(path, arena, &recording->poses, error);
     }
@@ -79,13 +80,14 @@ static enum error_code recording_open_rest(struct recording *recording, struct a
     if (!bus || !recording_path(recording, "candump.log", path)) {
         return error_set(error, ERROR_MEMORY, "no memory left for the recording");
     }
-    code = recorded_log_open(path, bus, rig->nbus, &recording->log, error);
-    if (code && code != ERROR_SYSTEM) {
-        return code;
-    }
+    /* A recording may be without either */
+    code = access(path, F_OK) == 0 ? recorded_log_open(path, bus, rig->nbus, &recording->log, error)
+                                   : ERROR_NONE;
     recording_path(recording, "events.log", path);
-    code = recorded_file_open(path, &recording->events, error);
-    return code == ERROR_SYSTEM ? ERROR_NONE : code;
+    if (!code && access(path, F_OK) == 0) {
+        code = recorded_file_open(path, &recording->events, error);
+    }
+    return code;
 }
 
 /* Checks that the recording is of the rig: it has each joint and each body. */

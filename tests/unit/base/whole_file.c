@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Files that are there whole or as they were before. */
+#include "base/input_file.h"
 #include "base/whole_file.h"
 
 #include <dirent.h>
@@ -229,6 +230,20 @@ static void growing_has_its_name_at_once_and_is_not_writable_by_others(void **st
     assert_int_equal(unlink(path), 0);
 }
 
+static void growing_may_be_written_anew_after_it_was_read_back(void **state)
+{
+    struct error error;
+    FILE *file;
+
+    (void)state;
+    growing_write(path, "first");
+    assert_int_equal(input_file_stream(path, &file, &error), ERROR_NONE);
+    fclose(file);
+    growing_write(path, "second");
+    assert_string_equal(content(path), "second");
+    assert_int_equal(unlink(path), 0);
+}
+
 /* Else whoever has made the file, or has another name of it, would have a part in the new one. */
 static void growing_is_another_file_than_the_one_that_was_there(void **state)
 {
@@ -394,6 +409,7 @@ int main(void)
         cmocka_unit_test(writes_to_a_device_in_place_and_says_that_it_is_full),
         cmocka_unit_test(names_a_folder_that_is_not_there),
         cmocka_unit_test(growing_has_its_name_at_once_and_is_not_writable_by_others),
+        cmocka_unit_test(growing_may_be_written_anew_after_it_was_read_back),
         cmocka_unit_test(growing_is_another_file_than_the_one_that_was_there),
         cmocka_unit_test(growing_refuses_links_to_files),
         cmocka_unit_test(growing_into_a_pipe_that_nobody_reads_is_an_error),
