@@ -27,10 +27,11 @@ def is_read(path):
 def command_of(entry):
     """What clang is to do: the definitions, folders and warnings of gcc's command but one, which
     takes the C library's own NAN for a fault."""
-    words = [word for word in shlex.split(entry["command"])[1:]
-             if word.startswith(("-D", "-I", "-isystem", "-std=", "-W"))
-             and word != "-Wdouble-promotion"]
-    return ["clang", "-fsyntax-only", *words, entry["file"]]
+    words = shlex.split(entry["command"])
+    kept = [word for before, word in zip(words, words[1:])
+            if before == "-isystem" or word.startswith(("-D", "-I", "-isystem", "-std=", "-W"))
+            and word != "-Wdouble-promotion"]
+    return ["clang", "-fsyntax-only", *kept, entry["file"]]
 
 
 def complaint(entry):

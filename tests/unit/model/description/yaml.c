@@ -738,7 +738,8 @@ static const struct fault {
     {"L_h: 0.0003", "L_h: 0.0003, winding_k_w: 1", "17:12",
      "found a drive with key \"winding_k_w\" and without \"housing_k_w\""},
     {"L_h: 0.0003", "L_h: 0.0003, dead_time_s: 1e-4, pwm_hz: 5e3", "17:12",
-     "found a dead time of 0.0001 s at 5000 Hz, expected no more than a quarter of the period"},
+     "found a dead time of 0.0001 s and 0 s of switching at 5000 Hz, expected each no more "
+     "than a quarter of the period"},
     {", L_h: 0.0003", "", "17:12",
      "found the drive of joint \"shoulder\" without key \"L_h\", expected it here or in"},
     {"force_n: 20}", "force_n: 20}\n    drive: {Ks_nm_rad: 1}", "26:12",
