@@ -432,6 +432,10 @@ static bool candump_parse_frame(struct candump_cursor *cursor, struct bus_frame 
             return false;
         }
     }
+    /* What "candump -x" adds: sent here or received */
+    if (!candump_take(cursor, " T")) {
+        candump_take(cursor, " R");
+    }
     return candump_parse_end(cursor, frame);
 }
 
@@ -439,6 +443,9 @@ static bool candump_parse_frame(struct candump_cursor *cursor, struct bus_frame 
 static bool candump_parse_line(struct candump_cursor *cursor, struct bus_frame *frame, char bus[16])
 {
     if (cursor->size && cursor->text[cursor->size - 1] == '\n') {
+        cursor->size--;
+    }
+    if (cursor->size && cursor->text[cursor->size - 1] == '\r') {
         cursor->size--;
     }
     memset(frame, 0, sizeof *frame);

@@ -71,6 +71,8 @@ enum error_code ctl_send(struct ctl_client *client, const json_t *object, struct
 
         if (count > 0) {
             sent += (size_t)count;
+        } else if (count < 0 && errno == EPIPE) {
+            break; /* it refused us: its reason is still to be read */
         } else if (count == 0 || errno != EINTR || *client->interrupted) {
             code = error_set_errno(error, errno, "cannot write to %s", client->path);
         }

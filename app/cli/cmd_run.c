@@ -406,6 +406,8 @@ static void print_settled(const struct simulator *simulator)
 static void print_stimulus(const struct simulator *simulator)
 {
     const struct stimulus *stimulus = simulator_stimulus(simulator);
+    int64_t first_ns = INT64_MAX;
+    size_t frames = 0;
 
     if (!stimulus) {
         return;
@@ -417,6 +419,14 @@ static void print_stimulus(const struct simulator *simulator)
                 "its first frame, %" PRId64 ".%06" PRId64 "\n",
                 stimulus->start_ns / 1000000000, stimulus->start_ns % 1000000000 / 1000);
     }
+    for (size_t b = 0; b < simulator_configuration(simulator)->rig->nbus; b++) {
+        frames += stimulus->count[b];
+        if (stimulus->count[b] && stimulus->frame[b][0].time_ns < first_ns) {
+            first_ns = stimulus->frame[b][0].time_ns;
+        }
+    }
+    fprintf(stderr, "stimulus: %zu frames, the first at %.3f s; the log ends at %.3f s\n", frames,
+            (double)first_ns * 1e-9, (double)stimulus->end_ns * 1e-9);
 }
 
 /* Prints what a person may want to know before the first tick. */

@@ -11,6 +11,9 @@
 #include <limits.h>
 #include <string.h>
 
+/* Ticks that a recording may have: 115 days at 1 kHz. */
+#define TICKS_MOST INT64_C(10000000000)
+
 /* Opens a regular file of a recording; NULL = there is none. */
 static FILE *recorded_run_open(const char *directory, const char *name)
 {
@@ -30,7 +33,7 @@ static void recorded_run_read_summary(FILE *file, struct recorded_run *run)
     const char *hash = json_string_value(json_object_get(summary, "state_hash"));
     json_int_t ticks = json_integer_value(json_object_get(summary, "ticks"));
 
-    if (hash && strlen(hash) < sizeof run->state_hash && ticks > 0) {
+    if (hash && strlen(hash) < sizeof run->state_hash && ticks > 0 && ticks <= TICKS_MOST) {
         run->ticks = (uint64_t)ticks;
         snprintf(run->state_hash, sizeof run->state_hash, "%s", hash);
     }

@@ -3,6 +3,7 @@
  * and closes. */
 #include "rt/recording/recorder_mcap.h"
 
+#include "base/input_file.h"
 #include "base/whole_file.h"
 #include "canbus/candump.h"
 #include "rt/clock.h"
@@ -12,6 +13,7 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -142,8 +144,13 @@ static struct recorder *recorder_allocate(const struct recorder_config *config, 
 static enum error_code recorder_remove_summary(const char *directory, struct error *error)
 {
     char path[LINE_FILE_PATH];
+    enum error_code code;
+    struct stat there;
 
     snprintf(path, sizeof path, "%s/" RECORDER_SUMMARY, directory);
+    if (!stat(path, &there) && (code = input_file_check_output(path, &there, error))) {
+        return code;
+    }
     if (unlink(path) && errno != ENOENT) {
         return error_set_errno(error, errno, "cannot remove %s of an earlier recording", path);
     }

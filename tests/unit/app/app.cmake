@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # control: the socket and ctl
-foreach(name control hostile memory parse socket)
+foreach(name control ctl_client hostile memory parse socket)
     hil_test(control_${name} SOURCES unit/control/${name}.c LIBS control LABELS unit
         TIMEOUT 240)
 endforeach()

@@ -129,6 +129,10 @@ static void reads_what_candump_and_its_relatives_write(void **state)
         {"(0000000000.000000) fifteen-letters 20000040#\n",
          "fifteen-letters",
          {.id = 0x40, .flags = FRAME_ERROR}},
+        /* Of an editor of another system, and of candump -x */
+        {"(0000000000.000000) can0 123#AA\r\n", "can0", {.id = 0x123, .len = 1, .data = {0xAA}}},
+        {"(0000000000.000000) can0 123#AA T\n", "can0", {.id = 0x123, .len = 1, .data = {0xAA}}},
+        {"(0000000000.000000) can0 123#AA R\n", "can0", {.id = 0x123, .len = 1, .data = {0xAA}}},
         /* What candump -ta prints */
         {" (1436509052.249713)  can0  123   [4]  DE AD BE EF\n",
          "can0",
@@ -195,7 +199,9 @@ static void refuses_malformed_lines_and_names_the_column(void **state)
         {"(1.000000) can0 123#0G", 22},
         {"(1.000000) can0 123#00 ", 23},
         {"(1.000000) can0 123#00.11", 23},
-        {"(1.000000) can0 123#00\r\n", 23},
+        {"(1.000000) can0 123#00\r\r\n", 23},
+        {"(1.000000) can0 123#00 S", 23},
+        {"(1.000000) can0 123#00 T ", 25},
         {"(1.000000) can0 123#001122334455667788", 37},
         {"(1.000000) can0 123#R9", 22},
         {"(1.000000) can0 123#R88", 23},

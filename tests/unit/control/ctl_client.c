@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "control/ctl_client.h"
+
+/* A server that refuses a client and closes at once has said why, though nothing can be sent. */
+static void the_reason_of_a_refusal_is_read_though_nothing_can_be_sent(void **state)
+{
+    static const char refusal[] = "{\"ok\":false,\"error\":\"too many clients\"}\n";
+    static struct ctl_client client;
+    volatile sig_atomic_t interrupted = 0;
+    json_t *request = json_pack("{s:s}", "cmd", "status");
+    struct error error;
+    char *line;
+    int pair[2];
+
+    (void)state;
+    assert_int_equal(socketpair(AF_UNIX, SOCK_STREAM, 0, pair), 0);
+    client.socket = pair[0];
+    client.interrupted = &interrupted;
+    assert_int_equal(write(pair[1], refusal, strlen(refusal)), (ssize_t)strlen(refusal));
+    close(pair[1]);
+    assert_int_equal(ctl_send(&client, request, &error), ERROR_NONE);
+    assert_int_equal(ctl_read_line(&client, &line, &error), CTL_LINE);
+    assert_non_null(strstr(line, "too many clients"));
+    assert_int_equal(ctl_read_line(&client, &line, &error), CTL_END);
+    ctl_close(&client);
+    json_decref(request);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_reason_of_a_refusal_is_read_though_nothing_can_be_sent),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
