@@ -5,33 +5,40 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <pthread.h>
-#include <search.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-/* A file that was read, or written by this process, and the last name that it was opened by. */
+/* A file that was read, or written by this process, and the last name that it was opened by; none
+ * when that is too long to be kept. */
 struct input {
     dev_t device;
     ino_t inode;
     bool written;
-    char *path;
+    char path[232];
 };
 
-/* All inputs of this process, a binary tree; threads may open files too. */
-static void *inputs;
+/* The last inputs of this process, in a ring without the heap: what opens a file holds nothing of
+ * it when it is closed. Threads may open files too. */
+enum { INPUTS_MAX = 1024 };
+static struct input inputs[INPUTS_MAX];
+static size_t ninput;
 static pthread_mutex_t inputs_lock = PTHREAD_MUTEX_INITIALIZER;
 
-/* Orders inputs by device and inode. */
-static int input_compare(const void *a, const void *b)
+/* Finds a file among the inputs, the newest first; NULL = it is none. */
+static struct input *input_find(const struct stat *status)
 {
-    const struct input *x = a, *y = b;
+    const size_t kept = ninput < INPUTS_MAX ? ninput : INPUTS_MAX;
 
-    if (x->device != y->device) {
-        return x->device < y->device ? -1 : 1;
+    for (size_t i = 1; i <= kept; i++) {
+        struct input *input = &inputs[(ninput - i) % INPUTS_MAX];
+
+        if (input->device == status->st_dev && input->inode == status->st_ino) {
+            return input;
+        }
     }
-    return x->inode < y->inode ? -1 : x->inode > y->inode;
+    return NULL;
 }
 
 /* Returns whether the name of an input is still its own: a file that is gone may have left its
@@ -40,34 +47,28 @@ static bool input_is_there(const struct input *input)
 {
     struct stat now;
 
-    return !stat(input->path, &now) && now.st_dev == input->device && now.st_ino == input->inode;
+    return !input->path[0] ||
+           (!stat(input->path, &now) && now.st_dev == input->device && now.st_ino == input->inode);
 }
 
-/* Adds a file to the inputs, or gives one its new name; false = no memory. */
-static bool input_remember(const char *path, const struct stat *status, bool written)
+/* Adds a file to the inputs, or gives one its new name. */
+static void input_remember(const char *path, const struct stat *status, bool written)
 {
-    struct input *input = malloc(sizeof *input), **found = NULL, old = {.path = NULL};
-    char *name = strdup(path);
+    struct input *input;
 
-    if (!input || !name) {
-        free(input);
-        free(name);
-        return false;
-    }
-    *input = (struct input){status->st_dev, status->st_ino, written, name};
     pthread_mutex_lock(&inputs_lock);
-    found = tsearch(input, &inputs, input_compare);
-    if (!found || *found != input) {
-        /* What was written here stays so when it is read back */
-        old = found && !((*found)->written && input_is_there(*found)) ? **found : *input;
-        if (found && old.path != name) {
-            **found = *input;
+    input = input_find(status);
+    /* What was written here stays so when it is read back */
+    if (!input || !input->written || !input_is_there(input)) {
+        if (!input) {
+            input = &inputs[ninput++ % INPUTS_MAX];
         }
-        free(input);
+        *input = (struct input){status->st_dev, status->st_ino, written, ""};
+        if (strlen(path) < sizeof input->path) {
+            strcpy(input->path, path);
+        }
     }
     pthread_mutex_unlock(&inputs_lock);
-    free(old.path);
-    return found != NULL;
 }
 
 void input_file_written(const char *path, const struct stat *status)
@@ -78,17 +79,16 @@ void input_file_written(const char *path, const struct stat *status)
 enum error_code input_file_check_output(const char *path, const struct stat *there,
                                         struct error *error)
 {
-    const struct input key = {.device = there->st_dev, .inode = there->st_ino};
     enum error_code code = ERROR_NONE;
-    struct input **found;
+    const struct input *found;
 
     pthread_mutex_lock(&inputs_lock);
-    found = tfind(&key, &inputs, input_compare);
-    if (found && !(*found)->written && input_is_there(*found)) {
+    found = input_find(there);
+    if (found && !found->written && input_is_there(found)) {
         code = error_set(error, ERROR_INPUT,
                          "%.200s: found the file %.200s, which is read here, expected another one "
                          "to write: an input is not overwritten",
-                         path, (*found)->path);
+                         path, found->path[0] ? found->path : path);
     }
     pthread_mutex_unlock(&inputs_lock);
     return code;
@@ -112,8 +112,8 @@ enum error_code input_file_open(const char *path, int *descriptor, size_t *size,
     } else if (fd < 0 || !S_ISREG(status.st_mode)) {
         code = error_set(error, ERROR_INPUT, "%.200s: found %s, expected a file", path,
                          fd >= 0 && S_ISDIR(status.st_mode) ? "a directory" : "no regular file");
-    } else if (!input_remember(path, &status, false)) {
-        code = error_set(error, ERROR_MEMORY, "%.200s: no memory to read it", path);
+    } else {
+        input_remember(path, &status, false);
     }
     if (code) {
         if (fd >= 0) {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Files that a person names to be read. Only a regular file is taken: a pipe, a device or a socket
- * is refused at once, without a wait for whoever would write into it. What was opened is kept in
- * mind until the process ends, so that no output replaces it (base/whole_file.h). Not RT-safe.
+ * is refused at once, without a wait for whoever would write into it. The last 1024 that were
+ * opened are kept in mind, so that no output replaces them (base/whole_file.h). Not RT-safe.
  */
 #ifndef BASE_INPUT_FILE_H
 #define BASE_INPUT_FILE_H
@@ -14,8 +14,7 @@
 #include <sys/stat.h>
 
 /* Opens a regular file for reading; the descriptor is the caller's to close. *size, in bytes, may
- * be NULL. Errors begin with the path: ERROR_INPUT (not there, no regular file), ERROR_SYSTEM,
- * ERROR_MEMORY. */
+ * be NULL. Errors begin with the path: ERROR_INPUT (not there, no regular file), ERROR_SYSTEM. */
 enum error_code input_file_open(const char *path, int *descriptor, size_t *size,
                                 struct error *error);
 

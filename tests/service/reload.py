@@ -101,41 +101,29 @@ def stop_while_the_rig_is_read(program, work):
         end(service)
 
 
-def open_for_a_reader(pipe, service):
-    """The pipe, once somebody waits to read from it."""
-    end_s = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end_s and service.process.poll() is None:
-        try:
-            return os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)
-        except OSError:
-            time.sleep(0.02)
-    return None
-
-
 def stop_between_two_runs(program, work):
-    """The new run reads its trajectory from a pipe into which nothing is written."""
+    """The new run has a long trajectory to read, and is held while it does so."""
     path = work + "/trajectory.csv"
     with open(path, "w") as file:
         file.write("time_s,LElbj_deg\n0,-30\n60,-60\n")
     service = Service(program, work, "--task", "follow", "--trajectory", path)
-    pipe = None
     try:
         good = service.hears("READY=1")
-        os.unlink(path)
-        os.mkfifo(path)
+        with open(path, "w") as file:
+            file.write("time_s,LElbj_deg\n0,-30\n")
+            file.writelines(f"{60 + 1e-3 * k:.3f},-60\n" for k in range(500000))
         service.process.send_signal(signal.SIGHUP)
-        good = good and service.hears("RELOADING=1")
-        pipe = open_for_a_reader(path, service)
+        good = good and service.hears("RELOADING=1") and service.says("reload: restarting")
+        service.process.send_signal(signal.SIGSTOP)
         result("the old run is not said to be ready again",
-               good and pipe is not None and not service.has_heard("READY=1"), service)
+               good and not service.has_heard("READY=1"), service)
         begin_s = time.monotonic()
         service.process.send_signal(signal.SIGTERM)
+        service.process.send_signal(signal.SIGCONT)
         result("a stop between two runs ends it at once, and well",
                service.hears("STOPPING=1") and service.process.wait(PATIENCE_S) == 0
                and time.monotonic() - begin_s < 15, service)
     finally:
-        if pipe is not None:
-            os.close(pipe)
         end(service)
 
 
