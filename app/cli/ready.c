@@ -37,21 +37,17 @@ static void put_entry(const char *name, const char *value, FILE *out)
     fputs("'\n", out);
 }
 
-/* Returns whether a file is one of --ready, or empty, or no file at all; links are the user's but
- * those to pipes and terminals. */
+/* Returns whether a file is one of --ready, or empty, or no regular file at all. */
 static bool may_be_removed(const char *path)
 {
     static const char begin[] = "pid='";
     char text[sizeof begin - 1];
-    struct stat info, target;
+    struct stat info;
     ssize_t size;
     int fd;
 
-    if (!path || lstat(path, &info)) {
+    if (!path || lstat(path, &info) || !S_ISREG(info.st_mode)) {
         return true;
-    }
-    if (!S_ISREG(info.st_mode)) {
-        return !S_ISLNK(info.st_mode) || (!stat(path, &target) && !S_ISREG(target.st_mode));
     }
     fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
     if (fd < 0) {

@@ -122,22 +122,6 @@ static void what_is_no_file_of_ours_stays(void **state)
     assert_int_equal(access(path, F_OK), 0);
 }
 
-static void a_link_of_somebody_stays(void **state)
-{
-    static const char *const target[] = {"nowhere", "/etc/hostname"};
-    struct error error;
-    struct stat link;
-
-    (void)state;
-    for (size_t i = 0; i < 2; i++) {
-        assert_int_equal(symlink(target[i], path), 0);
-        assert_int_equal(ready_begin(path, &error), ERROR_INPUT);
-        assert_int_equal(lstat(path, &link), 0);
-        assert_true(S_ISLNK(link.st_mode));
-        assert_int_equal(unlink(path), 0);
-    }
-}
-
 static void a_file_of_somebody_else_stays(void **state)
 {
     FILE *file = fopen(path, "w");
@@ -187,7 +171,6 @@ int main(void)
         TEST(what_a_run_has_not_has_no_line),
         TEST(it_is_gone_before_the_start_and_after_the_end),
         TEST(what_is_no_file_of_ours_stays),
-        TEST(a_link_of_somebody_stays),
         TEST(a_file_of_somebody_else_stays),
         TEST(a_place_that_cannot_be_written_is_an_error),
         TEST(nothing_happens_without_a_path),
