@@ -101,7 +101,7 @@ enum { PLANT_PATCHES = 256 };
  * effects of drives gear_friction, gear_hysteresis and bridge_loss (of diodes), with a bus
  * source_loss and chopper_heat): zero for an exact integration. electrical_in is what the bridges
  * take, with a bus what its source gives. stop_loss is that of the joints' stops; what the stops of
- * series springs and the couplings of joints lose is in spring_damping.
+ * series springs, passive springs and the couplings of joints lose is in spring_damping.
  *
  * Contact enters the balance by the work of its wrenches on the bodies, whatever the engine says of
  * its own energies: contact_dissipation is that work, negated, less the growth of what the patches

@@ -4,6 +4,7 @@
 
 #include "model/implicit/implicit.h"
 #include "model/integrator.h"
+#include "model/passive.h"
 #include "model/plant_private.h"
 
 #include <math.h>
@@ -168,6 +169,7 @@ static void lay_out_state(struct plant *plant)
         plant->ndrive += robot->joint[j].sea.present;
         plant->has_effects |= robot->joint[j].sea.present && robot->joint[j].sea.effects;
         plant->nspring += robot->joint[j].spring.present && robot->joint[j].spring.enabled;
+        plant->npassive += passive_is_present(&robot->joint[j].passive);
         plant->nhydraulic += robot->joint[j].hydraulic.present;
     }
     plant->at.v = robot->nq;
@@ -206,6 +208,7 @@ static bool allocate_plant(struct plant *plant, struct arena *arena)
     /* Actuators and free bodies */
     TAKE(plant->drive_joint, plant->ndrive);
     TAKE(plant->spring_joint, plant->nspring);
+    TAKE(plant->passive_joint, plant->npassive);
     TAKE(plant->hydraulic_joint, plant->nhydraulic);
     TAKE(plant->free_inverse, plant->config.nfree);
 
@@ -280,11 +283,11 @@ static enum error_code create_whole_dynamics(struct plant *plant, struct arena *
     return dynamics_generic(all, arena, &plant->whole, error);
 }
 
-/* Finds which joint each drive, parallel spring and cylinder is on. */
+/* Finds which joint each drive, spring and cylinder is on. */
 static void number_actuators(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
-    size_t drive = 0, spring = 0, cylinder = 0;
+    size_t drive = 0, spring = 0, passive = 0, cylinder = 0;
 
     for (size_t j = 0; j < robot->njoint; j++) {
         if (robot->joint[j].sea.present) {
@@ -293,6 +296,9 @@ static void number_actuators(struct plant *plant)
         }
         if (robot->joint[j].spring.present && robot->joint[j].spring.enabled) {
             plant->spring_joint[spring++] = j;
+        }
+        if (passive_is_present(&robot->joint[j].passive)) {
+            plant->passive_joint[passive++] = j;
         }
         if (robot->joint[j].hydraulic.present) {
             plant->hydraulic_joint[cylinder++] = j;

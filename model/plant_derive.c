@@ -6,6 +6,7 @@
  * state.
  */
 #include "model/coupling.h"
+#include "model/passive.h"
 #include "model/plant_private.h"
 #include "model/spatial.h"
 
@@ -95,8 +96,8 @@ static void apply_couplings(struct plant *plant, const double *state)
     }
 }
 
-/* Computes the torques of drives, eq. (3), of parallel springs, eq. (5), of end stops and
- * couplings on the joints. */
+/* Computes the torques of drives, eq. (3), of parallel springs, eq. (5), of passive springs, end
+ * stops and couplings on the joints. */
 static void apply_joint_torques(struct plant *plant, const double *state)
 {
     const struct robot *robot = plant->config.robot;
@@ -116,6 +117,13 @@ static void apply_joint_torques(struct plant *plant, const double *state)
         plant->tau[j] += parallel_spring_torque(
             &robot->joint[j].spring, state[plant->at.pretension + s], plant->pretension_rate[s],
             plant_joint_position(plant, state, j), plant_joint_rate(plant, state, j));
+    }
+    for (size_t i = 0; i < plant->npassive; i++) {
+        size_t j = plant->passive_joint[i];
+
+        plant->tau[j] +=
+            passive_torque(&robot->joint[j].passive, plant_joint_position(plant, state, j),
+                           plant_joint_rate(plant, state, j));
     }
     /* End stops, few of which are pressed; then couplings */
     for (size_t j = 0; j < robot->njoint; j++) {
@@ -249,11 +257,16 @@ double plant_stop_loss(const struct plant *plant, const double *state)
     return loss;
 }
 
-double plant_coupling_loss(const struct plant *plant, const double *state)
+double plant_spring_loss(const struct plant *plant, const double *state)
 {
     const struct robot *robot = plant->config.robot;
     double loss = 0.0;
 
+    for (size_t i = 0; i < plant->npassive; i++) {
+        size_t j = plant->passive_joint[i];
+
+        loss += passive_loss(&robot->joint[j].passive, plant_joint_rate(plant, state, j));
+    }
     for (size_t i = 0; i < robot->ncoupling; i++) {
         const struct robot_coupling *coupling = &robot->coupling[i];
 
@@ -304,6 +317,6 @@ void plant_derivative(void *context, double t, const double *state, double *deri
         work[WORK_CONTACT] = load.contact;
         work[WORK_PUSH] = load.push;
         work[WORK_STOPS] = plant->clamped ? 0.0 : plant_stop_loss(plant, state);
-        work[WORK_SPRING_DAMPING] += plant->clamped ? 0.0 : plant_coupling_loss(plant, state);
+        work[WORK_SPRING_DAMPING] += plant->clamped ? 0.0 : plant_spring_loss(plant, state);
     }
 }

@@ -3,6 +3,7 @@
 #include "model/plant.h"
 
 #include "model/coupling.h"
+#include "model/passive.h"
 #include "model/plant_private.h"
 
 #include <string.h>
@@ -25,12 +26,17 @@ static double stored_mechanical(struct plant *plant)
         energy += plant_drive_energy(plant, state, d);
     }
     energy += plant_hydraulic_energy(plant, state);
-    /* Parallel springs, stops and couplings */
+    /* Parallel and passive springs, stops and couplings */
     for (size_t s = 0; s < plant->nspring; s++) {
         size_t j = plant->spring_joint[s];
 
         energy += parallel_spring_energy(&robot->joint[j].spring, state[plant->at.pretension + s],
                                          plant_joint_position(plant, state, j));
+    }
+    for (size_t i = 0; i < plant->npassive; i++) {
+        size_t j = plant->passive_joint[i];
+
+        energy += passive_energy(&robot->joint[j].passive, plant_joint_position(plant, state, j));
     }
     for (size_t j = 0; j < robot->njoint; j++) {
         energy += stop_energy(&robot->joint[j].stop, plant_joint_depth(plant, state, j));

@@ -69,12 +69,13 @@ struct plant {
     struct plant_config config; /* contact_body and free are the plant's own copies */
     struct dynamics whole;      /* generic, with every body observed: pushes, center of mass */
     struct plant_layout at;
-    size_t ndrive, nspring, nhydraulic, nbristle;
-    size_t nwork;         /* integrals of powers, with account_energy */
-    bool has_effects;     /* some drive has: the state has their parts */
-    bool accounts;        /* powers are integrated: account_energy, or a bus that lives on them */
-    size_t *drive_joint;  /* joint of each drive */
-    size_t *spring_joint; /* joint of each enabled parallel spring */
+    size_t ndrive, nspring, npassive, nhydraulic, nbristle;
+    size_t nwork;          /* integrals of powers, with account_energy */
+    bool has_effects;      /* some drive has: the state has their parts */
+    bool accounts;         /* powers are integrated: account_energy, or a bus that lives on them */
+    size_t *drive_joint;   /* joint of each drive */
+    size_t *spring_joint;  /* joint of each enabled parallel spring */
+    size_t *passive_joint; /* joint of each passive spring or damper */
     size_t *hydraulic_joint; /* of each cylinder */
     struct plant_free_inverse *free_inverse;
 
@@ -260,9 +261,9 @@ static inline double plant_joint_depth(const struct plant *plant, const double *
  * the rates are then zero. */
 void plant_derivative(void *plant, double t, const double *state, double *derivative);
 
-/* Return the losses of the joints' stops, and of their couplings, W. */
+/* Return the losses of the joints' stops, and of passive springs and couplings, W. */
 double plant_stop_loss(const struct plant *plant, const double *state);
-double plant_coupling_loss(const struct plant *plant, const double *state);
+double plant_spring_loss(const struct plant *plant, const double *state);
 
 /* Fills q, ext, tau, vdot and the free bodies' motion from state; the robot's motion and
  * contact_wrench too when there is contact. */

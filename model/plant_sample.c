@@ -9,6 +9,7 @@
 #include "model/plant.h"
 
 #include "model/coupling.h"
+#include "model/passive.h"
 #include "model/implicit/implicit.h"
 #include "model/plant_private.h"
 #include "model/spatial.h"
@@ -152,7 +153,7 @@ static void sample_ft_peak(const struct plant *plant, const struct robot_ft_sens
     }
 }
 
-/* Fills in the torque of its coupling on each joint that follows another. */
+/* Adds the torque of its coupling on each joint that follows another. */
 static void sample_couplings(const struct plant *plant, struct motor_sense *motor)
 {
     const struct robot *robot = plant->config.robot;
@@ -162,8 +163,8 @@ static void sample_couplings(const struct plant *plant, struct motor_sense *moto
     for (size_t i = 0; i < robot->ncoupling; i++) {
         const struct robot_coupling *coupling = &robot->coupling[i];
 
-        motor[coupling->follower].torque_nm =
-            -coupling_force(coupling, coupling_error(coupling, q), coupling_rate(coupling, qd));
+        motor[coupling->follower].torque_nm -=
+            coupling_force(coupling, coupling_error(coupling, q), coupling_rate(coupling, qd));
     }
 }
 
@@ -178,6 +179,11 @@ static void sample_motors(struct plant *plant)
         double qd = plant_joint_rate(plant, plant->state, j);
 
         motor[j] = (struct motor_sense){.q = q, .qd = qd, .qm = q, .qmd = qd};
+    }
+    for (size_t i = 0; i < plant->npassive; i++) {
+        size_t j = plant->passive_joint[i];
+
+        motor[j].torque_nm = passive_torque(&robot->joint[j].passive, motor[j].q, motor[j].qd);
     }
     sample_couplings(plant, motor);
     if (plant->nhydraulic > 0) {

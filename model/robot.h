@@ -161,6 +161,13 @@ struct robot_parallel_spring {
     double s;   /* +1 or -1: sense of the joint in which the rope engages */
 };
 
+/* Spring and damper between the two bodies of a joint, model/passive.h; all 0 = none. */
+struct robot_passive {
+    double stiffness; /* N m/rad or N/m */
+    double damping;   /* N m s/rad or N s/m */
+    double rest;      /* position at which the spring is relaxed, rad or m */
+};
+
 struct robot_joint {
     const char *name;
     enum joint_type type;
@@ -174,6 +181,7 @@ struct robot_joint {
     struct robot_sea sea;
     struct robot_hydraulic hydraulic; /* beside sea, never with it */
     struct robot_parallel_spring spring;
+    struct robot_passive passive;
 };
 
 /* A gear, linkage or tendon by which one joint follows another, model/coupling.h: the follower's

@@ -7,6 +7,7 @@
 
 #include "base/portable_math.h"
 #include "model/coupling.h"
+#include "model/passive.h"
 #include "model/settle_private.h"
 #include "model/spatial.h"
 
@@ -223,8 +224,20 @@ static double drive_torque(const struct settle *s, size_t j)
                                           plant_joint_position(plant, plant->state, j), 0.0);
         }
     }
+    tau -= passive_torque(&plant->config.robot->joint[j].passive,
+                          plant_joint_position(plant, plant->state, j), 0.0);
     return tau - stop_torque(&plant->config.robot->joint[j].stop,
                              plant_joint_depth(plant, plant->state, j), 0.0);
+}
+
+/* Returns whether nothing holds joint j but a passive spring, and maybe its stops. */
+static bool is_sprung(const struct settle *s, size_t j)
+{
+    const struct robot *robot = s->plant->config.robot;
+    const struct robot_joint *joint = &robot->joint[j];
+
+    return joint->passive.stiffness > 0.0 && !robot_joint_is_driven(joint) &&
+           !robot_find_coupling(robot, j);
 }
 
 /* Moves joints that follow others until their couplings, with the stops that they press, carry
@@ -252,9 +265,33 @@ static bool lean_on_couplings(struct settle *s, double least)
     return moved;
 }
 
+/* Moves joints without a drive until their passive springs, with the stops that they press, carry
+ * what is left over; expects drive_torque to be that of the rest. Returns true when some joint has
+ * moved. */
+static bool lean_on_passive(struct settle *s, double least)
+{
+    struct plant *plant = s->plant;
+    bool moved = false;
+
+    for (size_t i = 0; i < plant->npassive; i++) {
+        const size_t j = plant->passive_joint[i];
+        const struct robot_joint *joint = &plant->config.robot->joint[j];
+        const double left = drive_torque(s, j);
+        const double pressed =
+            plant_joint_depth(plant, plant->state, j) != 0.0 ? joint->stop.stiffness : 0.0;
+
+        if (is_sprung(s, j) && fabs(left) > least) {
+            plant->state[plant->at.v - plant->config.robot->njoint + j] -=
+                left / (joint->passive.stiffness + pressed);
+            moved = true;
+        }
+    }
+    return moved;
+}
+
 /* Moves joints without a drive that stand at a limit until the stop there carries what is left
- * over, and those that follow others likewise; expects plant->ext to be that of the rest.
- * Returns true when some joint has moved. */
+ * over, and those that follow others or have a passive spring likewise; expects plant->ext to be
+ * that of the rest. Returns true when some joint has moved. */
 static bool lean_on_stops(struct settle *s)
 {
     struct plant *plant = s->plant;
@@ -264,12 +301,14 @@ static bool lean_on_stops(struct settle *s)
 
     settle_weigh_robot(s, NULL);
     moved = lean_on_couplings(s, least);
+    moved = lean_on_passive(s, least) || moved;
     for (size_t j = 0; j < robot->njoint; j++) {
         const struct robot_joint *joint = &robot->joint[j];
         double *q = &plant->state[plant->at.v - robot->njoint + j];
         double left = robot_joint_is_driven(joint) ? 0.0 : drive_torque(s, j), past;
 
-        if (fabs(left) <= least || joint->stop.stiffness == 0.0 || robot_find_coupling(robot, j)) {
+        if (fabs(left) <= least || joint->stop.stiffness == 0.0 || is_sprung(s, j) ||
+            robot_find_coupling(robot, j)) {
             continue;
         }
 

@@ -9,7 +9,7 @@
  * is deflected by tau/Ks (qm = q + tau/Ks; beyond its room it leans on its stop), each motor
  * carries I = tau/Kt and needs V = R I, each cylinder's oil is pressed behind a closed valve. A
  * joint without a drive that stands at a limit leans on the stop there, if its load presses it: its
- * angle gives way by tau over the stop's stiffness.
+ * angle gives way by tau over the stop's stiffness, and one with a passive spring leans on that.
  *
  * First without friction: place and heading (x, y, yaw) stay as they are given, and legs do not
  * push against each other through the ground, as those of a robot that came down on its feet may.

@@ -54,10 +54,24 @@ static bool leg_link_fits(const struct body_link *link, int axis, const bool may
     return mat3_is_identity(link->rotation);
 }
 
-/* Computes the lengths of a leg; at: links in the order of the chain. */
+/* Returns the link that a leg hangs on: up from `link` past those that nothing drives and that are
+ * not turned (mounts that bend); adds their offsets to hip. */
+static int leg_find_root(const struct body_model *model, int link, double hip[3])
+{
+    const struct body_link *at = &model->link[link];
+
+    while (link > 0 && at->axis < 0 && at->fixed_rad == 0.0 && mat3_is_identity(at->rotation)) {
+        vec3_add_scaled(hip, 1, at->origin, hip);
+        link = at->parent;
+        at = &model->link[link];
+    }
+    return link;
+}
+
+/* Computes the lengths of a leg, adding to leg->hip; at: links in the order of the chain. */
 static void leg_measure(const struct body_link *const at[LEG_JOINTS], struct leg_geometry *leg)
 {
-    memcpy(leg->hip, at[0]->origin, sizeof leg->hip);
+    vec3_add_scaled(leg->hip, 1, at[0]->origin, leg->hip);
     memset(leg->offset, 0, sizeof leg->offset);
     if (leg->roll_first) {
         memcpy(leg->offset, at[1]->origin, sizeof leg->offset);
@@ -87,7 +101,9 @@ enum error_code leg_find(const struct body_model *model, int side, int link[LEG_
         }
     }
     /* A roll joint at the pelvis tells the second kind */
-    leg->roll_first = model->link[link[LEG_HIP_ROLL]].parent == 0;
+    memset(leg->hip, 0, sizeof leg->hip);
+    leg->roll_first =
+        leg_find_root(model, model->link[link[LEG_HIP_ROLL]].parent, (double[3]){0}) == 0;
     kind = &leg_kinds[leg->roll_first];
     memcpy(leg->chain, kind->joint, sizeof leg->chain);
     /* The closed form holds only for that chain of axes and offsets */
@@ -95,7 +111,8 @@ enum error_code leg_find(const struct body_model *model, int side, int link[LEG_
         int joint = leg->chain[i];
 
         at[i] = &model->link[link[joint]];
-        if (at[i]->parent != (i ? link[leg->chain[i - 1]] : 0) ||
+        if ((i ? at[i]->parent != link[leg->chain[i - 1]]
+               : leg_find_root(model, at[i]->parent, leg->hip) != 0) ||
             !leg_link_fits(at[i], leg_axis[joint], kind->may_shift[i])) {
             return error_set(error, ERROR_INPUT,
                              "found another place or axis of joint %s, expected a leg with hip "

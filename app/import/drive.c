@@ -233,6 +233,19 @@ static void limit_followers(struct robot *robot)
     }
 }
 
+/* Returns whether a spring alone moves joint j: the file has actuators, but none for it, and
+ * nobody has named a drive. */
+static bool is_passive(const struct import_robot *from, size_t j)
+{
+    bool actuated = false;
+
+    for (size_t k = 0; k < from->robot->njoint; k++) {
+        actuated = actuated || from->source[k]->driven;
+    }
+    return from->source[j]->stiffness > 0.0 && actuated && !from->source[j]->driven &&
+           !from->drive[j];
+}
+
 enum error_code import_assume_drives(struct import_robot *from, struct arena *arena,
                                      struct import_notes *notes, double *supply_v,
                                      struct error *error)
@@ -286,7 +299,10 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
             continue;
         }
         joint->torque_limit = strength[j];
-        if (joint->type != JOINT_REVOLUTE) {
+        joint->passive =
+            (struct robot_passive){.stiffness = source->stiffness, .rest = source->rest};
+        if (joint->type != JOINT_REVOLUTE || is_passive(from, j)) {
+            joint->passive.damping = source->damping; /* that of others is their motor's */
             continue;
         }
         if (from->drive[j]) {

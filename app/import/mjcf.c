@@ -253,7 +253,7 @@ static struct import_joint *mjcf_add_joint(const struct mjcf_reader *r, const ch
     return joint;
 }
 
-/* Reads limits, damping, friction and rotor inertia of a joint. MuJoCo's angle is ref in the
+/* Reads limits, damping, friction, spring and rotor inertia of a joint. MuJoCo's angle is ref in the
  * file's pose, ours is 0, so limits are shifted by ref. */
 static enum error_code mjcf_read_joint_numbers(const struct mjcf_reader *r, const xmlNode *node,
                                                const char *childclass, struct import_joint *joint)
@@ -261,7 +261,6 @@ static enum error_code mjcf_read_joint_numbers(const struct mjcf_reader *r, cons
     const char *limited = mjcf_attribute(r, node, childclass, "limited");
     double unit = joint->type == IMPORT_PRISMATIC ? 1.0 : r->angle;
     double range[2] = {0, 0}, force[2] = {0, 0}, *ref = &r->ref[joint - r->model->joint];
-    double stiffness = 0.0;
     bool ranged;
     enum error_code code;
 
@@ -270,7 +269,8 @@ static enum error_code mjcf_read_joint_numbers(const struct mjcf_reader *r, cons
         (code = mjcf_reals(r, node, childclass, "damping", 1, &joint->damping, NULL)) ||
         (code = mjcf_reals(r, node, childclass, "frictionloss", 1, &joint->friction, NULL)) ||
         (code = mjcf_reals(r, node, childclass, "armature", 1, &joint->armature, NULL)) ||
-        (code = mjcf_reals(r, node, childclass, "stiffness", 1, &stiffness, NULL)) ||
+        (code = mjcf_reals(r, node, childclass, "stiffness", 1, &joint->stiffness, NULL)) ||
+        (code = mjcf_reals(r, node, childclass, "springref", 1, &joint->rest, NULL)) ||
         (code = mjcf_reals(r, node, childclass, "actuatorfrcrange", 2, force, NULL))) {
         return code;
     }
@@ -285,20 +285,18 @@ static enum error_code mjcf_read_joint_numbers(const struct mjcf_reader *r, cons
     if (joint->type == IMPORT_REVOLUTE && !joint->has_limit) {
         joint->type = IMPORT_CONTINUOUS;
     }
-    /* Tell what is lost or counts differently */
-    if (stiffness != 0.0) {
-        import_note_add(r->notes, IMPORT_DROPPED, joint->file, joint->line,
-                        "spring of joint \"%.63s\", %g N m/rad", joint->name, stiffness);
-    }
+    joint->rest = joint->rest * unit - *ref;
+    /* Tell what counts differently */
     if (*ref != 0.0) {
         import_note_add(r->notes, IMPORT_CHANGED, joint->file, joint->line,
                         "joint \"%.63s\" counts from the place in the file: MuJoCo's %g is 0",
                         joint->name, *ref);
     }
-    return joint->damping < 0 || joint->friction < 0 || joint->armature < 0
+    return joint->damping < 0 || joint->friction < 0 || joint->armature < 0 || joint->stiffness < 0
                ? import_error(r->error, joint->file, joint->line,
-                              "found damping %g, frictionloss %g, armature %g, expected 0 or more",
-                              joint->damping, joint->friction, joint->armature)
+                              "found damping %g, frictionloss %g, armature %g, stiffness %g, "
+                              "expected 0 or more",
+                              joint->damping, joint->friction, joint->armature, joint->stiffness)
                : ERROR_NONE;
 }
 

@@ -81,9 +81,10 @@ struct import_joint {
     double lower, upper;
     double effort, velocity; /* 0 = not given */
     double damping, friction;
-    double armature;   /* reflected inertia of the rotor, kg m2; 0 = not given */
-    double gear;       /* rotor turns per link turn; 0 = not given */
-    const char *mimic; /* name of the joint that it follows, or NULL */
+    double stiffness, rest; /* of a spring, and the position in which it is relaxed */
+    double armature;        /* reflected inertia of the rotor, kg m2; 0 = not given */
+    double gear;            /* rotor turns per link turn; 0 = not given */
+    const char *mimic;      /* name of the joint that it follows, or NULL */
     const char *mimic_file;
     int mimic_line;
     double multiplier, offset; /* of the leader's position */

@@ -5,6 +5,7 @@
 #include "base/count.h"
 #include "base/input_file.h"
 #include "base/whole_file.h"
+#include "model/passive.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -163,6 +164,17 @@ static void write_joint(FILE *out, const struct import_robot *from, size_t j)
         write_catalogue_drive(out, from->drive_file[j], &joint->hydraulic);
     } else if (joint->sea.present) {
         write_drive(out, &joint->sea);
+    }
+    if (passive_is_present(&joint->passive)) {
+        const struct robot_passive *passive = &joint->passive;
+
+        fprintf(out, "    passive: {%s: ", turns ? "stiffness_nm_rad" : "stiffness_n_m");
+        import_write_real(out, passive->stiffness);
+        fprintf(out, ", %s: ", turns ? "damping_nm_s_rad" : "damping_n_s_m");
+        import_write_real(out, passive->damping);
+        fprintf(out, ", %s: ", turns ? "rest_rad" : "rest_m");
+        import_write_real(out, passive->rest);
+        fputs("}\n", out);
     }
 }
 

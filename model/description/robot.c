@@ -214,6 +214,13 @@ static enum error_code check_joint(const struct robot_joint *joint, struct error
                          "the parallel spring needs r > 0, s = +1 or -1 and "
                          "no negative constant");
     }
+    if (!all_finite(
+            (const double[]){joint->passive.stiffness, joint->passive.damping, joint->passive.rest},
+            3) ||
+        joint->passive.stiffness < 0.0 || joint->passive.damping < 0.0) {
+        return error_set(error, ERROR_INPUT,
+                         "the passive spring needs a stiffness and a damping >= 0");
+    }
     return ERROR_NONE;
 }
 

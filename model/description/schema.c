@@ -328,6 +328,23 @@ static const struct yaml_field spring_fields[] = {
 static const struct yaml_schema spring_schema =
     SCHEMA("a parallel spring", struct spring_yaml, spring_fields);
 
+#define PASSIVE(word, joint, parameter, lowest)                                                    \
+    {                                                                                              \
+        .key = word, .type = YAML_REAL,                                                            \
+        .offset = offsetof(struct passive_yaml, value[joint][parameter]), .min = lowest,           \
+        .max = 1e9, .given_offset = offsetof(struct passive_yaml, given[joint][parameter])         \
+    }
+static const struct yaml_field passive_fields[] = {
+    PASSIVE("stiffness_nm_rad", JOINT_REVOLUTE, PASSIVE_STIFFNESS, 0.0),
+    PASSIVE("damping_nm_s_rad", JOINT_REVOLUTE, PASSIVE_DAMPING, 0.0),
+    PASSIVE("rest_rad", JOINT_REVOLUTE, PASSIVE_REST, -1e9),
+    PASSIVE("stiffness_n_m", JOINT_PRISMATIC, PASSIVE_STIFFNESS, 0.0),
+    PASSIVE("damping_n_s_m", JOINT_PRISMATIC, PASSIVE_DAMPING, 0.0),
+    PASSIVE("rest_m", JOINT_PRISMATIC, PASSIVE_REST, -1e9),
+};
+static const struct yaml_schema passive_schema =
+    SCHEMA("a passive spring", struct passive_yaml, passive_fields);
+
 static const struct word joint_types[] = {
     {"revolute", JOINT_REVOLUTE}, {"prismatic", JOINT_PRISMATIC}, {NULL, 0}};
 
@@ -381,6 +398,11 @@ static const struct yaml_field joint_fields[] = {
      .offset = offsetof(struct joint_yaml, spring),
      .schema = &spring_schema,
      .given_offset = offsetof(struct joint_yaml, has_spring)},
+    {.key = "passive",
+     .type = YAML_MAP,
+     .offset = offsetof(struct joint_yaml, passive),
+     .schema = &passive_schema,
+     .given_offset = offsetof(struct joint_yaml, has_passive)},
 };
 static const struct yaml_schema joint_schema = SCHEMA("a joint", struct joint_yaml, joint_fields);
 
@@ -553,6 +575,7 @@ static const struct yaml_schema base_schema = SCHEMA("the base", struct base_yam
 
 static const struct yaml_field variant_fields[] = {
     LIST("bodies", YAML_LIST, struct variant_yaml, body, nbody, body_schema),
+    LIST("joints", YAML_LIST, struct variant_yaml, joint, njoint, joint_schema),
     LIST("frames", YAML_LIST, struct variant_yaml, frame, nframe, frame_schema),
     LIST("capsules", YAML_LIST, struct variant_yaml, capsule, ncapsule, capsule_schema),
     LIST("ft_sensors", YAML_LIST, struct variant_yaml, ft, nft, ft_schema),
@@ -560,6 +583,11 @@ static const struct yaml_field variant_fields[] = {
      .type = YAML_MAP,
      .offset = offsetof(struct variant_yaml, drive),
      .schema = &drive_schema},
+    {.key = "passive",
+     .type = YAML_MAP,
+     .offset = offsetof(struct variant_yaml, passive),
+     .schema = &passive_schema,
+     .given_offset = offsetof(struct variant_yaml, has_passive)},
 };
 static const struct yaml_schema variant_schema = {.what = "a variant",
                                                   .size = sizeof(struct variant_yaml),
@@ -605,6 +633,10 @@ static const struct yaml_field robot_fields[] = {
      .type = YAML_MAP,
      .offset = offsetof(struct robot_yaml, stops),
      .schema = &stops_schema},
+    {.key = "passive",
+     .type = YAML_MAP,
+     .offset = offsetof(struct robot_yaml, passive),
+     .schema = &passive_schema},
     {.key = "bodies",
      .type = YAML_LIST,
      .required = true,

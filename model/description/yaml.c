@@ -101,6 +101,7 @@ static enum error_code check_all_names(struct robot_builder *b)
         const struct variant_yaml *variant = &file->variant[i];
 
         if ((code = CHECK_NAMED(b, "body", variant->body, variant->nbody)) ||
+            (code = CHECK_NAMED(b, "joint", variant->joint, variant->njoint)) ||
             (code = CHECK_NAMED(b, "frame", variant->frame, variant->nframe)) ||
             (code = CHECK_NAMED(b, "capsule", variant->capsule, variant->ncapsule)) ||
             (code = CHECK_NAMED(b, "sensor", variant->ft, variant->nft))) {
@@ -132,25 +133,57 @@ static enum error_code merge_named(struct robot_builder *b, void **list, size_t 
     return ERROR_NONE;
 }
 
-/* Applies a variant: its bodies replace those of the robot; frames, capsules and sensors may
- * also be new. */
+/* Merges the joints of a variant: they replace those of the same name; a new one comes before the
+ * first that hangs on what it moves, or last. */
+static enum error_code merge_joints(struct robot_builder *b, const struct variant_yaml *variant)
+{
+    struct robot_yaml *file = &b->file;
+    struct joint_yaml *merged =
+        arena_alloc(b->arena, file->njoint + variant->njoint, sizeof *merged);
+    size_t count = file->njoint;
+
+    if (!merged) {
+        return robot_no_memory(b);
+    }
+    memcpy(merged, file->joint, count * sizeof *merged);
+    /* First the replacements, which say where the new ones belong */
+    for (size_t i = 0; i < variant->njoint; i++) {
+        int at = find_named_entry(merged, count, sizeof *merged, variant->joint[i].name);
+
+        if (at >= 0) {
+            merged[at] = variant->joint[i];
+        }
+    }
+    for (size_t i = 0; i < variant->njoint; i++) {
+        const struct joint_yaml *joint = &variant->joint[i];
+        size_t at = 0;
+
+        if (find_named_entry(merged, count, sizeof *merged, joint->name) >= 0) {
+            continue;
+        }
+        while (at < count && strcmp(merged[at].parent, joint->child) != 0) {
+            at++;
+        }
+        memmove(&merged[at + 1], &merged[at], (count - at) * sizeof *merged);
+        merged[at] = *joint;
+        count++;
+    }
+    file->joint = merged;
+    file->njoint = count;
+    return ERROR_NONE;
+}
+
+/* Applies a variant: what it lists replaces what has the same name in the robot, or joins it. */
 static enum error_code apply_variant(struct robot_builder *b, struct variant_yaml *variant)
 {
     struct robot_yaml *file = &b->file;
-    void *frame = file->frame, *capsule = file->capsule, *ft = file->ft;
+    void *body = file->body, *frame = file->frame, *capsule = file->capsule, *ft = file->ft;
     enum error_code code;
 
-    for (size_t i = 0; i < variant->nbody; i++) {
-        const struct body_yaml *body = &variant->body[i];
-        int at = find_named_entry(file->body, file->nbody, sizeof *body, body->name);
-
-        if (at < 0) {
-            return robot_unknown_name(b, &body->mark, "body", body->name, file->body, file->nbody,
-                                      sizeof *body);
-        }
-        file->body[at] = *body;
-    }
-    if ((code = merge_named(b, &frame, &file->nframe, variant->frame, variant->nframe,
+    if ((code = merge_joints(b, variant)) ||
+        (code = merge_named(b, &body, &file->nbody, variant->body, variant->nbody,
+                            sizeof *file->body)) ||
+        (code = merge_named(b, &frame, &file->nframe, variant->frame, variant->nframe,
                             sizeof *file->frame)) ||
         (code = merge_named(b, &capsule, &file->ncapsule, variant->capsule, variant->ncapsule,
                             sizeof *file->capsule)) ||
@@ -158,9 +191,13 @@ static enum error_code apply_variant(struct robot_builder *b, struct variant_yam
         (code = robot_change_drive(b, &variant->drive))) {
         return code;
     }
+    file->body = body;
     file->frame = frame;
     file->capsule = capsule;
     file->ft = ft;
+    if (variant->has_passive) {
+        file->passive = variant->passive;
+    }
     return ERROR_NONE;
 }
 

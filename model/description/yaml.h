@@ -182,6 +182,15 @@ struct spring_yaml {
     struct yaml_mark s_mark;
 };
 
+/* The numbers of a passive spring whose keys say the unit of the joint. */
+enum passive_parameter { PASSIVE_STIFFNESS, PASSIVE_DAMPING, PASSIVE_REST, PASSIVE_PARAMETERS };
+
+struct passive_yaml {
+    struct yaml_mark mark;
+    double value[2][PASSIVE_PARAMETERS]; /* by enum joint_type */
+    bool given[2][PASSIVE_PARAMETERS];
+};
+
 struct hydraulic_supply_yaml {
     struct yaml_mark mark;
     double pressure, back, pump, accumulator, precharge, line, relief, relief_flow;
@@ -201,7 +210,8 @@ struct joint_yaml {
     struct stops_yaml stops;
     struct drive_yaml drive, hydraulic; /* hydraulic: as drive, of that kind only */
     struct spring_yaml spring;
-    bool has_drive, has_hydraulic, has_spring;
+    struct passive_yaml passive;
+    bool has_drive, has_hydraulic, has_spring, has_passive;
 };
 
 /* The numbers of a coupling whose keys say the unit of the follower. */
@@ -283,11 +293,14 @@ struct variant_yaml {
     struct yaml_mark mark;
     const char *name;
     struct body_yaml *body;
+    struct joint_yaml *joint;
     struct frame_yaml *frame;
     struct capsule_yaml *capsule;
     struct ft_yaml *ft;
     struct drive_yaml drive;
-    size_t nbody, nframe, ncapsule, nft;
+    struct passive_yaml passive;
+    size_t nbody, njoint, nframe, ncapsule, nft;
+    bool has_passive;
 };
 
 struct robot_yaml {
@@ -299,6 +312,7 @@ struct robot_yaml {
     struct drive_yaml drive, hydraulic;
     struct hydraulic_supply_yaml hydraulic_supply;
     struct stops_yaml stops;
+    struct passive_yaml passive; /* of all revolute joints with a drive */
     struct body_yaml *body;
     struct joint_yaml *joint;
     struct coupling_yaml *coupling;

@@ -219,6 +219,32 @@ static enum error_code build_spring(struct robot_builder *b, const struct joint_
     return ERROR_NONE;
 }
 
+/* Builds the passive spring of a joint: its own, or of a driven one the robot's, if it turns. */
+static enum error_code build_passive(struct robot_builder *b, const struct joint_yaml *given,
+                                     struct robot_joint *joint)
+{
+    const bool turns = given->type == JOINT_REVOLUTE;
+    const struct passive_yaml *from = given->has_passive || !turns || !robot_joint_is_driven(joint)
+                                          ? &given->passive
+                                          : &b->file.passive;
+    const double *value = from->value[given->type];
+
+    /* Keys of the other type of joint mean nothing here */
+    for (int i = 0; i < PASSIVE_PARAMETERS; i++) {
+        if (from->given[1 - given->type][i]) {
+            return yaml_error(b->error, &from->mark,
+                              "found a passive spring of %s joint \"%s\", expected the keys %s",
+                              turns ? "revolute" : "prismatic", given->name,
+                              turns ? "stiffness_nm_rad, damping_nm_s_rad, rest_rad"
+                                    : "stiffness_n_m, damping_n_s_m, rest_m");
+        }
+    }
+    joint->passive = (struct robot_passive){.stiffness = value[PASSIVE_STIFFNESS],
+                                            .damping = value[PASSIVE_DAMPING],
+                                            .rest = value[PASSIVE_REST]};
+    return ERROR_NONE;
+}
+
 /* Builds joint j and the body that it moves. */
 static enum error_code build_joint(struct robot_builder *b, size_t j)
 {
@@ -246,7 +272,8 @@ static enum error_code build_joint(struct robot_builder *b, size_t j)
     mat3_from_rpy(given->origin.rpy, joint->rotation);
     if ((code = build_joint_axis(b, given, joint)) || (code = build_limits(b, given, joint)) ||
         (code = build_stops(b, given, joint)) || (code = robot_build_drive(b, given, joint)) ||
-        (code = build_spring(b, given, &joint->spring))) {
+        (code = build_spring(b, given, &joint->spring)) ||
+        (code = build_passive(b, given, joint))) {
         return code;
     }
     return build_tree_body(b, at, parent, &robot->body[j + 1]);

@@ -11,6 +11,7 @@
  * decided for the whole of a span, by where the free spring would come to in it.
  */
 #include "model/implicit/private.h"
+#include "model/passive.h"
 #include "model/stop.h"
 
 #include <math.h>
@@ -266,6 +267,23 @@ void implicit_keep_stops(struct plant *plant, double weight)
     }
 }
 
+/* Adds the passive springs to torque and extra: at the stage's end they press with
+ * tau(q + h q', q') - h (D + h K) a. */
+static void linearize_passive(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+
+    for (size_t i = 0; i < plant->npassive; i++) {
+        const size_t j = plant->passive_joint[i];
+        const struct robot_passive *passive = &plant->config.robot->joint[j].passive;
+        const double rate = plant_joint_rate(plant, im->base, j);
+
+        im->torque[j] += passive_torque(
+            passive, plant_joint_position(plant, im->base, j) + im->stage_h * rate, rate);
+        im->extra[j] += im->stage_h * (passive->damping + im->stage_h * passive->stiffness);
+    }
+}
+
 void implicit_linearize_actuators(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -284,6 +302,7 @@ void implicit_linearize_actuators(struct plant *plant)
         im->torque[j] += torque;
         im->extra[j] += extra;
     }
+    linearize_passive(plant);
     if (plant->nhydraulic > 0) {
         implicit_linearize_hydraulics(plant);
     }
@@ -402,6 +421,6 @@ void implicit_account_joints(struct plant *plant, double weight, const double *s
     }
     if (!plant->clamped) {
         work[WORK_STOPS] += weight * stop_power(plant, state);
-        work[WORK_SPRING_DAMPING] += weight * plant_coupling_loss(plant, state);
+        work[WORK_SPRING_DAMPING] += weight * plant_spring_loss(plant, state);
     }
 }

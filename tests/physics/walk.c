@@ -311,14 +311,17 @@ static void walks_through_boards_of_every_family(void **state)
     }
 }
 
-/* 5 degrees up, level, 5 degrees down; a rough bump of 9 cm with side slopes; a mat that yields.
- * Feet that land by time fall at the first edge. */
-static void walks_over_uneven_ground(void **state)
+/* 5 degrees up, level, 5 degrees down; a rough bump of 9 cm with side slopes; a mat that yields;
+ * hips that bend. Feet that land by time fall at the first edge. */
+static void walks_over_uneven_ground_and_on_hips_that_bend(void **state)
 {
     static const struct {
         const char *rig;
         double seconds, ahead_m;
-    } ground[] = {{"walk-slope", 29, 3.3}, {"walk-bump-9cm", 23, 2.3}, {"walk-soft", 14, 1.2}};
+    } ground[] = {{"walk-slope", 29, 3.3},
+                  {"walk-bump-9cm", 23, 2.3},
+                  {"walk-soft", 14, 1.2},
+                  {"walk-hips", 14, 1.2}};
 
     (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(ground); i++) {
@@ -459,7 +462,7 @@ int main(void)
         cmocka_unit_test(walks_backward_on_buses_with_flexible_data_rate),
         cmocka_unit_test(walks_sideways_and_turns),
         cmocka_unit_test(walks_through_boards_of_every_family),
-        cmocka_unit_test(walks_over_uneven_ground),
+        cmocka_unit_test(walks_over_uneven_ground_and_on_hips_that_bend),
         cmocka_unit_test(walks_as_the_larger_robot),
         cmocka_unit_test(walks_on_when_it_is_pushed),
         cmocka_unit_test(stands_when_it_is_pushed),

@@ -120,6 +120,31 @@ static void limits_that_mean_none_are_none(void **state)
                "x.urdf:4: ", "velocity -2");
 }
 
+/* MJCF's springs are passive; without an actuator, where others have one, they are all there is. */
+static void springs_are_passive(void **state)
+{
+    const char *const two =
+        "<joint name='j' stiffness='30' springref='20' ref='5' damping='2' range='-40 40'/>"
+        "<body name='b'><inertial mass='1' pos='0 0 0' diaginertia='1 1 1'/>"
+        "<joint name='k' stiffness='4' damping='0.5' range='-40 40'/></body>";
+    char text[2048];
+
+    (void)state;
+    for (int actuated = 0; actuated < 2; actuated++) {
+        snprintf(text, sizeof text, MJCF("", "%s", "%s"), two,
+                 actuated ? "<actuator><motor joint='k' ctrlrange='-1 1'/></actuator>" : "");
+        import_good(text);
+        assert_near(made.robot->joint[0].passive.stiffness, 30.0, 0.0);
+        assert_near(made.robot->joint[0].passive.rest, 15.0 * M_PI / 180.0, 1e-15);
+        assert_near(made.robot->joint[0].passive.damping, actuated ? 2.0 : 0.0, 0.0);
+        assert_int_equal(robot_joint_is_driven(&made.robot->joint[0]), !actuated);
+        assert_near(made.robot->joint[1].passive.stiffness, 4.0, 0.0);
+        assert_near(made.robot->joint[1].passive.damping, 0.0, 0.0);
+        assert_true(robot_joint_is_driven(&made.robot->joint[1]));
+    }
+    import_bad(MJCF("", "<joint name='j' stiffness='-1'/>", ""), "x.urdf:4: ", "stiffness -1");
+}
+
 /* MuJoCo takes a range whose ends are the same, or the wrong way, for none. */
 static void mjcf_range_without_width_is_none(void **state)
 {
@@ -599,6 +624,7 @@ int main(void)
         TEST(continuous_joint_has_turns_and_no_stops),
         TEST(limits_that_mean_none_are_none),
         TEST(mjcf_range_without_width_is_none),
+        TEST(springs_are_passive),
         TEST(joints_beyond_a_bench_are_refused_with_the_first),
         TEST(sliding_joint_is_fixed_unless_it_may_slide),
         TEST(joint_that_follows_is_refused_locked_or_free),

@@ -193,7 +193,7 @@ static void an_unknown_variant_is_refused_with_the_nearest(void **state)
     assert_non_null(strstr(error.text, "coman.yaml: found unknown variant \"forearm\", expected "
                                        "\"forearms\""));
     assert_int_equal(robot_load(COMAN, "winter", &arena, &robot, &error), ERROR_INPUT);
-    assert_non_null(strstr(error.text, "expected one of the 2 in this file"));
+    assert_non_null(strstr(error.text, "expected one of the 3 in this file"));
     assert_int_equal(robot_load(COMAN ".missing", NULL, &arena, &robot, &error), ERROR_INPUT);
 }
 
@@ -652,6 +652,69 @@ static void a_variant_gives_all_drives_its_effects(void **state)
     }
 }
 
+/* A joint's own spring, else for what turns and is driven the robot's, else none. */
+static void passive_springs_are_the_joints_or_the_robots(void **state)
+{
+    const struct robot *robot;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(load_changed("force_n: 20}",
+                                  "force_n: 20}\n    passive: {stiffness_n_m: 30, rest_m: 0.2}",
+                                  NULL, &robot, &error),
+                     ERROR_NONE);
+    assert_near(robot->joint[0].passive.stiffness, 0.0, 0.0);
+    assert_near(robot->joint[1].passive.stiffness, 30.0, 0.0);
+    assert_near(robot->joint[1].passive.rest, 0.2, 0.0);
+    assert_int_equal(
+        load_changed("joints:\n",
+                     "passive: {stiffness_nm_rad: 2, damping_nm_s_rad: 0.5}\njoints:\n", NULL,
+                     &robot, &error),
+        ERROR_NONE);
+    assert_near(robot->joint[0].passive.stiffness, 2.0, 0.0);
+    assert_near(robot->joint[0].passive.damping, 0.5, 0.0);
+    assert_near(robot->joint[1].passive.stiffness, 0.0, 0.0);
+}
+
+/* A variant may put bodies and joints between those of the robot: COMAN's hips, which weigh as much
+ * as before and stand in the same place. */
+static void a_variant_adds_joints_where_they_belong(void **state)
+{
+    const struct robot *robot = load_coman(NULL), *bends = load_coman("flexible_hips");
+    double first[3] = {0}, second[3] = {0}, inertia[2] = {0.0, 0.0};
+
+    (void)state;
+    assert_int_equal(bends->njoint, robot->njoint + 2);
+    assert_near(bends->total_mass, robot->total_mass, 1e-9);
+    for (size_t j = 0; j < robot->njoint; j++) {
+        assert_true(robot_find_joint(bends, robot->joint[j].name) >= 0);
+    }
+    assert_int_equal(robot_find_joint(bends, "RHipSag"), robot_find_joint(bends, "RHipBend") + 1);
+    assert_int_equal(robot_find_joint(bends, "LHipSag"), robot_find_joint(bends, "LHipBend") + 1);
+    assert_near(bends->joint[robot_find_joint(bends, "LHipBend")].passive.stiffness, 1e4, 0.0);
+
+    /* Waist and mounts are together what the waist was: first moment, and inertia about y */
+    for (int side = 0; side < 2; side++) {
+        const struct robot_inertia *mount =
+            &bends->body[robot_find_joint(bends, side ? "LHipBend" : "RHipBend") + 1].inertia;
+
+        second[1] += mount->mass * (side ? 0.023 : -0.023);
+        inertia[1] += mount->I[3];
+    }
+    for (int i = 0; i < 3; i++) {
+        first[i] = robot->body[0].inertia.mass * robot->body[0].inertia.com[i];
+        second[i] += bends->body[0].inertia.mass * bends->body[0].inertia.com[i];
+        assert_near(first[i], second[i], 1e-10);
+    }
+    for (int k = 0; k < 2; k++) {
+        const struct robot_inertia *waist = k ? &bends->body[0].inertia : &robot->body[0].inertia;
+
+        inertia[k] += waist->I[3] +
+                      waist->mass * (waist->com[0] * waist->com[0] + waist->com[2] * waist->com[2]);
+    }
+    assert_near(inertia[0], inertia[1], 1e-11);
+}
+
 static void a_fixed_base_needs_no_place(void **state)
 {
     const struct robot *robot;
@@ -748,6 +811,9 @@ static const struct fault {
      "force_n: 20}\n    parallel_spring: {enabled: true, k_p_n_m: 9, d_p_n_s_m: 1, r_m: 0.1, "
      "sense: 1}",
      "26:22", "found a parallel spring on prismatic joint \"slide\""},
+    {"force_n: 20}", "force_n: 20}\n    passive: {stiffness_nm_rad: 1}", "26:14",
+     "found a passive spring of prismatic joint \"slide\", expected the keys stiffness_n_m"},
+    {"force_n: 20}", "force_n: 20}\n    passive: {damping_n_s_m: -1}", "26:", "found -1, expected"},
     {"sense: -1", "sense: 0", "18:", "found sense 0, expected 1 or -1"},
     {"body: hand", "body: band", "27:24", "found unknown body \"band\", expected \"hand\""},
     {"frame: palm}", "frame: calm}", "29:26", "found unknown frame \"calm\", expected \"palm\""},
@@ -764,7 +830,7 @@ static const struct fault {
     {", joints_m: {slide: 0.2}", "", "32:9", "found pose \"home\" without joint \"slide\""},
     {"base_xyz_m: [0, 0, 1], ", "", "32:9", "found pose \"home\" without key \"base_xyz_m\""},
     {"      - {name: arm, mass_kg: 5", "      - {name: leg, mass_kg: 5", "36:9",
-     "found unknown body \"leg\""},
+     "found body \"leg\" that no joint moves"},
 };
 
 static void refuses_a_faulty_file_with_place_and_reason(void **state)
@@ -829,6 +895,8 @@ int main(void)
         TEST(coman_has_stops),
         TEST(drives_have_the_effects_that_are_given),
         TEST(a_variant_gives_all_drives_its_effects),
+        TEST(passive_springs_are_the_joints_or_the_robots),
+        TEST(a_variant_adds_joints_where_they_belong),
         TEST(a_fixed_base_needs_no_place),
         TEST(the_base_of_a_pose_is_turned_as_a_frame_is),
         TEST(refuses_a_faulty_file_with_place_and_reason),

@@ -1,0 +1,192 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Passive springs of joints in motion, against closed forms: a wheel that swings on one, with and
+ * without damping; what is stored and lost; an arm that hangs on one at rest; a cable that helps a
+ * drive to hold.
+ */
+#include "model/passive.h"
+#include "model/settle.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+
+#include <cmocka.h>
+
+#include "tests/physics/near.h"
+#include "tests/physics/plant_rig.h"
+
+/* A body on a fixed base, on a joint with a passive spring. */
+struct sprung {
+    struct toy toy;
+    struct arena arena;
+    struct dynamics dynamics;
+    struct plant *plant;
+    double *q;
+};
+
+#define INERTIA 0.08 /* kg m2, about the joint */
+#define REST 0.2     /* rad */
+
+static const double origin[3] = {0.0, 0.0, 0.0}, pitch[3] = {0.0, 1.0, 0.0};
+
+/* Makes the body: its center of mass is `arm` beside the joint, along x. */
+static void sprung_init(struct sprung *sprung, enum plant_integrator integrator, int64_t substep_ns,
+                        double arm, struct robot_passive passive, struct robot_sea drive)
+{
+    static const double base[6] = {1.0, 0.0, 0.0, 1.0, 0.0, 1.0};
+    const double own[6] = {0.05, 0.0, 0.0, INERTIA - 2.0 * arm * arm, 0.0, 0.05};
+    const double com[3] = {arm, 0.0, 0.0};
+    const struct plant_config config = {.robot = &sprung->toy.robot,
+                                        .dynamics = &sprung->dynamics,
+                                        .integrator = integrator,
+                                        .rtol = 1e-11,
+                                        .atol = 1e-12,
+                                        .substep_ns = substep_ns,
+                                        .supply_v = 48.0,
+                                        .account_energy = true};
+    struct error error;
+    size_t count;
+
+    toy_begin(&sprung->toy, false, 1.0, origin, base);
+    toy_add(&sprung->toy, 0, JOINT_REVOLUTE, pitch, origin, 2.0, com, own);
+    sprung->toy.joint[0].passive = passive;
+    sprung->toy.joint[0].sea = drive;
+    toy_finish(&sprung->toy);
+    assert_int_equal(arena_init(&sprung->arena, 1 << 20, &error), ERROR_NONE);
+    assert_int_equal(
+        dynamics_generic(&sprung->toy.robot, &sprung->arena, &sprung->dynamics, &error),
+        ERROR_NONE);
+    assert_int_equal(plant_create(&config, &sprung->arena, &sprung->plant, &error), ERROR_NONE);
+    sprung->q = plant_state(sprung->plant, &count);
+}
+
+/* x = q - rest follows I x'' = -K x - D x': from x_0 at rest
+ * x = x_0 e^(-a t) (cos(w t) + a/w sin(w t)) with a = D/(2 I), w^2 = K/I - a^2. */
+static void wheel_swings_as_the_closed_form(void **state)
+{
+    const struct {
+        enum plant_integrator integrator;
+        int64_t substep_ns;
+        double tolerance;
+    } run[] = {{PLANT_DOPRI5, 1000000, 1e-8},
+               {PLANT_RK4, 100000, 1e-8},
+               {PLANT_IMPLICIT, 1000000, 1.2e-2},
+               {PLANT_IMPLICIT, 100000, 1.2e-4}};
+    const double x0 = 0.05, whole = 60.0;
+
+    (void)state;
+    for (int damped = 0; damped < 2; damped++) {
+        const double K = whole * whole * INERTIA, D = damped ? 0.1 * whole * INERTIA : 0.0;
+        const double a = D / (2.0 * INERTIA), w = sqrt(K / INERTIA - a * a);
+
+        for (size_t i = 0; i < sizeof run / sizeof *run; i++) {
+            const struct robot_passive passive = {.stiffness = K, .damping = D, .rest = REST};
+            const double joint = REST + x0;
+            struct sprung sprung;
+            double worst = 0.0;
+
+            sprung_init(&sprung, run[i].integrator, run[i].substep_ns, 0.0, passive,
+                        (struct robot_sea){0});
+            assert_int_equal(plant_reset(sprung.plant, NULL, NULL, &joint), ERROR_NONE);
+            for (int64_t ns = run[i].substep_ns; ns <= 1000000000; ns += run[i].substep_ns) {
+                const double t = 1e-9 * (double)ns;
+                const double x = x0 * exp(-a * t) * (cos(w * t) + a / w * sin(w * t));
+
+                assert_int_equal(plant_step(sprung.plant, 1), ERROR_NONE);
+                worst = fmax(worst, fabs(sprung.q[0] - REST - x) / x0);
+            }
+            print_message("# integrator %d, %lld ns, D %g: off by %.1e of the amplitude\n",
+                          (int)run[i].integrator, (long long)run[i].substep_ns, D, worst);
+            assert_true(worst <= run[i].tolerance);
+            arena_fini(&sprung.arena);
+        }
+    }
+}
+
+/* What the spring had is in the damper when all has come to rest. */
+static void damper_takes_what_the_spring_had(void **state)
+{
+    static const enum plant_integrator all[] = {PLANT_RK4, PLANT_DOPRI5, PLANT_IMPLICIT};
+    const double K = 100.0, joint = REST + 0.1, stored = 0.5 * K * 0.1 * 0.1;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
+        struct plant_energy energy;
+        struct sprung sprung;
+
+        sprung_init(&sprung, all[i], 200000, 0.0, (struct robot_passive){K, 0.5, REST},
+                    (struct robot_sea){0});
+        assert_int_equal(plant_reset(sprung.plant, NULL, NULL, &joint), ERROR_NONE);
+        assert_int_equal(plant_energy(sprung.plant, &energy), ERROR_NONE);
+        assert_near(energy.stored, stored, 1e-12);
+        assert_int_equal(plant_step(sprung.plant, 50000), ERROR_NONE);
+        assert_int_equal(plant_energy(sprung.plant, &energy), ERROR_NONE);
+        assert_near(sprung.q[0], REST, 1e-9);
+        assert_near(energy.spring_damping, stored, 2e-4 * stored);
+        assert_near(energy.balance, 0.0, 2e-4 * stored);
+        arena_fini(&sprung.arena);
+    }
+}
+
+/* An arm without a drive hangs where K (q - rest) = m g c cos(q), and stays there. */
+static void settled_arm_hangs_on_its_spring(void **state)
+{
+    const double K = 80.0, start = 0.0, arm = 0.15;
+    struct settled settled;
+    struct sprung sprung;
+    struct error error;
+    double before;
+
+    (void)state;
+    sprung_init(&sprung, PLANT_IMPLICIT, 1000000, arm, (struct robot_passive){K, 1.0, REST},
+                (struct robot_sea){0});
+    assert_int_equal(plant_reset(sprung.plant, NULL, NULL, &start), ERROR_NONE);
+    if (plant_settle(sprung.plant, &sprung.arena, &settled, &error)) {
+        fail_msg("%s", error.text);
+    }
+    assert_near(K * (sprung.q[0] - REST), 2.0 * 9.81 * arm * cos(sprung.q[0]), 1e-8);
+    assert_int_equal(plant_sample(sprung.plant), ERROR_NONE);
+    assert_near(plant_sensors(sprung.plant)->motor[0].torque_nm, -K * (sprung.q[0] - REST), 1e-12);
+    before = sprung.q[0];
+    assert_int_equal(plant_step(sprung.plant, 2000), ERROR_NONE);
+    assert_near(sprung.q[0], before, 1e-9);
+    arena_fini(&sprung.arena);
+}
+
+/* Beside a drive a spring bears its part of the load; the sensor in the drive sees the rest. */
+static void cable_helps_the_drive(void **state)
+{
+    const double K = 5.0, start = 0.4, arm = 0.15;
+    struct settled settled;
+    struct sprung sprung;
+    struct error error;
+
+    (void)state;
+    sprung_init(&sprung, PLANT_IMPLICIT, 1000000, arm, (struct robot_passive){K, 0.1, REST},
+                toy_drive(400.0));
+    assert_int_equal(plant_reset(sprung.plant, NULL, NULL, &start), ERROR_NONE);
+    if (plant_settle(sprung.plant, &sprung.arena, &settled, &error)) {
+        fail_msg("%s", error.text);
+    }
+    assert_near(sprung.q[0], start, 0.0);
+    assert_int_equal(plant_sample(sprung.plant), ERROR_NONE);
+    assert_near(plant_sensors(sprung.plant)->motor[0].torque_nm,
+                K * (start - REST) - 2.0 * 9.81 * arm * cos(start), 1e-9);
+    assert_int_equal(plant_step(sprung.plant, 2000), ERROR_NONE);
+    assert_near(sprung.q[0], start, 1e-9);
+    arena_fini(&sprung.arena);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(wheel_swings_as_the_closed_form),
+        cmocka_unit_test(damper_takes_what_the_spring_had),
+        cmocka_unit_test(settled_arm_hangs_on_its_spring),
+        cmocka_unit_test(cable_helps_the_drive),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
