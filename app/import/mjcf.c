@@ -253,8 +253,8 @@ static struct import_joint *mjcf_add_joint(const struct mjcf_reader *r, const ch
     return joint;
 }
 
-/* Reads limits, damping, friction, spring and rotor inertia of a joint. MuJoCo's angle is ref in the
- * file's pose, ours is 0, so limits are shifted by ref. */
+/* Reads limits, damping, friction, spring and rotor inertia of a joint. MuJoCo's angle is ref in
+ * the file's pose, ours is 0, so limits and the spring's rest are shifted by ref. */
 static enum error_code mjcf_read_joint_numbers(const struct mjcf_reader *r, const xmlNode *node,
                                                const char *childclass, struct import_joint *joint)
 {
