@@ -17,6 +17,7 @@ static const struct program_command benchmarks[] = {
      bench_pendulum},
     {"throughput", "simulated seconds that a sweep gets out of a processor in an hour",
      bench_throughput},
+    {"ticks", "CPU time of each tick, by percentiles: what rate a processor can hold", bench_ticks},
 };
 
 static const struct program coman_hil_bench = {
