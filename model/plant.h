@@ -174,6 +174,11 @@ const struct contact_wrench *plant_contact_wrenches(const struct plant *plant);
  * clamped or its state was set between steps, that of the sample. RT-safe. */
 const double *plant_contact_peaks(const struct plant *plant);
 
+/* Returns the mean force on contact body c over the last plant_step, world frame, N: its impulse
+ * by the length of that, exact for the scheme of the implicit integrator; else as the peaks, the
+ * force of the sample. RT-safe. */
+void plant_contact_mean(const struct plant *plant, size_t c, double force[3]);
+
 /* Copies the patches of the last sample, until the plant steps or is asked for its energies:
  * what of those wrenches each pair in touch gives. Returns their number, writes at most max.
  * RT-safe. */

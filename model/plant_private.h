@@ -126,6 +126,8 @@ struct plant {
     struct contact_wrench *sampled_wrench;
     struct contact_wrench *peak; /* by contact body: the one with the largest force in the steps */
     double *peak_force;          /* by contact body: that force, N */
+    double *impulse;             /* by contact body: of the steps, three numbers each, N s */
+    double impulse_s;            /* over so much time */
     struct body_acceleration *acceleration;
 
     double start_mechanical, start_contact; /* stored at the start, J */
@@ -284,7 +286,7 @@ void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *
 enum error_code plant_contact_evaluate(struct plant *plant, const double *v, const double *bristle,
                                        double ahead_s);
 
-/* Forgets the peaks of contact; and takes a wrench on contact body c into its own, if its force is
+/* Forgets the peaks and impulses of contact; and takes a wrench on contact body c into its own, if its force is
  * the largest since then. RT-safe. */
 void plant_forget_peaks(struct plant *plant);
 void plant_raise_peak(struct plant *plant, size_t c, const struct contact_wrench *wrench);

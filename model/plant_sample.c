@@ -110,6 +110,8 @@ void plant_forget_peaks(struct plant *plant)
 {
     memset(plant->peak, 0, plant->config.ncontact * sizeof *plant->peak);
     memset(plant->peak_force, 0, plant->config.ncontact * sizeof *plant->peak_force);
+    memset(plant->impulse, 0, 3 * plant->config.ncontact * sizeof *plant->impulse);
+    plant->impulse_s = 0.0;
 }
 
 void plant_raise_peak(struct plant *plant, size_t c, const struct contact_wrench *wrench)
@@ -284,6 +286,14 @@ const struct contact_wrench *plant_contact_wrenches(const struct plant *plant)
 const double *plant_contact_peaks(const struct plant *plant)
 {
     return plant->peak_force;
+}
+
+void plant_contact_mean(const struct plant *plant, size_t c, double force[3])
+{
+    for (int i = 0; i < 3; i++) {
+        force[i] = plant->impulse_s > 0.0 ? plant->impulse[3 * c + (size_t)i] / plant->impulse_s
+                                          : plant->sampled_wrench[c].force[i];
+    }
 }
 
 size_t plant_patches(const struct plant *plant, struct contact_patch *patch, size_t max)

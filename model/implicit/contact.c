@@ -213,10 +213,11 @@ void implicit_end_contact(struct plant *plant)
     }
 }
 
-void implicit_gather_peaks(struct plant *plant)
+void implicit_gather_wrenches(struct plant *plant)
 {
     const struct implicit *im = plant->implicit;
 
+    plant->impulse_s += im->h;
     for (size_t c = 0; c < plant->config.ncontact; c++) {
         const double *w = im->wrench[c].force, *w_1 = im->wrench_1[c].force;
         struct contact_wrench mean;
@@ -230,6 +231,7 @@ void implicit_gather_peaks(struct plant *plant)
                              IMPLICIT_GAMMA * (im->wrench[c].moment[i] - im->wrench_1[c].moment[i]);
         }
         plant_raise_peak(plant, c, &mean);
+        vec3_add_scaled(plant->impulse + 3 * c, im->h, mean.force, plant->impulse + 3 * c);
     }
 }
 

@@ -212,7 +212,7 @@ enum error_code implicit_step(struct plant *plant, double h)
         return code;
     }
     if ((level = needed_level(plant, h)) == LEVEL_WHOLE) {
-        implicit_gather_peaks(plant);
+        implicit_gather_wrenches(plant);
         implicit_admit_contact(plant);
         return ERROR_NONE;
     }
@@ -224,7 +224,7 @@ enum error_code implicit_step(struct plant *plant, double h)
     for (int part = 0; part < parts && !code; part++) {
         code = take_part(plant, level, h / parts);
         if (!code) {
-            implicit_gather_peaks(plant);
+            implicit_gather_wrenches(plant);
         }
     }
     if (!code) {

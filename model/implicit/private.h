@@ -310,8 +310,9 @@ void implicit_add_contact_inertia(struct plant *plant);
  * accelerations a; raises jump. */
 void implicit_end_contact(struct plant *plant);
 
-/* Takes the mean wrenches of the part of a step whose stages were solved into the plant's peaks. */
-void implicit_gather_peaks(struct plant *plant);
+/* Takes the mean wrenches of the part of a step whose stages were solved into the plant's peaks and
+ * impulses. */
+void implicit_gather_wrenches(struct plant *plant);
 
 /* Brings the wrenches at the end of the step, which have moved the bodies, within what contact can
  * exert: surfaces do not pull, and friction is within its cone. For who reads them; the physics and

@@ -352,6 +352,41 @@ static void robot_and_box_exchange_momentum(void **state)
     free_rig_fini(&rig);
 }
 
+/* The mean force of a tick times its length is what the box's momentum has changed by, however much
+ * the force changes within; at 5 ms ticks of ten steps. */
+static void mean_force_is_the_momentum_received(void **state)
+{
+    struct free_rig rig;
+    double changed = 0.0, least = INFINITY;
+
+    (void)state;
+    free_rig_tied(&rig, 500000);
+    rig.config.integrator = PLANT_IMPLICIT;
+    rig.tie.k = 4e4;
+    memset(rig.toy.robot.gravity, 0, sizeof rig.toy.robot.gravity);
+    memcpy(rig.body[0].v, (const double[3]){0.5, 1.0, -0.7}, sizeof rig.body[0].v);
+    free_rig_start(&rig);
+    for (int k = 0; k < 100; k++) {
+        double before[3], mean[3];
+
+        memcpy(before, rig.free + PLANT_FREE_VELOCITY, sizeof before);
+        assert_int_equal(plant_step(rig.plant, 10), ERROR_NONE);
+        assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
+        plant_contact_mean(rig.plant, 1, mean);
+        for (int i = 0; i < 3; i++) {
+            const double force =
+                1.5 * (rig.free[PLANT_FREE_VELOCITY + i] - before[i]) / (10 * 500000e-9);
+
+            assert_near(mean[i], force, 1e-6 * (1.0 + fabs(force)));
+            changed = fmax(changed, fabs(force - plant_contact_wrenches(rig.plant)[1].force[i]));
+            least = fmin(least, force);
+        }
+    }
+    print_message("# forces at ticks are up to %.0f N off their means\n", changed);
+    assert_true(changed > 10.0 && least < 0.0);
+    free_rig_fini(&rig);
+}
+
 /* Work that the tie does on the one is taken from the other: nothing is lost but what it damps. */
 static void energy_goes_between_robot_and_box(void **state)
 {
@@ -574,6 +609,7 @@ int main(void)
         cmocka_unit_test(rests_on_the_ground_with_its_weight),
         cmocka_unit_test(bouncing_body_and_falling_robot_balance_their_energies),
         cmocka_unit_test(robot_and_box_exchange_momentum),
+        cmocka_unit_test(mean_force_is_the_momentum_received),
         cmocka_unit_test(energy_goes_between_robot_and_box),
         cmocka_unit_test(free_bodies_live_on_beside_a_clamped_robot),
         cmocka_unit_test(robot_moves_alike_with_a_body_that_it_never_meets),
