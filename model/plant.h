@@ -81,6 +81,7 @@ struct plant_config {
     double supply_v;                /* terminal voltages are clipped to +-supply_v */
     double supply_ohm;              /* of the source: the supply sags under load; 0 = none */
     struct supply_bus bus;          /* behind it; capacitance 0 = none */
+    bool bending;                   /* sample the moments across the joints' axes too */
     bool account_energy;            /* integrate the power balance too (plant_energy) */
     int64_t (*now_ns)(void *clock); /* to time the contact engine by; RT-safe; NULL = untimed */
     void *clock;                    /* handed to now_ns */

@@ -260,6 +260,7 @@ static bool allocate_plant(struct plant *plant, struct arena *arena)
     TAKE(plant->sampled_motion, nbody);
     TAKE(plant->sampled_wrench, ncontact);
     TAKE(plant->acceleration, robot->nbody);
+    ok = ok && plant_bending_create(plant, arena);
     TAKE(plant->patch, plant->config.contact ? PLANT_PATCHES : 0);
     return ok;
 }

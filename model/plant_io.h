@@ -56,8 +56,10 @@ struct motor_sense {
     double current_a; /* motor current I^m */
     double torque_nm; /* on the link: Ks (qm - q) + Ds (qm' - q'), and the spring's stop; of a joint
                        * that follows another, its coupling's */
-    double voltage_v; /* applied, after saturation */
-    double winding_c; /* deg C; where the drive's effects or boards/sensing/ model it */
+    double bending_nm[2]; /* moments on the link across its joint's axis, about two axes that are
+                           * fixed in the link; 0 unless plant_config's bending asks for them */
+    double voltage_v;     /* applied, after saturation */
+    double winding_c;     /* deg C; where the drive's effects or boards/sensing/ model it */
     /* Of a hydraulic joint, whose motor angle is the joint's and whose current is 0: */
     double pressure_pa[2]; /* of the piston's and the rod's side, above the air's */
     double valve_opening;  /* -1 to 1 of its full opening, positive towards the piston's side */

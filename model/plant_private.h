@@ -129,6 +129,9 @@ struct plant {
     double *impulse;             /* by contact body: of the steps, three numbers each, N s */
     double impulse_s;            /* over so much time */
     struct body_acceleration *acceleration;
+    /* With bending, by body: accelerations, and the load on the joint that moves it, world frame */
+    struct body_acceleration *bending_acceleration;
+    struct wrench *bending_load;
 
     double start_mechanical, start_contact; /* stored at the start, J */
     struct contact_patch *patch;
@@ -290,6 +293,11 @@ enum error_code plant_contact_evaluate(struct plant *plant, const double *v, con
  * the largest since then. RT-safe. */
 void plant_forget_peaks(struct plant *plant);
 void plant_raise_peak(struct plant *plant, size_t c, const struct contact_wrench *wrench);
+
+/* Allocates what bending takes; returns false when the arena is used up. And fills in bending_nm of
+ * all joints, when vdot, ext and q are those of the sample; RT-safe. */
+bool plant_bending_create(struct plant *plant, struct arena *arena);
+void plant_sample_bending(struct plant *plant);
 
 /* Lists the pairs whose bristles are not 0, in ascending order. They are among those that were
  * listed last, unless the state was handed out: then all bristles are looked through. RT-safe. */

@@ -263,6 +263,9 @@ enum error_code plant_sample(struct plant *plant)
     plant->sensors.time_ns = plant->time_ns;
     plant->sensors.supply_v = plant_supply(plant);
     sample_motors(plant);
+    if (plant->config.bending) {
+        plant_sample_bending(plant);
+    }
     for (size_t f = 0; f < robot->nft; f++) {
         sample_ft_sensor(plant, &robot->ft[f], &plant->sensors.ft[f]);
         sample_ft_peak(plant, &robot->ft[f], &plant->sensors.ft[f]);

@@ -85,6 +85,8 @@ static const struct yaml_field joint_fields[] = {
      .given_offset = AT(warm_up_given)},
     {"eccentricity_rad", YAML_REALS, false, AT(eccentricity_rad), .count = 2, .min = 0.0,
      .max = 0.1, .given_offset = AT(eccentricity_given)},
+    {"crosstalk", YAML_REAL, false, AT(crosstalk), .min = 0.0, .max = 1.0,
+     .given_offset = AT(crosstalk_given)},
     {"motor_encoder_from_start", YAML_BOOL, false, .offset = AT(incremental),
      .given_offset = AT(incremental_given)},
 };
@@ -256,6 +258,7 @@ static void sensors_apply_joint(const struct raw_joint_sensors *raw, const struc
         };
     }
     to->warm_up = raw->warm_up_given ? sensor_warm_up_of(&raw->warm_up) : to->warm_up;
+    to->crosstalk = raw->crosstalk_given ? raw->crosstalk : to->crosstalk;
     if (raw->eccentricity_given) {
         memcpy(to->eccentricity_rad, raw->eccentricity_rad, sizeof to->eccentricity_rad);
     }

@@ -35,10 +35,10 @@ struct raw_joint_sensors {
     struct raw_channel link_encoder, motor_encoder, current, torque, temperature;
     struct raw_winding winding;
     struct raw_warm_up warm_up;
-    double eccentricity_rad[2];
+    double eccentricity_rad[2], crosstalk;
     bool incremental;
     bool link_given, motor_given, current_given, torque_given, temperature_given, winding_given,
-        warm_up_given, eccentricity_given, incremental_given;
+        warm_up_given, eccentricity_given, crosstalk_given, incremental_given;
 };
 
 /* What hangs beyond a force-torque sensor, in its frame. */

@@ -182,6 +182,7 @@ static enum error_code simulator_create_plant(struct simulator *simulator, struc
         .atol = rig->tolerance,
         .substep_ns = rig->substep_ns,
         .supply_v = rig->supply_v,
+        .bending = sensing_sees_bending(&rig->sensing),
         .account_energy = simulator->config.energy,
         .supply_ohm = rig->supply_ohm,
         .bus = rig->supply_bus,

@@ -53,6 +53,38 @@ static enum error_code sensing_make_eccentricity(struct sensing *s, size_t j, st
     return ERROR_NONE;
 }
 
+bool sensing_sees_bending(const struct sensing_config *config)
+{
+    for (size_t j = 0; config->joint && j < config->njoint; j++) {
+        if (config->joint[j].crosstalk > 0.0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Draws the signs by which the moments across a joint's axis show in its torque. */
+static enum error_code sensing_make_bending(struct sensing *s, size_t j, struct error *error)
+{
+    const struct sensor_joint *joint = &s->joint[j];
+    struct random_stream random;
+    char stream[160];
+
+    if (!sensing_is_not_negative(joint->crosstalk)) {
+        return error_set(error, ERROR_INPUT,
+                         "sensor %s: found a crosstalk that is negative or not a number",
+                         joint->name);
+    }
+    snprintf(stream, sizeof stream, "bending %s", joint->name);
+    random = random_named(s->config.seed, stream);
+    for (int k = 0; k < 2; k++) {
+        s->state[j].bending_part[k] =
+            random_uniform(&random) < 0.5 ? -joint->crosstalk : joint->crosstalk;
+    }
+    s->ideal = s->ideal && joint->crosstalk == 0.0;
+    return ERROR_NONE;
+}
+
 /* Creates the channels of a joint and the thermal model of its winding. */
 static enum error_code sensing_make_joint(struct sensing *s, size_t j, struct arena *arena,
                                           struct error *error)
@@ -91,6 +123,7 @@ static enum error_code sensing_make_joint(struct sensing *s, size_t j, struct ar
         code = sensing_make_channel(s, sensing_joint_channel(j, i), joint->name, what[i], from[i],
                                     device, arena, error);
     }
+    code = code ? code : sensing_make_bending(s, j, error);
     return code ? code : sensing_make_eccentricity(s, j, error);
 }
 

@@ -66,6 +66,7 @@ struct joint_state {
     double keep;      /* exp(-tick/tau) */
     double last_q, last_qm;
     double eccentric_phase_rad[2];
+    double bending_part[2]; /* of the moments across its axis, in the torque */
 };
 
 struct sensing {

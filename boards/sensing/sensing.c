@@ -159,7 +159,9 @@ static void sensing_read_joint(struct sensing *s, size_t j, const struct motor_s
     out->current_a =
         sensing_read_channel(s, sensing_joint_channel(j, SENSOR_CURRENT), truth->current_a);
     out->torque_nm =
-        sensing_read_channel(s, sensing_joint_channel(j, SENSOR_TORQUE), truth->torque_nm);
+        sensing_read_channel(s, sensing_joint_channel(j, SENSOR_TORQUE),
+                             truth->torque_nm + state->bending_part[0] * truth->bending_nm[0] +
+                                 state->bending_part[1] * truth->bending_nm[1]);
     out->winding_c = sensing_read_channel(s, sensing_joint_channel(j, SENSOR_TEMPERATURE),
                                           sensing_heat_winding(s, j, truth));
 }

@@ -35,7 +35,8 @@
  * A link encoder whose ring is mounted eccentrically errs once and twice a turn; the constant part
  * is gone, for zero is where it was calibrated.
  *
- * A force-torque sensor mixes its six channels before that (crosstalk). A channel's peak within a
+ * A torque sensor of a joint shows a part of the moments across its axis, which bend it, and a
+ * force-torque sensor mixes its six channels, before all that (crosstalk). A channel's peak within a
  * tick is as far beyond its reading as the true one beyond the truth. An incremental encoder does
  * not know its angle: it counts from where it stood at the start, and again after
  * sensing_restart_counter, for the counter is in the board. The boards round encoder angles to
@@ -105,6 +106,8 @@ struct sensor_joint {
     bool incremental;                                 /* the motor encoder */
     double eccentricity_rad[2]; /* of the link encoder, once and twice a turn; phases are drawn from
                                  * the seed */
+    double crosstalk; /* part that the torque sensor shows of each of the moments across its axis;
+                       * signs are drawn from the seed */
     struct sensor_thermal thermal;
     struct sensor_warm_up warm_up;
     size_t clock; /* number of its board's clock: the same number is the same clock */
@@ -141,6 +144,10 @@ struct sensing_config {
 };
 
 struct sensing;
+
+/* Returns whether a joint's sensor shows the moments across its axis, so that the plant has to
+ * sample them. */
+bool sensing_sees_bending(const struct sensing_config *config);
 
 /* Memory from arena (delay lines included). ERROR_INPUT on a latency, resolution or scale out of
  * range. Not RT-safe. */

@@ -8,6 +8,7 @@ hil_test(plant_energy SOURCES physics/plant_energy.c physics/toy.c LIBS model LA
 hil_test(stops SOURCES physics/stops.c physics/toy.c LIBS model LABELS physics)
 hil_test(couplings SOURCES physics/couplings.c physics/toy.c LIBS model LABELS physics)
 hil_test(passive SOURCES physics/passive.c physics/toy.c LIBS model LABELS physics)
+hil_test(bending SOURCES physics/bending.c physics/toy.c LIBS model LABELS physics)
 hil_test(plant_sensors SOURCES physics/plant_sensors.c physics/toy.c LIBS model LABELS physics)
 hil_test(plant_rt SOURCES physics/plant_rt.c physics/counting_malloc.c physics/toy.c LIBS model
          -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=free

@@ -261,6 +261,32 @@ static void eccentric_encoder_errs_once_and_twice_a_turn(void **state)
                  1e-12);
 }
 
+/* A part of each of the moments across the axis, with a sign for each that stays. */
+static void torque_shows_a_part_of_what_bends_its_sensor(void **state)
+{
+    struct bench *bench = *state;
+    double part[2];
+
+    bench->joint[0].crosstalk = 0.02;
+    assert_true(sensing_sees_bending(&bench->config));
+    start(bench);
+    for (int k = 0; k < 2; k++) {
+        bench->motor[0].torque_nm = bench->motor[1].torque_nm = 5.0;
+        bench->motor[0].bending_nm[k] = bench->motor[1].bending_nm[k] = 50.0;
+        tick(bench);
+        part[k] = bench->measured->motor[0].torque_nm - 5.0;
+        assert_close(fabs(part[k]), 1.0, 1e-12);
+        assert_true(bench->measured->motor[1].torque_nm == 5.0);
+        bench->motor[0].bending_nm[k] = bench->motor[1].bending_nm[k] = 0.0;
+    }
+    bench->motor[0].bending_nm[0] = 50.0;
+    bench->motor[0].bending_nm[1] = 25.0;
+    tick(bench);
+    assert_close(bench->measured->motor[0].torque_nm, 5.0 + part[0] + 0.5 * part[1], 1e-12);
+    bench->joint[0].crosstalk = 0.0;
+    assert_false(sensing_sees_bending(&bench->config));
+}
+
 static void refuses_what_no_channel_can_do(void **state)
 {
     struct bench *bench = *state;
@@ -286,6 +312,10 @@ static void refuses_what_no_channel_can_do(void **state)
     assert_int_equal(sensing_create(&bench->config, &bench->arena, &bench->sensing, &error),
                      ERROR_INPUT);
     bench->joint[0].eccentricity_rad[1] = 0.0;
+    bench->joint[0].crosstalk = -1e-3;
+    assert_int_equal(sensing_create(&bench->config, &bench->arena, &bench->sensing, &error),
+                     ERROR_INPUT);
+    bench->joint[0].crosstalk = 0.0;
     bench->config.clocks.drift_ppm = 1e9;
     assert_int_equal(sensing_create(&bench->config, &bench->arena, &bench->sensing, &error),
                      ERROR_INPUT);
@@ -302,6 +332,7 @@ int main(void)
         TEST(warming_moves_offset_and_gain),
         TEST(boards_sample_by_clocks_of_their_own),
         TEST(eccentric_encoder_errs_once_and_twice_a_turn),
+        TEST(torque_shows_a_part_of_what_bends_its_sensor),
         TEST(refuses_what_no_channel_can_do),
     };
 
