@@ -27,7 +27,7 @@
 enum { PATH = 160, TEXT = 8192 };
 
 /* Of a number the least and the greatest value, least DBL_MIN: anything above zero; of a text its
- * length. Lists and dictionaries of mappings are [] in the path; "*." begins that of a key which
+ * length. Lists and dictionaries of mappings are [] in the path; "*" begins that of a key which
  * has the same limits wherever it stands. */
 struct limit {
     const char *path;
@@ -173,7 +173,7 @@ static bool path_is_listed(const char *listed, const char *path)
     if (listed[0] != '*') {
         return strcmp(listed, path) == 0;
     }
-    return length > tail && strcmp(path + length - tail, listed + 1) == 0;
+    return length >= tail && strcmp(path + length - tail, listed + 1) == 0;
 }
 
 static void visit_field(struct walk *walk, const struct yaml_field *field, const char *path)
