@@ -801,6 +801,72 @@ static void couplings_move_joints_as_tendons_of_mujoco_do(void **state)
     assert_int_equal(system(command), 0);
 }
 
+/* ---- springs ---- */
+
+/* A leg whose joints spring back, as two without an actuator and one with; angles in degrees, of
+ * which one counts from elsewhere. The last has no damping, which would be its motor's. */
+static const char spring_leg[] =
+    "<mujoco model='leg'>\n<option integrator='RK4' timestep='4e-6'>"
+    "<flag constraint='disable' contact='disable'/></option>\n<worldbody>\n"
+    "<body name='thigh' pos='0 0 1'><inertial pos='0.02 0.01 -0.1' mass='0.9' "
+    "diaginertia='0.004 0.005 0.003'/><joint name='hip' axis='0 1 0.2' stiffness='20' ref='10' "
+    "springref='35' damping='0.3'/>\n"
+    "<body name='shin' pos='0 0.05 -0.2'><inertial pos='0 0.01 -0.08' mass='0.3' "
+    "diaginertia='6e-4 5e-4 2e-4'/><joint name='knee' axis='0 1 0' stiffness='4' damping='0.05'/>\n"
+    "<body name='toe' pos='0 0 -0.15'><inertial pos='0.04 0 0' mass='0.2' "
+    "diaginertia='2e-4 2e-4 5e-5'/><joint name='toe' axis='0.1 1 0' stiffness='1.5' "
+    "springref='-20'/></body></body></body></worldbody>\n"
+    "<actuator><motor joint='toe'/></actuator></mujoco>\n";
+
+enum { LEG_JOINTS = 3 };
+
+static void springs_move_joints_as_those_of_mujoco(void **state)
+{
+    static const enum plant_integrator integrator[] = {PLANT_DOPRI5, PLANT_IMPLICIT};
+    static const double tolerance[] = {1e-9, 1e-3};
+    const double q[LEG_JOINTS] = {0.3, -0.4, 0.5}, v[LEG_JOINTS] = {1.0, -2.0, 3.0};
+    double from[LEG_JOINTS], exact[LEG_JOINTS], end[LEG_JOINTS];
+    char folder[] = "/tmp/hil-import-mujoco-XXXXXX", path[128], command[160];
+    struct import_request request = {
+        .file = path, .folder = folder, .boards = {&protocol_icub, false}};
+    struct import_result result;
+    struct robot *robot;
+    struct error error;
+
+    (void)state;
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/leg.xml", folder);
+    write_text(path, spring_leg);
+    if (import_run(&request, &arena, &result, &error)) {
+        fail_msg("%s", error.text);
+    }
+    assert_int_equal(robot_copy(result.loaded, &arena, &robot, &error), ERROR_NONE);
+    assert_int_equal(robot->njoint, LEG_JOINTS);
+    for (size_t j = 0; j < robot->njoint; j++) {
+        assert_int_equal(robot->joint[j].sea.present, j == 2);
+        robot->joint[j].sea.present = false;
+        robot->joint[j].stop = (struct robot_stop){0};
+    }
+
+    /* MuJoCo's first joint counts from 10 degrees */
+    memcpy(from, q, sizeof from);
+    from[0] += 10.0 * M_PI / 180.0;
+    mujoco_move_hand(path, robot, from, v, exact);
+    exact[0] -= 10.0 * M_PI / 180.0;
+    for (int i = 0; i < 2; i++) {
+        double worst = 0.0;
+
+        plant_move_hand(robot, integrator[i], q, v, end);
+        for (int j = 0; j < LEG_JOINTS; j++) {
+            worst = fmax(worst, fabs(end[j] - exact[j]));
+        }
+        print_message("# springs: %.1e rad from MuJoCo after %d ms\n", worst, HAND_MS);
+        assert_true(worst <= tolerance[i]);
+    }
+    snprintf(command, sizeof command, "rm -r '%s'", folder);
+    assert_int_equal(system(command), 0);
+}
+
 /* ---- included files ---- */
 
 /* A robot in four files, all of whose bodies weigh what their geoms do: every solid, many to a
@@ -932,6 +998,8 @@ int main(int argc, char **argv)
                                         close_big_arena),
         cmocka_unit_test_setup_teardown(couplings_move_joints_as_tendons_of_mujoco_do,
                                         open_big_arena, close_big_arena),
+        cmocka_unit_test_setup_teardown(springs_move_joints_as_those_of_mujoco, open_big_arena,
+                                        close_big_arena),
         cmocka_unit_test_setup_teardown(included_files_and_inertias_of_geoms_are_those_of_mujoco,
                                         open_big_arena, close_big_arena),
     };
