@@ -289,8 +289,8 @@ void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *
 enum error_code plant_contact_evaluate(struct plant *plant, const double *v, const double *bristle,
                                        double ahead_s);
 
-/* Forgets the peaks and impulses of contact; and takes a wrench on contact body c into its own, if its force is
- * the largest since then. RT-safe. */
+/* Forgets the peaks and impulses of contact; and takes a wrench on contact body c into its own, if
+ * its force is the largest since then. RT-safe. */
 void plant_forget_peaks(struct plant *plant);
 void plant_raise_peak(struct plant *plant, size_t c, const struct contact_wrench *wrench);
 

@@ -36,8 +36,8 @@
  * is gone, for zero is where it was calibrated.
  *
  * A torque sensor of a joint shows a part of the moments across its axis, which bend it, and a
- * force-torque sensor mixes its six channels, before all that (crosstalk). A channel's peak within a
- * tick is as far beyond its reading as the true one beyond the truth. An incremental encoder does
+ * force-torque sensor mixes its six channels, before all that (crosstalk). A channel's peak within
+ * a tick is as far beyond its reading as the true one beyond the truth. An incremental encoder does
  * not know its angle: it counts from where it stood at the start, and again after
  * sensing_restart_counter, for the counter is in the board. The boards round encoder angles to
  * ticks themselves (boards_sample) and estimate velocities from the ticks as the firmware does;
