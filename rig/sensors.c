@@ -287,18 +287,25 @@ static enum error_code sensors_check_crosstalk(struct rig_builder *b, const stru
     return ERROR_NONE;
 }
 
-/* Sets the clocks: those of the boards that carry the joints and sensors, by their order in the
- * rig; torque boards show what the joint's motor board has sampled, and what no board carries has
- * the first one's. */
-static void sensors_assign_clocks(const struct rig_builder *b, struct sensor_joint *joint,
-                                  struct sensor_ft *ft)
+/* Sets the clocks: those of the boards that carry the joints and sensors, numbered by their order in
+ * the rig and named as they are; torque boards show what the joint's motor board has sampled, and
+ * what no board carries has the first one's. */
+static enum error_code sensors_assign_clocks(struct rig_builder *b, struct sensor_joint *joint,
+                                             struct sensor_ft *ft)
 {
     const struct boards_config *boards = &b->rig->boards;
+    const char **name = arena_alloc(b->arena, boards->nboard + 1, sizeof *name);
 
+    if (!name) {
+        return rig_no_memory(b);
+    }
+    name[0] = "none"; /* a rig without boards has a clock all the same */
+    b->rig->sensing.clocks.name = name;
     for (size_t i = 0; i < boards->nboard; i++) {
         const struct board_config *board = &boards->board[i];
-
         const size_t most = b->rig->bus[board->bus].protocol->axes_max;
+
+        name[i] = board->name;
 
         for (size_t a = 0; a < most && board->kind == BOARD_MOTOR; a++) {
             if (board->axis[a].joint >= 0) {
@@ -311,6 +318,7 @@ static void sensors_assign_clocks(const struct rig_builder *b, struct sensor_joi
             b->rig->sensing.imu.clock = i;
         }
     }
+    return ERROR_NONE;
 }
 
 /* Checks that a channel has what its errors need: a low pass below half the rate of the ticks, a
@@ -458,6 +466,6 @@ enum error_code rig_build_sensors(struct rig_builder *b)
         .tick_ns = b->rig->tick_ns,
         .seed = b->rig->seed,
     };
-    sensors_assign_clocks(b, joint, ft);
-    return sensors_check_channels(b);
+    code = sensors_assign_clocks(b, joint, ft);
+    return code ? code : sensors_check_channels(b);
 }

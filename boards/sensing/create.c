@@ -305,9 +305,12 @@ static enum error_code sensing_make_clocks(struct sensing *s, struct arena *aren
     s->ideal = false;
     for (size_t c = 0; c < count; c++) {
         struct random_stream random;
-        char stream[64];
+        char stream[160];
 
         snprintf(stream, sizeof stream, "clock %zu", c);
+        if (clocks->name) {
+            snprintf(stream, sizeof stream, "clock %s", clocks->name[c]);
+        }
         random = random_named(s->config.seed, stream);
         s->clock[c].period_ns =
             (double)clocks->period_ns *

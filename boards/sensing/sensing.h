@@ -87,6 +87,9 @@ struct sensor_warm_up {
 struct sensor_clocks {
     int64_t period_ns; /* up to SENSING_LATENCY_MAX_NS */
     double drift_ppm;
+    /* Of the boards, by the numbers of their clocks: what is drawn for one depends on its name and
+     * the seed alone; NULL: on its number */
+    const char *const *name;
 };
 
 /* The winding as one body: C T' = R I^2 - (T - ambient) / Rth, so that what it has taken is the I2t

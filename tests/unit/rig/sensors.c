@@ -75,7 +75,7 @@ static void what_a_joint_gives_replaces_the_channel_of_all(void **state)
     assert_true(rig->sensing.imu.orientation.latency_ns == 4000000);
 }
 
-/* Each key of the dynamics reaches its sensor; boards' clocks are numbered as the boards are. */
+/* Each key of the dynamics reaches its sensor; boards' clocks are numbered and named as the boards are. */
 static void dynamics_of_sensors_have_keys_of_their_own(void **state)
 {
     const struct rig *rig = load_toy_rig_with(
@@ -85,8 +85,9 @@ static void dynamics_of_sensors_have_keys_of_their_own(void **state)
         "0.02,\n"
         "                gain_per_k: 1e-4, instability_rms: 0.1, instability_s: 30}\n"
         "    eccentricity_rad: [0.006, 0.003]\n"
+        "    crosstalk: 0.01\n"
         "    warm_up: {rise_k: 10, time_constant_s: 600}\n"
-        "  joints: {knee: {eccentricity_rad: [0, 0]}}\n"
+        "  joints: {knee: {eccentricity_rad: [0, 0], crosstalk: 0.02}}\n"
         "  every_ft: {warm_up: {rise_k: 5, time_constant_s: 60}}\n"
         "  imu:\n"
         "    gyro_misalignment_rad: [0.001, 0.002, 0.003]\n"
@@ -104,6 +105,7 @@ static void dynamics_of_sensors_have_keys_of_their_own(void **state)
     assert_true(s->joint[0].eccentricity_rad[0] == 0.006 && s->joint[0].warm_up.rise_k == 10.0);
     assert_true(s->joint[0].eccentricity_rad[1] == 0.003);
     assert_true(s->joint[1].eccentricity_rad[0] == 0.0 && s->joint[1].warm_up.rise_k == 10.0);
+    assert_true(s->joint[0].crosstalk == 0.01 && s->joint[1].crosstalk == 0.02);
     assert_true(s->ft[1].warm_up.time_constant_s == 60.0);
     assert_true(s->imu.gyro_misalignment_rad[2] == 0.003);
     assert_true(s->imu.accel_misalignment_rad[0] == 0.004 && s->imu.warm_up.rise_k == 3.0);
@@ -113,6 +115,7 @@ static void dynamics_of_sensors_have_keys_of_their_own(void **state)
     for (size_t i = 0; i < rig->boards.nboard; i++) {
         const struct board_config *board = &rig->boards.board[i];
 
+        assert_string_equal(s->clocks.name[i], board->name);
         if (board->kind == BOARD_MOTOR && board->axis[0].joint >= 0) {
             assert_int_equal(s->joint[board->axis[0].joint].clock, i);
         } else if (board->kind == BOARD_FT) {

@@ -228,6 +228,31 @@ static void boards_sample_by_clocks_of_their_own(void **state)
     assert_true(fabs(period[0] / samples[0] - period[1] / samples[1]) > 1e-9);
 }
 
+/* What is drawn for a clock goes by its name, whatever boards come before it. */
+static void clocks_are_drawn_by_their_names(void **state)
+{
+    static const char *const names[][2] = {{"left/0x01", "left/0x02"}, {"left/0x02", "right/0x01"}};
+    struct bench *bench = *state;
+    double shown[2][2];
+
+    bench->joint[1].clock = 1;
+    for (int order = 0; order < 2; order++) {
+        bench->config.clocks =
+            (struct sensor_clocks){.period_ns = 2500000, .drift_ppm = 100.0, .name = names[order]};
+        bench->truth.time_ns = 0;
+        start(bench);
+        for (int i = 0; i < 100; i++) {
+            bench->motor[0].q = bench->motor[1].q = 1e-3 * i;
+            tick(bench);
+        }
+        for (int j = 0; j < 2; j++) {
+            shown[order][j] = bench->measured->motor[j].q;
+        }
+    }
+    assert_true(shown[0][1] == shown[1][0]);
+    assert_true(shown[0][0] != shown[1][0] && shown[0][1] != shown[1][1]);
+}
+
 /* The error of an eccentric ring over a turn is a sine once and one twice a turn, and 0 at 0. */
 static void eccentric_encoder_errs_once_and_twice_a_turn(void **state)
 {
@@ -331,6 +356,7 @@ int main(void)
         TEST(instability_has_its_rms_and_correlation),
         TEST(warming_moves_offset_and_gain),
         TEST(boards_sample_by_clocks_of_their_own),
+        TEST(clocks_are_drawn_by_their_names),
         TEST(eccentric_encoder_errs_once_and_twice_a_turn),
         TEST(torque_shows_a_part_of_what_bends_its_sensor),
         TEST(refuses_what_no_channel_can_do),
