@@ -75,7 +75,8 @@ static void what_a_joint_gives_replaces_the_channel_of_all(void **state)
     assert_true(rig->sensing.imu.orientation.latency_ns == 4000000);
 }
 
-/* Each key of the dynamics reaches its sensor; boards' clocks are numbered and named as the boards are. */
+/* Each key of the dynamics reaches its sensor; boards' clocks are numbered and named as the boards
+ * are. */
 static void dynamics_of_sensors_have_keys_of_their_own(void **state)
 {
     const struct rig *rig = load_toy_rig_with(
