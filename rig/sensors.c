@@ -288,8 +288,8 @@ static enum error_code sensors_check_crosstalk(struct rig_builder *b, const stru
 }
 
 /* Sets the clocks: those of the boards that carry the joints and sensors, numbered by their order
- * in the rig and named as they are; torque boards show what the joint's motor board has sampled, and
- * what no board carries has the first one's. */
+ * in the rig and named as they are; torque boards show what the joint's motor board has sampled,
+ * and what no board carries has the first one's. */
 static enum error_code sensors_assign_clocks(struct rig_builder *b, struct sensor_joint *joint,
                                              struct sensor_ft *ft)
 {
