@@ -78,9 +78,10 @@ static void list_make(struct broad_phase *broad)
         for (; meets; meets &= meets - 1) {
             int lane = __builtin_ctz(meets), other = row->first + lane;
 
-            if (row->plane || capsules_may_meet(broad, row->surface, other, MARGIN)) {
-                broad->candidate[broad->ncandidate++] =
-                    (struct broad_candidate){row->surface, other, row->pair[lane], row->plane};
+            if (row->plane ||
+                capsules_may_meet(broad, row->surface, other, MARGIN - row->slack[lane])) {
+                broad->candidate[broad->ncandidate++] = (struct broad_candidate){
+                    row->surface, other, row->pair[lane], row->plane, row->slack[lane]};
             }
         }
     }
@@ -125,11 +126,11 @@ static bool ball_meets_plane(const struct broad_balls *b, int plane, int i)
            b->reach[i];
 }
 
-/* Checks whether the balls of two surfaces overlap. */
-static bool balls_meet(const struct broad_balls *b, int i, int j)
+/* Checks whether the balls of two surfaces overlap by more than a slack, m. */
+static bool balls_meet(const struct broad_balls *b, int i, int j, double slack)
 {
     double dx = b->x[j] - b->x[i], dy = b->y[j] - b->y[i], dz = b->z[j] - b->z[i];
-    double sum = b->reach[j] + b->reach[i];
+    double sum = b->reach[j] + b->reach[i] - slack;
 
     return dx * dx + dy * dy + dz * dz < sum * sum;
 }
@@ -148,8 +149,8 @@ void broad_phase_find(struct broad_phase *broad, uint64_t *near)
         const struct broad_candidate *of = &broad->candidate[c];
 
         if (of->plane ? ball_meets_plane(&broad->ball, of->surface, of->other)
-                      : balls_meet(&broad->ball, of->surface, of->other) &&
-                            capsules_may_meet(broad, of->surface, of->other, 0)) {
+                      : balls_meet(&broad->ball, of->surface, of->other, of->slack) &&
+                            capsules_may_meet(broad, of->surface, of->other, -of->slack)) {
             near[of->pair / 64] |= UINT64_C(1) << of->pair % 64;
         }
     }

@@ -37,10 +37,11 @@ struct broad_capsule {
 /* A row of pairs: one surface against BROAD_LANES others from first on. */
 struct broad_row {
     int surface;
-    int first;             /* a multiple of BROAD_LANES */
-    bool plane;            /* the surface is a half-space */
-    unsigned wanted;       /* bit l: there is a pair with surface first + l */
-    int pair[BROAD_LANES]; /* its index */
+    int first;                 /* a multiple of BROAD_LANES */
+    bool plane;                /* the surface is a half-space */
+    unsigned wanted;           /* bit l: there is a pair with surface first + l */
+    int pair[BROAD_LANES];     /* its index */
+    double slack[BROAD_LANES]; /* that it has, m */
 };
 
 /* A pair within the margin: tested by each evaluation. */
@@ -48,6 +49,7 @@ struct broad_candidate {
     int surface, other; /* surface is the half-space if there is one */
     int pair;           /* its index */
     bool plane;
+    double slack; /* by which the two have to overlap, m */
 };
 
 struct broad_phase {
