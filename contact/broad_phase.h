@@ -3,12 +3,12 @@
  * Broad phase of the native engine: which pairs may touch, because the balls about their surfaces
  * meet, or a ball and a half-space. Tests a row of up to eight pairs at a time, those of one
  * surface with eight others that follow each other in the list of surfaces. Of what is left, pairs
- * of which the capsules about the surfaces are apart along the line between their centers are not
- * near either.
+ * of which the capsules about the surfaces are apart are not near either.
  *
- * Only pairs within a margin are tested each time. Which those are is found anew when a surface has
- * moved so far that others could have come near (Verlet's list, Phys. Rev. 159, 1967), so that what
- * is found does not depend on what was asked before. Lengths are meters in the world's frame.
+ * Only pairs within a margin are kept in mind, with the gap between them, and tested when surfaces
+ * have moved by as much since. They are found anew when one has moved so far that others could have
+ * come near (Verlet's list, Phys. Rev. 159, 1967), so that what is found does not depend on what was
+ * asked before. Lengths are meters in the world's frame.
  * Memory is the arena's.
  */
 #ifndef CONTACT_BROAD_PHASE_H
@@ -50,6 +50,7 @@ struct broad_candidate {
     int pair;           /* its index */
     bool plane;
     double slack; /* by which the two have to overlap, m */
+    double gap;   /* between them when the list was made, m: at least */
 };
 
 struct broad_phase {
