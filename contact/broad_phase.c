@@ -54,7 +54,7 @@ static unsigned row_meets_ball(const struct broad_balls *b, const struct broad_r
     return (unsigned)meets;
 }
 
-/* Returns how far a surface is over a half-space's plane at least, m: by its ball and its capsule. */
+/* Returns how far a surface is over a half-space's plane at least, m: by its ball and capsule. */
 static double surface_height(const struct broad_phase *broad, int plane, int i)
 {
     const struct broad_balls *b = &broad->ball;

@@ -7,8 +7,8 @@
  *
  * Only pairs within a margin are kept in mind, with the gap between them, and tested when surfaces
  * have moved by as much since. They are found anew when one has moved so far that others could have
- * come near (Verlet's list, Phys. Rev. 159, 1967), so that what is found does not depend on what was
- * asked before. Lengths are meters in the world's frame.
+ * come near (Verlet's list, Phys. Rev. 159, 1967), so that what is found does not depend on what
+ * was asked before. Lengths are meters in the world's frame.
  * Memory is the arena's.
  */
 #ifndef CONTACT_BROAD_PHASE_H

@@ -269,8 +269,8 @@ static enum error_code surface_check(const struct contact_config *config, size_t
     return surface_check_material(s, error);
 }
 
-/* Returns whether two surfaces can have a slack, m: only round ones can count as thinner, and one of
- * them has to be a capsule, as two spheres are Hertz's. */
+/* Returns whether two surfaces can have a slack, m: only round ones can count as thinner, and one
+ * of them has to be a capsule, as two spheres are Hertz's. */
 static bool pair_slack_fits(const struct contact_surface *a, const struct contact_surface *b,
                             double slack)
 {

@@ -105,8 +105,8 @@ static void capsules_that_overlap_in_one_of_the_poses_have_a_slack(void **state)
     const struct rig *rig;
 
     (void)state;
-    /* Straight down the shin's axis is 0.1 m from the chest: 20 mm less than their radii; bent it is
-     * farther off */
+    /* Straight down the shin's axis is 0.1 m from the chest: 20 mm less than their radii; bent it
+     * is farther off */
     write_rig_and_robot("{material: rubber}", "native");
     strcpy(robot, toy_robot);
     assert_true(replace(robot, sizeof robot, "poses:\n", capsules));
