@@ -3,12 +3,17 @@
 #include "contact/broad_phase.h"
 
 #include "contact/lanes.h"
+#include "contact/segments.h"
 
 #include <math.h>
 
 /* Distance, m, up to which a pair is kept in the list. Each of its surfaces may move by half of it
  * before the list is made again. */
 #define MARGIN 0.04
+
+/* Distance, m, that counts as none: far beyond rounding, so that what is found does not depend on
+ * when the list was made. */
+#define ROUNDING 1e-9
 
 /* ---- the pairs within the margin ---- */
 
@@ -49,19 +54,52 @@ static unsigned row_meets_ball(const struct broad_balls *b, const struct broad_r
     return (unsigned)meets;
 }
 
-/* Checks whether the distance of the capsules about two surfaces may be less than a margin, m: it
- * is not when a plane across the line between their centers separates them. */
-static bool capsules_may_meet(const struct broad_phase *broad, int i, int j, double margin)
+/* Returns how far a surface is over a half-space's plane at least, m: by its ball and capsule. */
+static double surface_height(const struct broad_phase *broad, int plane, int i)
+{
+    const struct broad_balls *b = &broad->ball;
+    const struct broad_capsule *c = &broad->capsule[i];
+    double normal[3] = {b->x[plane], b->y[plane], b->z[plane]};
+    double height = normal[0] * b->x[i] + normal[1] * b->y[i] + normal[2] * b->z[i];
+    double below = fabs(vec3_dot(normal, c->half)) + c->radius;
+
+    return height + b->reach[plane] - (below < b->reach[i] ? below : b->reach[i]);
+}
+
+/* Returns how far two surfaces are apart at least, m, beyond their slack: by their balls and, as
+ * these are near, by the axes of their capsules. */
+static double surfaces_distance(const struct broad_phase *broad, int i, int j, double slack)
 {
     const struct broad_balls *b = &broad->ball;
     const struct broad_capsule *p = &broad->capsule[i], *q = &broad->capsule[j];
-    double dx = b->x[j] - b->x[i], dy = b->y[j] - b->y[i], dz = b->z[j] - b->z[i];
-    double apart2 = dx * dx + dy * dy + dz * dz, round = p->radius + q->radius + margin;
-    /* Gap between the axes along the line between the centers, times the centers' distance */
-    double gap = apart2 - fabs(p->half[0] * dx + p->half[1] * dy + p->half[2] * dz) -
-                 fabs(q->half[0] * dx + q->half[1] * dy + q->half[2] * dz);
+    double to[3] = {b->x[j] - b->x[i], b->y[j] - b->y[i], b->z[j] - b->z[i]};
+    double balls = vec3_norm(to) - b->reach[i] - b->reach[j], capsules;
+    struct segment first, second;
 
-    return gap <= 0 || gap * gap < round * round * apart2;
+    /* With the first's center as origin */
+    for (int k = 0; k < 3; k++) {
+        first.from[k] = -p->half[k];
+        first.by[k] = 2 * p->half[k];
+        second.from[k] = to[k] - q->half[k];
+        second.by[k] = 2 * q->half[k];
+    }
+    capsules = sqrt(segments_distance2(&first, &second)) - p->radius - q->radius;
+    return (balls > capsules ? balls : capsules) + slack;
+}
+
+/* Adds a pair to the list if it is within the margin. */
+static void list_add(struct broad_phase *broad, const struct broad_row *row, int lane)
+{
+    struct broad_candidate *c = &broad->candidate[broad->ncandidate];
+
+    *c = (struct broad_candidate){.surface = row->surface,
+                                  .other = row->first + lane,
+                                  .pair = row->pair[lane],
+                                  .plane = row->plane,
+                                  .slack = row->slack[lane]};
+    c->gap = c->plane ? surface_height(broad, c->surface, c->other)
+                      : surfaces_distance(broad, c->surface, c->other, c->slack);
+    broad->ncandidate += c->gap < MARGIN;
 }
 
 /* Makes the list of candidate pairs (Verlet's) and stores where the surfaces are now. */
@@ -76,16 +114,11 @@ static void list_make(struct broad_phase *broad)
             row->wanted & (row->plane ? row_meets_plane(now, row) : row_meets_ball(now, row));
 
         for (; meets; meets &= meets - 1) {
-            int lane = __builtin_ctz(meets), other = row->first + lane;
-
-            if (row->plane || capsules_may_meet(broad, row->surface, other, MARGIN)) {
-                broad->candidate[broad->ncandidate++] =
-                    (struct broad_candidate){row->surface, other, row->pair[lane], row->plane};
-            }
+            list_add(broad, row, __builtin_ctz(meets));
         }
     }
 
-    /* The places that list_holds compares with */
+    /* The places that list_moved compares with */
     for (size_t s = 0; s < broad->nsurface; s++) {
         then->x[s] = now->x[s];
         then->y[s] = now->y[s];
@@ -95,10 +128,9 @@ static void list_make(struct broad_phase *broad)
     broad->found = broad->keeps;
 }
 
-/* Checks whether no point of a surface's capsule has moved by more than half of the margin since
- * the list was made. A point moves by no more than the center and an end of the axis relative to it
- * do together. */
-static bool list_holds(const struct broad_phase *broad)
+/* Returns by how much any two surfaces may have come nearer since the list was made, m. A point of
+ * a capsule moves by no more than the center and an end of the axis relative to it do together. */
+static double list_moved(const struct broad_phase *broad)
 {
     const struct broad_balls *now = &broad->ball, *then = &broad->then;
     double most = 0;
@@ -112,44 +144,33 @@ static bool list_holds(const struct broad_phase *broad)
         most = moved2 > most ? moved2 : most;
     }
 
-    /* (x + y)^2 <= 2 (x^2 + y^2) */
-    return 2 * most < MARGIN * MARGIN / 4;
+    /* Twice for two surfaces; (x + y)^2 <= 2 (x^2 + y^2) */
+    return 2 * sqrt(2 * most);
 }
 
 /* ---- those that may touch ---- */
 
-/* Checks whether a surface's ball reaches below a half-space's plane. */
-static bool ball_meets_plane(const struct broad_balls *b, int plane, int i)
-{
-    return b->x[plane] * b->x[i] + b->y[plane] * b->y[i] + b->z[plane] * b->z[i] + b->reach[plane] <
-           b->reach[i];
-}
-
-/* Checks whether the balls of two surfaces overlap. */
-static bool balls_meet(const struct broad_balls *b, int i, int j)
-{
-    double dx = b->x[j] - b->x[i], dy = b->y[j] - b->y[i], dz = b->z[j] - b->z[i];
-    double sum = b->reach[j] + b->reach[i];
-
-    return dx * dx + dy * dy + dz * dz < sum * sum;
-}
-
 void broad_phase_find(struct broad_phase *broad, uint64_t *near)
 {
-    if (!broad->found || !list_holds(broad)) {
+    double moved = broad->found ? list_moved(broad) : MARGIN;
+
+    if (!(moved < MARGIN)) {
         list_make(broad);
+        moved = 0;
     }
 
-    /* Of the candidates those whose bounding volumes overlap now */
+    /* Of the candidates those that can have come to touch since, if they do now */
     for (size_t w = 0; w < broad->nword; w++) {
         near[w] = 0;
     }
     for (size_t c = 0; c < broad->ncandidate; c++) {
         const struct broad_candidate *of = &broad->candidate[c];
 
-        if (of->plane ? ball_meets_plane(&broad->ball, of->surface, of->other)
-                      : balls_meet(&broad->ball, of->surface, of->other) &&
-                            capsules_may_meet(broad, of->surface, of->other, 0)) {
+        if (of->gap > moved + ROUNDING) {
+            continue;
+        }
+        if ((of->plane ? surface_height(broad, of->surface, of->other)
+                       : surfaces_distance(broad, of->surface, of->other, of->slack)) < ROUNDING) {
             near[of->pair / 64] |= UINT64_C(1) << of->pair % 64;
         }
     }

@@ -3,12 +3,12 @@
  * Broad phase of the native engine: which pairs may touch, because the balls about their surfaces
  * meet, or a ball and a half-space. Tests a row of up to eight pairs at a time, those of one
  * surface with eight others that follow each other in the list of surfaces. Of what is left, pairs
- * of which the capsules about the surfaces are apart along the line between their centers are not
- * near either.
+ * of which the capsules about the surfaces are apart are not near either.
  *
- * Only pairs within a margin are tested each time. Which those are is found anew when a surface has
- * moved so far that others could have come near (Verlet's list, Phys. Rev. 159, 1967), so that what
- * is found does not depend on what was asked before. Lengths are meters in the world's frame.
+ * Only pairs within a margin are kept in mind, with the gap between them, and tested when surfaces
+ * have moved by as much since. They are found anew when one has moved so far that others could have
+ * come near (Verlet's list, Phys. Rev. 159, 1967), so that what is found does not depend on what
+ * was asked before. Lengths are meters in the world's frame.
  * Memory is the arena's.
  */
 #ifndef CONTACT_BROAD_PHASE_H
@@ -37,10 +37,11 @@ struct broad_capsule {
 /* A row of pairs: one surface against BROAD_LANES others from first on. */
 struct broad_row {
     int surface;
-    int first;             /* a multiple of BROAD_LANES */
-    bool plane;            /* the surface is a half-space */
-    unsigned wanted;       /* bit l: there is a pair with surface first + l */
-    int pair[BROAD_LANES]; /* its index */
+    int first;                 /* a multiple of BROAD_LANES */
+    bool plane;                /* the surface is a half-space */
+    unsigned wanted;           /* bit l: there is a pair with surface first + l */
+    int pair[BROAD_LANES];     /* its index */
+    double slack[BROAD_LANES]; /* that it has, m */
 };
 
 /* A pair within the margin: tested by each evaluation. */
@@ -48,6 +49,8 @@ struct broad_candidate {
     int surface, other; /* surface is the half-space if there is one */
     int pair;           /* its index */
     bool plane;
+    double slack; /* by which the two have to overlap, m */
+    double gap;   /* between them when the list was made, m: at least */
 };
 
 struct broad_phase {

@@ -39,6 +39,7 @@ static void row_add_pair(const struct contact_config *config, size_t index, stru
     }
     row[r].wanted |= 1u << (other - first);
     row[r].pair[other - first] = (int)index;
+    row[r].slack[other - first] = pair->slack_m;
 }
 
 enum error_code broad_phase_make(const struct contact_config *config, struct arena *arena,

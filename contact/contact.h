@@ -155,9 +155,12 @@ struct contact_surface {
     struct contact_material material;
 };
 
-/* Two surfaces that may touch: only configured pairs interact. */
+/* Two surfaces that may touch: only configured pairs interact. Capsules that are wider than what
+ * they are drawn about may overlap by a slack before they touch: each counts as thinner by half of
+ * it. */
 struct contact_pair {
-    int a, b; /* indices of surfaces */
+    int a, b;       /* indices of surfaces */
+    double slack_m; /* of two capsules, or a capsule and a sphere: less than either's diameter */
 };
 
 /* How engine "native" computes the contact force between two meshes (or boxes). */

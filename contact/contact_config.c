@@ -269,6 +269,19 @@ static enum error_code surface_check(const struct contact_config *config, size_t
     return surface_check_material(s, error);
 }
 
+/* Returns whether two surfaces can have a slack, m: only round ones can count as thinner, and one
+ * of them has to be a capsule, as two spheres are Hertz's. */
+static bool pair_slack_fits(const struct contact_surface *a, const struct contact_surface *b,
+                            double slack)
+{
+    bool capsules[2] = {a->shape == CONTACT_CAPSULE, b->shape == CONTACT_CAPSULE};
+    bool round =
+        (capsules[0] || a->shape == CONTACT_SPHERE) && (capsules[1] || b->shape == CONTACT_SPHERE);
+
+    return round && (capsules[0] || capsules[1]) && slack > 0 && slack < 2 * a->radius_m &&
+           slack < 2 * b->radius_m;
+}
+
 /* Checks one pair: two surfaces that exist, can touch, and are no earlier pair. */
 static enum error_code pair_check(const struct contact_config *config, size_t index,
                                   struct error *error)
@@ -301,6 +314,15 @@ static enum error_code pair_check(const struct contact_config *config, size_t in
                          "contact pair %zu: found two half-spaces ('%s' and '%s'), expected one at "
                          "most",
                          index, a->name, b->name);
+    }
+
+    /* A slack is one of round shapes, and leaves something of both */
+    if (p->slack_m != 0 && !pair_slack_fits(a, b, p->slack_m)) {
+        return error_set(error, ERROR_INPUT,
+                         "contact pair %zu: found a slack of %g m between '%s' and '%s', expected "
+                         "0, or between a capsule and a capsule or sphere less than their "
+                         "diameters",
+                         index, p->slack_m, a->name, b->name);
     }
 
     /* No earlier pair has the same two */

@@ -41,6 +41,7 @@ struct rig_builder {
     struct rig_bus *bus;             /* of the rig, still to be written */
     struct rig_place *place;         /* what the key "body" of a surface may name */
     size_t nplace;
+    struct rig_left_pair *left; /* the rig's, still to be written */
 };
 
 /* Build the parts, in the order in which they need each other. */

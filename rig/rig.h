@@ -93,6 +93,19 @@ struct rig_page {
     struct yaml_mark mark; /* where it stands */
 };
 
+/* Why two surfaces of the robot are not watched. */
+enum rig_left_why {
+    RIG_LEFT_BY_FILE, /* for the reason that it gives, if any */
+    RIG_LEFT_JOINED,  /* by a joint, the end stops of which hold them apart */
+    RIG_LEFT_ALWAYS,  /* overlap in every pose of the robot, and in that of the rig */
+    RIG_LEFT_IN_POSE, /* overlap in one, and cannot count as thinner */
+};
+struct rig_left_pair {
+    int a, b; /* surfaces */
+    enum rig_left_why why;
+    const char *what; /* the reason, or NULL; the joint's name; the pose's */
+};
+
 struct rig {
     const char *file, *name;
     uint64_t hash; /* of the bytes of its file and of all that it refers to; of meshes, of their
@@ -123,6 +136,8 @@ struct rig {
     enum rig_contact_engine contact_engine;
     struct contact_config contact;
     size_t nlisted_pair; /* the first of contact's, which the file lists; the robot's own follow */
+    const struct rig_left_pair *left; /* nleft pairs of the robot's surfaces that do not touch */
+    size_t nleft;
     const int *contact_body;
 
     size_t nbus;

@@ -213,7 +213,7 @@ enum error_code rig_build_pair(struct rig_builder *b, const struct raw_pair *raw
         return yaml_error(b->error, &raw->between_mark,
                           "found two surfaces of one body, expected surfaces of two bodies");
     }
-    *pair = (struct contact_pair){index[0], index[1]};
+    *pair = (struct contact_pair){.a = index[0], .b = index[1]};
     return ERROR_NONE;
 }
 
@@ -304,7 +304,7 @@ enum error_code rig_build_scene(struct rig_builder *b)
     /* Without an engine the scene is checked all the same, but empty */
     if (!code && b->rig->contact_engine == RIG_CONTACT_NONE) {
         *contact = (struct contact_config){0};
-        b->rig->nlisted_pair = 0;
+        b->rig->nlisted_pair = b->rig->nleft = 0;
     }
     return code;
 }

@@ -208,11 +208,24 @@ static const struct yaml_schema pair_schema = {
     .field_count = ARRAY_COUNT(pair_fields),
 };
 
+#define STRUCT raw_pair
+static const struct yaml_field exclude_fields[] = {
+    {"between", YAML_NAME_LIST, true, AT(between), AT(nbetween), .mark_offset = AT(between_mark)},
+    {"reason", YAML_STRING, false, .offset = AT(reason)},
+};
+#undef STRUCT
+static const struct yaml_schema exclude_schema = {
+    .what = "a pair of surfaces to leave out",
+    .size = sizeof(struct raw_pair),
+    .fields = exclude_fields,
+    .field_count = ARRAY_COUNT(exclude_fields),
+};
+
 #define STRUCT raw_robot_surfaces
 static const struct yaml_field robot_surfaces_fields[] = {
     {"material", YAML_STRING, true, AT(material), .mark_offset = AT(material_mark)},
     {"self_collision", YAML_BOOL, false, .offset = AT(self_collision)},
-    {"exclude", YAML_LIST, false, AT(exclude), AT(nexclude), .schema = &pair_schema},
+    {"exclude", YAML_LIST, false, AT(exclude), AT(nexclude), .schema = &exclude_schema},
 };
 #undef STRUCT
 static const struct raw_robot_surfaces robot_surfaces_defaults = {.self_collision = true};

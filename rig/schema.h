@@ -84,6 +84,7 @@ struct raw_pair {
     struct yaml_name *between;
     size_t nbetween;
     struct yaml_mark between_mark;
+    const char *reason; /* of one that is left out, or NULL */
 };
 
 /* Surfaces from the robot's capsules. */

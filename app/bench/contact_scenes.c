@@ -84,7 +84,7 @@ static struct contact_surface *add_box(struct bench_scene *scene, int body, doub
 /* Lets two surfaces touch. */
 static void add_pair(struct bench_scene *scene, int a, int b)
 {
-    scene->pair[scene->config.npair++] = (struct contact_pair){a, b};
+    scene->pair[scene->config.npair++] = (struct contact_pair){.a = a, .b = b};
 }
 
 /* Places a body where it touches, m. */

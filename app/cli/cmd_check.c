@@ -107,6 +107,33 @@ static void print_pairs(const struct contact_config *contact)
     }
 }
 
+/* Prints the pairs that have a slack, and those of the robot's surfaces that are left out, with the
+ * reason. */
+static void print_exceptions(const struct rig *rig)
+{
+    static const char *const why[] = {"the file leaves them out", "joined by ",
+                                      "overlap in every pose", "overlap in pose "};
+    const struct contact_config *contact = &rig->contact;
+
+    for (size_t p = 0; p < contact->npair; p++) {
+        const struct contact_pair *pair = &contact->pair[p];
+
+        if (pair->slack_m > 0) {
+            printf("slack       %s - %s: %.1f mm, overlap in a pose\n",
+                   contact->surface[pair->a].name, contact->surface[pair->b].name,
+                   1e3 * pair->slack_m);
+        }
+    }
+    for (size_t i = 0; i < rig->nleft; i++) {
+        const struct rig_left_pair *left = &rig->left[i];
+        const char *what = left->what ? left->what : "";
+
+        printf("left out    %s - %s: %s%s%s\n", contact->surface[left->a].name,
+               contact->surface[left->b].name, why[left->why],
+               left->why == RIG_LEFT_BY_FILE && left->what ? ": " : "", what);
+    }
+}
+
 /* Prints the contact engine with its friction law, all surfaces with their materials, and the
  * pairs. */
 static void check_print_scene(const struct rig *rig)
@@ -145,6 +172,7 @@ static void check_print_scene(const struct rig *rig)
     }
     printf("pairs       %zu\n", contact->npair);
     print_pairs(contact);
+    print_exceptions(rig);
 }
 
 /* Returns the name of a joint; "spare" for -1. */

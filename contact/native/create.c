@@ -178,6 +178,7 @@ static void pair_make(const struct contact_config *config, size_t index,
     pair->surface[0] = turned ? given->b : given->a;
     pair->surface[1] = turned ? given->a : given->b;
     pair->sign = turned ? 1 : -1;
+    pair->slack = given->slack_m;
 
     /* Its law, with Hertz's shares between surfaces without a mesh */
     pair->law = law_make(&a->material, &b->material, config->transition_velocity_m_s);

@@ -173,6 +173,10 @@ void native_pair_find_force(const struct native_engine *e, const struct native_p
     const struct native_surface *b = &e->surface[pair->surface[1]];
     const double radius[2] = {a->capsule.radius,
                               b->shape == CONTACT_SPHERE ? b->capsule.radius : HUGE_VAL};
+    const struct native_capsule thin[2] = {
+        {a->capsule.radius - pair->slack / 2, a->capsule.half},
+        {b->capsule.radius - pair->slack / 2, b->capsule.half},
+    };
     const struct native_kernels *kernels = pair->kernels;
     struct native_scratch *s = e->scratch;
 
@@ -201,7 +205,7 @@ void native_pair_find_force(const struct native_engine *e, const struct native_p
         kernels->capsule_half_space(&a->capsule, &pair->law, relative, s, sum);
         break;
     case PAIR_CAPSULES:
-        kernels->capsules(&a->capsule, &b->capsule, &pair->law, relative, s, sum);
+        kernels->capsules(&thin[0], &thin[1], &pair->law, relative, s, sum);
         break;
     }
 }

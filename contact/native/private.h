@@ -46,6 +46,7 @@ struct native_pair {
     enum native_pair_kind kind;
     int surface[2]; /* in the order in which contact/native/pairs.h takes them */
     const struct native_kernels *kernels;
+    double slack; /* overlap that does not count, m; of capsules only */
     double sign;  /* of the force on the configured pair's b, from that on the first */
     double onto;  /* of the depth, along the push: from where springs act to the surface that rocks
                   * on the one whose normals they have; 0 where both have some */

@@ -7,4 +7,7 @@ if(NOT HIL_SANITIZE AND NOT CMAKE_BUILD_TYPE STREQUAL "Debug")
     hil_script_test(start_instructions
         COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/bench/start_instructions.sh $<TARGET_FILE:coman-hil>
         TIMEOUT 120 LABELS bench)
+    hil_script_test(fallen_instructions
+        COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/bench/fallen_instructions.sh $<TARGET_FILE:coman-hil>
+        TIMEOUT 300 LABELS bench)
 endif()

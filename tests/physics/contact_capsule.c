@@ -242,6 +242,40 @@ static void capsule_without_length_is_a_sphere_from_every_side(void **state)
     }
 }
 
+static void capsules_with_a_slack_push_as_thinner_ones_do(void **state)
+{
+    double radius[2] = {0.05, 0.07}, thin[2] = {0.04, 0.06}, length[2] = {0.3, 0.2};
+
+    (void)state;
+    for (int i = 0; i < 40; i++) {
+        struct scene scene;
+        struct body_motion motion[2];
+        struct contact_wrench wrench[2], of_thin[2];
+
+        /* From touching at full width to 5 mm of what counts */
+        scene_place(&motion[0], 0, 0, 0);
+        scene_place(&motion[1], 0.01, 0.12 - 0.025 * i / 39.0, 0.05);
+        lean(&motion[1], 0.3);
+        fixture_evaluate(two_round(thin, length), motion, of_thin);
+        scene_init(&scene, 2);
+        for (int s = 0; s < 2; s++) {
+            struct contact_surface *surface = scene_add(&scene, s, CONTACT_CAPSULE, &hard);
+
+            surface->radius_m = radius[s];
+            surface->length_m = length[s];
+        }
+        scene_add_pair(&scene, 0, 1);
+        scene.pair[0].slack_m = 0.02;
+        fixture_evaluate(fixture_native(&scene), motion, wrench);
+        for (int k = 0; k < 3; k++) {
+            assert_near(wrench[1].force[k], of_thin[1].force[k],
+                        1e-9 * vec3_norm(of_thin[1].force));
+            assert_near(wrench[1].moment[k], of_thin[1].moment[k],
+                        1e-9 * vec3_norm(of_thin[1].moment));
+        }
+    }
+}
+
 /* ---- energy ---- */
 
 static double stored(struct contact_world *world, const struct body_motion motion[2])
@@ -328,6 +362,7 @@ int main(void)
         cmocka_unit_test(parallel_capsules_push_along_a_line),
         cmocka_unit_test(tips_push_half_as_much_as_spheres_on_each_other),
         cmocka_unit_test(capsule_without_length_is_a_sphere_from_every_side),
+        cmocka_unit_test(capsules_with_a_slack_push_as_thinner_ones_do),
         cmocka_unit_test(what_a_closed_way_gains_is_nothing_against_what_it_stores),
         cmocka_unit_test(capsules_of_no_size_and_capsules_for_simbody_are_refused),
     };

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * COMAN and WALK-MAN without power, dropped in random poses: they come to lie on the ground with no
- * part in it, and what they have stored never grows. HIL_FALLS says how many falls of COMAN there
- * are (48 unless given, 1,000 at a release; of WALK-MAN an eighth), HIL_FALL the first one.
+ * part in it or in another, and what they have stored never grows. HIL_FALLS says how many falls of
+ * COMAN there are (48 unless given, 1,000 at a release; of WALK-MAN, and of each kind of COMAN's
+ * hard falls, an eighth), HIL_FALL the first one.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -18,7 +19,7 @@
 #include "tests/physics/rig_scene.h"
 #include "tests/unit/contact/random_number.h"
 
-enum { FALLS = 48, FALL_MS = 2000, REST_MS = 200 };
+enum { FALLS = 48, FALL_MS = 2000, REST_MS = 200, PATCHES = 96 };
 
 /* Falls in which friction once stored more than it had taken: bristles that yield or turn at an
  * impact, or that lift and touch again. */
@@ -26,15 +27,31 @@ static const uint64_t hard[] = {143, 227, 270, 274, 309};
 
 static const struct rig_scene_choice coman = {
     .file = "coman.yaml", .integrator = PLANT_IMPLICIT, .substep_ns = 1000000};
+static const struct rig_scene_choice coman_on_slope = {.file = "coman.yaml",
+                                                       .integrator = PLANT_IMPLICIT,
+                                                       .substep_ns = 1000000,
+                                                       .slope_rad = 0.17453292519943295};
+static const struct rig_scene_choice coman_on_bump = {
+    .file = "walk-bump-9cm.yaml", .integrator = PLANT_IMPLICIT, .substep_ns = 1000000};
 static const struct rig_scene_choice walkman = {
     .file = "walkman.yaml", .integrator = PLANT_IMPLICIT, .substep_ns = 1000000};
 
+/* How robots are dropped: their capsules over the ground, m; speed and rate of each component, m/s
+ * and rad/s. */
+struct drop {
+    double low, high;
+    double speed, rate;
+};
+static const struct drop from_low = {0.04, 0.2, 1, 1}, from_high = {0.8, 0.8, 2, 6};
+
 /* What a fall was like. */
 struct fall {
-    double deepest, lying; /* of any capsule in the ground, at any time and at the end, m */
-    double foot;           /* of the feet's meshes, at the end, m */
-    double growth;         /* of what is stored, within a millisecond, J */
-    const char *what;      /* was deepest */
+    double deepest, lying;   /* of any capsule in the ground, at any time and at the end, m */
+    double foot;             /* of the feet's meshes, at the end, m */
+    double own;              /* of one part of the robot in another, at any time, m */
+    double growth;           /* of what is stored, within a millisecond, J */
+    const char *what;        /* was deepest */
+    const char *one, *other; /* of its own */
 };
 
 /* How far the lowest point of a capsule would be below the ground with the base at height 0. */
@@ -67,12 +84,14 @@ static void turn_at_random(uint64_t *seed, double quaternion[4])
     }
 }
 
-/* Every joint somewhere within the middle part of its range, the base turned at random, its
- * capsules 0.04 to 0.2 m over the ground, with some speed. */
-static void place_at_random(struct rig_scene *scene, uint64_t *seed)
+/* Every joint somewhere within the middle part of its range, the base turned at random over the
+ * ground, whose highest place is at top, with some speed. */
+static void place_at_random(struct rig_scene *scene, const struct drop *drop, double top,
+                            uint64_t *seed)
 {
     const struct robot *robot = scene->robot;
     double joint[RIG_SCENE_JOINTS], position[3] = {0, 0, 0}, quaternion[4], *state;
+    double middle_height = (drop->low + drop->high) / 2;
     struct body_motion body[64];
     size_t count;
 
@@ -83,39 +102,46 @@ static void place_at_random(struct rig_scene *scene, uint64_t *seed)
     }
     turn_at_random(seed, quaternion);
     robot_place_bodies(robot, position, quaternion, joint, body);
-    position[2] = 0.12 - lowest_of(scene, body) + 0.08 * random_number(seed);
+    position[0] = top > 0 ? 1.3 : 0; /* the bump's middle */
+    position[2] = top + middle_height - lowest_of(scene, body) +
+                  (drop->high - middle_height) * random_number(seed);
     assert_int_equal(plant_reset(scene->plant, position, quaternion, joint), ERROR_NONE);
     state = plant_state(scene->plant, &count);
     for (size_t i = 0; i < 6; i++) {
-        state[robot->nq + i] = random_number(seed);
+        state[robot->nq + i] = (i < 3 ? drop->speed : drop->rate) * random_number(seed);
     }
     assert_int_equal(plant_restart_energy(scene->plant), ERROR_NONE);
 }
 
 /* A place where nothing touches. */
-static void start_fall(struct rig_scene *scene, uint64_t seed)
+static void start_fall(struct rig_scene *scene, const struct drop *drop, double top, uint64_t seed)
 {
     for (int i = 0; i < 10; i++) {
         random_number(&seed);
     }
     do {
-        place_at_random(scene, &seed);
+        place_at_random(scene, drop, top, &seed);
     } while (plant_patches(scene->plant, NULL, 0) > 0);
 }
 
-/* The deepest of the patches on the ground (surface 0). */
+/* The deepest of the patches on the ground (surface 0), and of the robot's own. */
 static void note_depth(const struct rig_scene *scene, int ms, struct fall *fall)
 {
     const struct contact_config *contact = &scene->rig->contact;
-    struct contact_patch patch[64];
-    size_t count = plant_patches(scene->plant, patch, 64);
+    struct contact_patch patch[PATCHES];
+    size_t count = plant_patches(scene->plant, patch, PATCHES);
 
-    assert_true(count <= 64);
+    assert_true(count <= PATCHES);
     for (size_t i = 0; i < count; i++) {
         const struct contact_pair *pair = &contact->pair[patch[i].pair];
         double depth = patch[i].penetration_m;
 
         if (pair->a != 0 && pair->b != 0) {
+            if (depth > fall->own) {
+                fall->own = depth;
+                fall->one = contact->surface[pair->a].name;
+                fall->other = contact->surface[pair->b].name;
+            }
             continue;
         }
         if (contact->surface[pair->a + pair->b].shape != CONTACT_CAPSULE) {
@@ -132,13 +158,14 @@ static void note_depth(const struct rig_scene *scene, int ms, struct fall *fall)
     }
 }
 
-static struct fall run_fall(struct rig_scene *scene, uint64_t seed)
+static struct fall run_fall(struct rig_scene *scene, const struct drop *drop, double top,
+                            uint64_t seed)
 {
-    struct fall fall = {.what = "nothing"};
+    struct fall fall = {.what = "nothing", .one = "nothing", .other = "nothing"};
     struct plant_energy energy;
     double before = 0;
 
-    start_fall(scene, seed);
+    start_fall(scene, drop, top, seed);
     for (int ms = 0; ms < FALL_MS; ms++) {
         enum error_code code = plant_step(scene->plant, scene->steps);
 
@@ -167,7 +194,8 @@ static long long from_environment(const char *name, long long otherwise)
 }
 
 /* The worst of count falls. */
-static struct fall run_falls(const struct rig_scene_choice *choice, long long count)
+static struct fall run_falls(const struct rig_scene_choice *choice, const struct drop *drop,
+                             double top, long long count)
 {
     static struct rig_scene scene;
     const long long first = from_environment("HIL_FALL", 1);
@@ -175,36 +203,70 @@ static struct fall run_falls(const struct rig_scene_choice *choice, long long co
 
     rig_scene_init(&scene, choice);
     for (long long seed = first; seed < first + count; seed++) {
-        struct fall fall = run_fall(&scene, (uint64_t)seed);
+        struct fall fall = run_fall(&scene, drop, top, (uint64_t)seed);
 
-        if (fall.deepest > worst.deepest || fall.growth > worst.growth ||
-            fall.lying > worst.lying) {
-            print_message("# fall %lld: %.2f mm deep at worst (%s), %.2f mm at rest, stored grows "
-                          "by %.3g J at most\n",
-                          seed, 1e3 * fall.deepest, fall.what, 1e3 * fall.lying, fall.growth);
+        if (fall.deepest > worst.deepest || fall.growth > worst.growth || fall.own > worst.own ||
+            fall.lying > worst.lying || fall.foot > worst.foot) {
+            print_message(
+                "# fall %lld: %.2f mm deep at worst (%s), %.2f mm at rest (foot %.2f mm), "
+                "own %.2f mm (%s in %s), stored grows by %.3g J at most\n",
+                seed, 1e3 * fall.deepest, fall.what, 1e3 * fall.lying, 1e3 * fall.foot,
+                1e3 * fall.own, fall.one, fall.other, fall.growth);
         }
+        worst.own = fmax(worst.own, fall.own);
         worst.deepest = fmax(worst.deepest, fall.deepest);
         worst.lying = fmax(worst.lying, fall.lying);
         worst.foot = fmax(worst.foot, fall.foot);
         worst.growth = fmax(worst.growth, fall.growth);
     }
     print_message("# %lld falls: %.2f mm deep at worst, %.2f mm at rest (corners of the feet %.2f "
-                  "mm), stored grew by %.3g J in a millisecond at most\n",
-                  count, 1e3 * worst.deepest, 1e3 * worst.lying, 1e3 * worst.foot, worst.growth);
+                  "mm), %.2f mm in itself, stored grew by %.3g J in a millisecond at most\n",
+                  count, 1e3 * worst.deepest, 1e3 * worst.lying, 1e3 * worst.foot, 1e3 * worst.own,
+                  worst.growth);
     rig_scene_fini(&scene);
     return worst;
 }
 
 static void coman_comes_to_lie_on_the_ground(void **state)
 {
-    struct fall worst = run_falls(&coman, from_environment("HIL_FALLS", FALLS));
+    struct fall worst = run_falls(&coman, &from_low, 0, from_environment("HIL_FALLS", FALLS));
 
     (void)state;
     assert_true(worst.lying < 2.5e-3);
     assert_true(worst.deepest < 5e-3);
     assert_true(worst.foot < 5e-3);
+    assert_true(worst.own < 5e-3);
     /* What a step of 1 ms errs by at an impact may show in a few of many falls */
     assert_true(worst.growth < 1e-2);
+}
+
+static void coman_falls_hard(const struct rig_scene_choice *choice, double top)
+{
+    struct fall worst =
+        run_falls(choice, &from_high, top, from_environment("HIL_FALLS", FALLS) / 8);
+
+    assert_true(worst.deepest < 5e-3);
+    assert_true(worst.lying < 5e-3);
+    assert_true(worst.foot < 5e-3);
+    assert_true(worst.own < 5e-3);
+}
+
+static void coman_falls_hard_on_flat_ground(void **state)
+{
+    (void)state;
+    coman_falls_hard(&coman, 0);
+}
+
+static void coman_falls_hard_on_a_slope(void **state)
+{
+    (void)state;
+    coman_falls_hard(&coman_on_slope, 0);
+}
+
+static void coman_falls_hard_on_a_bump(void **state)
+{
+    (void)state;
+    coman_falls_hard(&coman_on_bump, 0.09);
 }
 
 static void friction_stores_no_more_than_it_takes(void **state)
@@ -214,7 +276,7 @@ static void friction_stores_no_more_than_it_takes(void **state)
     (void)state;
     rig_scene_init(&scene, &coman);
     for (size_t i = 0; i < sizeof hard / sizeof hard[0]; i++) {
-        struct fall fall = run_fall(&scene, hard[i]);
+        struct fall fall = run_fall(&scene, &from_low, 0, hard[i]);
 
         print_message("# fall %llu: stored grows by %.3g J at most\n", (unsigned long long)hard[i],
                       fall.growth);
@@ -225,13 +287,15 @@ static void friction_stores_no_more_than_it_takes(void **state)
 
 static void walkman_comes_to_lie_on_the_ground(void **state)
 {
-    struct fall worst = run_falls(&walkman, from_environment("HIL_FALLS", FALLS) / 8);
+    struct fall worst = run_falls(&walkman, &from_low, 0, from_environment("HIL_FALLS", FALLS) / 8);
 
     (void)state;
     /* Four times COMAN's weight on the same ground; corners of the feet carry up to 250 N */
     assert_true(worst.lying < 2.5e-3);
     assert_true(worst.deepest < 5e-3);
     assert_true(worst.foot < 5e-3);
+    /* The corner of a foot in the shell of the other ankle */
+    assert_true(worst.own < 1e-2);
     /* The step's own error, of some 1,200 J: nothing with steps of a quarter */
     assert_true(worst.growth < 1.0);
 }
@@ -240,6 +304,9 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(coman_comes_to_lie_on_the_ground),
+        cmocka_unit_test(coman_falls_hard_on_flat_ground),
+        cmocka_unit_test(coman_falls_hard_on_a_slope),
+        cmocka_unit_test(coman_falls_hard_on_a_bump),
         cmocka_unit_test(friction_stores_no_more_than_it_takes),
         cmocka_unit_test(walkman_comes_to_lie_on_the_ground),
     };

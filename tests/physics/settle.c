@@ -72,7 +72,7 @@ static void yard_begin(struct yard *yard, size_t nblock)
         for (int k = 0; k < 3; k++) {
             yard->surface[1 + b].half_extent_m[k] = half;
         }
-        yard->pair[b] = (struct contact_pair){(int)b, 1 + (int)b};
+        yard->pair[b] = (struct contact_pair){.a = (int)b, .b = 1 + (int)b};
     }
 }
 
@@ -461,7 +461,7 @@ static void a_block_between_two_walls_is_held_by_them(void **state)
         mat3_from_rpy(into[w], wall->rotation);
         wall->position[0] = (w ? 1.0 : -1.0) * (half - depth);
     }
-    yard.pair[1] = (struct contact_pair){1, 2};
+    yard.pair[1] = (struct contact_pair){.a = 1, .b = 2};
     yard.walls = 1;
     yard_settle_well(&yard);
     assert_near(plant_contact_wrenches(yard.plant)[0].force[2], mass * gravity, 1e-6);

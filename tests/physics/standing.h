@@ -46,7 +46,7 @@ static inline void standing_make_contact(struct standing *standing, double trans
                                            .dynamic_friction = 0.9};
     struct contact_surface surface[1 + STANDING_FEET] = {
         {.name = "ground", .body = -1, .shape = CONTACT_HALF_SPACE, .material = layer}};
-    const struct contact_pair pair[STANDING_FEET] = {{0, 1}, {0, 2}};
+    const struct contact_pair pair[STANDING_FEET] = {{.a = 0, .b = 1}, {.a = 0, .b = 2}};
     const struct contact_config config = {.nbody = STANDING_FEET,
                                           .nsurface = 1 + STANDING_FEET,
                                           .surface = surface,

@@ -31,8 +31,8 @@ static void make_pairs(int body)
     for (int a = 0; a < SURFACES; a++) {
         for (int b = a + 1; b < SURFACES; b++) {
             if ((a + b) % 4 && (a || b != SURFACES - 1)) {
-                pair[config.npair++] =
-                    (a * b) % 3 ? (struct contact_pair){a, b} : (struct contact_pair){b, a};
+                pair[config.npair++] = (a * b) % 3 ? (struct contact_pair){.a = a, .b = b}
+                                                   : (struct contact_pair){.a = b, .b = a};
             }
         }
     }
@@ -118,7 +118,7 @@ static void a_capsule_that_turns_is_found(void **state)
     for (int i = 0; i < 2; i++) {
         surface[i] = (struct contact_surface){.shape = CONTACT_CAPSULE};
     }
-    pair[0] = (struct contact_pair){0, 1};
+    pair[0] = (struct contact_pair){.a = 0, .b = 1};
     config.npair = 1;
     assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
     assert_int_equal(broad_phase_make(&config, &arena, &broad, &error), ERROR_NONE);
@@ -150,7 +150,7 @@ static void long_capsules_side_by_side_are_apart_though_their_balls_meet(void **
     for (int i = 0; i < 2; i++) {
         surface[i].shape = CONTACT_CAPSULE;
     }
-    pair[0] = (struct contact_pair){0, 1};
+    pair[0] = (struct contact_pair){.a = 0, .b = 1};
     config.npair = 1;
     assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
     assert_int_equal(broad_phase_make(&config, &arena, &broad, &error), ERROR_NONE);
@@ -165,6 +165,36 @@ static void long_capsules_side_by_side_are_apart_though_their_balls_meet(void **
     broad.ball.x[1] = 0.19;
     broad_phase_find(&broad, near);
     assert_int_equal(near[0], 1);
+    arena_fini(&arena);
+}
+
+static void a_pair_with_a_slack_is_near_when_it_overlaps_by_more(void **state)
+{
+    struct arena arena;
+    struct error error;
+    struct broad_phase broad;
+    uint64_t near[(PAIRS + 63) / 64];
+
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        surface[i].shape = CONTACT_CAPSULE;
+    }
+    pair[0] = (struct contact_pair){.a = 0, .b = 1, .slack_m = 0.05};
+    config.npair = 1;
+    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
+    assert_int_equal(broad_phase_make(&config, &arena, &broad, &error), ERROR_NONE);
+
+    /* Radii of 0.1 each: they meet at 0.15 and not at 0.2, however they come there */
+    for (int i = 0; i < 1000; i++) {
+        broad.ball.x[1] = 0.1501 + 0.1 * sin(0.05 * i);
+        for (int k = 0; k < 2; k++) {
+            broad.ball.reach[k] = broad.capsule[k].radius = 0.1;
+            broad.ball.y[k] = broad.ball.z[k] = 0;
+        }
+        broad.ball.x[0] = 0;
+        broad_phase_find(&broad, near);
+        assert_int_equal(near[0], broad.ball.x[1] < 0.15);
+    }
     arena_fini(&arena);
 }
 
@@ -188,6 +218,7 @@ int main(void)
         cmocka_unit_test(half_spaces_that_move_are_found_too),
         cmocka_unit_test(a_capsule_that_turns_is_found),
         cmocka_unit_test(long_capsules_side_by_side_are_apart_though_their_balls_meet),
+        cmocka_unit_test(a_pair_with_a_slack_is_near_when_it_overlaps_by_more),
         cmocka_unit_test(without_memory_it_is_not_made),
     };
 

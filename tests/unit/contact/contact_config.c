@@ -86,6 +86,8 @@ static void wrong_configurations_are_refused_with_the_reason(void **state)
     REFUSED(bad.surface[1].material.viscous_friction = NAN, "viscous_friction");
     REFUSED(bad.pair[1].b = 5, "found surface 5");
     REFUSED(bad.pair[1].a = -1, "found surface -1");
+    REFUSED(bad.pair[1].slack_m = 1e-3, "found a slack of 0.001 m");
+    REFUSED(bad.pair[1].slack_m = NAN, "found a slack of nan m");
     REFUSED(bad.pair[1].a = 3, "on the same body");
     REFUSED(bad.pair[1].a = bad.pair[1].b, "on the same body");
     REFUSED((bad.pair[1].a = 4, bad.pair[1].b = 0), "two half-spaces");

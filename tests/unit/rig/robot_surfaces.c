@@ -51,7 +51,22 @@ static bool has_pair(const struct rig *rig, const char *a, const char *b)
     return false;
 }
 
-static void capsules_touch_the_world_and_each_other_but_not_their_neighbors(void **state)
+/* What the rig says of two surfaces that it leaves out; NULL when it does not. */
+static const struct rig_left_pair *left_out(const struct rig *rig, const char *a, const char *b)
+{
+    for (size_t i = 0; i < rig->nleft; i++) {
+        const char *first = rig->contact.surface[rig->left[i].a].name;
+        const char *second = rig->contact.surface[rig->left[i].b].name;
+
+        if ((!strcmp(first, a) && !strcmp(second, b)) ||
+            (!strcmp(first, b) && !strcmp(second, a))) {
+            return &rig->left[i];
+        }
+    }
+    return NULL;
+}
+
+static void capsules_touch_the_world_and_each_other_but_not_across_a_joint(void **state)
 {
     const struct rig *rig;
     const struct contact_surface *tip;
@@ -73,12 +88,43 @@ static void capsules_touch_the_world_and_each_other_but_not_their_neighbors(void
     assert_true(has_pair(rig, "ground", "block") && has_pair(rig, "ground", "wedge"));
     assert_true(has_pair(rig, "tip", "shin") && has_pair(rig, "chest", "shin"));
 
-    /* Body after body, and two surfaces of one */
+    /* Joined by a joint, and two surfaces of one body; only two that none joins, whatever carries
+     * surfaces in between */
     assert_false(has_pair(rig, "chest", "thigh") || has_pair(rig, "thigh", "shin"));
     assert_false(has_pair(rig, "chest", "tip") || has_pair(rig, "ball", "wedge"));
+    assert_true(has_pair(rig, "tip", "thigh"));
+    assert_int_equal(left_out(rig, "shin", "thigh")->why, RIG_LEFT_JOINED);
+    assert_string_equal(left_out(rig, "shin", "thigh")->what, "knee");
+    assert_null(left_out(rig, "ball", "wedge"));
+    assert_null(left_out(rig, "tip", "thigh"));
 }
 
-static void pairs_that_overlap_in_a_pose_are_left_out(void **state)
+static void capsules_that_overlap_in_one_of_the_poses_have_a_slack(void **state)
+{
+    static char robot[sizeof toy_robot + 2048];
+    const struct rig *rig;
+
+    (void)state;
+    /* Straight down the shin's axis is 0.1 m from the chest: 20 mm less than their radii; bent it
+     * is farther off */
+    write_rig_and_robot("{material: rubber}", "native");
+    strcpy(robot, toy_robot);
+    assert_true(replace(robot, sizeof robot, "poses:\n", capsules));
+    assert_true(replace(robot, sizeof robot, "xyz_m: [0, 0, 0.5], radius_m: 0.1, length_m: 0.2",
+                        "xyz_m: [-0.1, 0, -0.3], radius_m: 0.09"));
+    assert_int_equal(write_file("config/robots/toy.yaml", robot, strlen(robot)), 0);
+    rig = load_rig(rig_path);
+    assert_true(has_pair(rig, "chest", "shin"));
+    for (size_t i = 0; i < rig->contact.npair; i++) {
+        const struct contact_pair *pair = &rig->contact.pair[i];
+        bool it = !strcmp(rig->contact.surface[pair->a].name, "chest") &&
+                  !strcmp(rig->contact.surface[pair->b].name, "shin");
+
+        assert_true(fabs(pair->slack_m - (it ? 0.022 : 0)) < 1e-12);
+    }
+}
+
+static void pairs_that_overlap_in_every_pose_are_left_out(void **state)
 {
     const struct rig *rig;
 
@@ -87,6 +133,7 @@ static void pairs_that_overlap_in_a_pose_are_left_out(void **state)
     write_rig_and_robot("{material: rubber}", "native");
     rig = load_rig(rig_path);
     assert_false(has_pair(rig, "block", "thigh"));
+    assert_int_equal(left_out(rig, "block", "thigh")->why, RIG_LEFT_ALWAYS);
     assert_true(has_pair(rig, "block", "ball")); /* the file says so */
 }
 
@@ -99,9 +146,16 @@ static void self_collision_and_single_pairs_can_be_left_out(void **state)
     rig = load_rig(rig_path);
     assert_true(has_pair(rig, "ground", "shin"));
     assert_false(has_pair(rig, "tip", "shin"));
+    assert_int_equal(rig->nleft, 0);
     write_rig_and_robot("{material: rubber, exclude: [{between: [shin, tip]}]}", "native");
     rig = load_rig(rig_path);
     assert_false(has_pair(rig, "tip", "shin"));
+    assert_int_equal(left_out(rig, "tip", "shin")->why, RIG_LEFT_BY_FILE);
+    assert_null(left_out(rig, "tip", "shin")->what);
+    write_rig_and_robot("{material: rubber, exclude: [{between: [shin, tip], reason: soft}]}",
+                        "native");
+    rig = load_rig(rig_path);
+    assert_string_equal(left_out(rig, "tip", "shin")->what, "soft");
     assert_true(has_pair(rig, "chest", "shin"));
 }
 
@@ -136,8 +190,9 @@ static void what_cannot_be_is_refused_with_its_place(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(capsules_touch_the_world_and_each_other_but_not_their_neighbors),
-        cmocka_unit_test(pairs_that_overlap_in_a_pose_are_left_out),
+        cmocka_unit_test(capsules_touch_the_world_and_each_other_but_not_across_a_joint),
+        cmocka_unit_test(capsules_that_overlap_in_one_of_the_poses_have_a_slack),
+        cmocka_unit_test(pairs_that_overlap_in_every_pose_are_left_out),
         cmocka_unit_test(self_collision_and_single_pairs_can_be_left_out),
         cmocka_unit_test(without_the_key_nothing_changes),
         cmocka_unit_test(what_cannot_be_is_refused_with_its_place),

@@ -93,7 +93,7 @@ static void find_wrench(struct contact_wrench wrench[2])
     struct contact_surface surface[2] = {
         {.name = "one", .body = 0, .shape = CONTACT_BOX, .cells_per_edge = 3, .material = rubber},
         {.name = "two", .body = 1, .shape = CONTACT_BOX, .cells_per_edge = 4, .material = rubber}};
-    const struct contact_pair pair = {0, 1};
+    const struct contact_pair pair = {.a = 0, .b = 1};
     const struct contact_config config = {.nbody = 2,
                                           .nsurface = 2,
                                           .surface = surface,
