@@ -23,6 +23,7 @@
 #define flat_of_facet NATIVE_NAME(flat_of_facet)
 #define native_capsule_half_space NATIVE_NAME(native_capsule_half_space)
 #define native_capsules NATIVE_NAME(native_capsules)
+#define native_gather_add NATIVE_NAME(native_gather_add)
 #define native_hertz NATIVE_NAME(native_hertz)
 #define native_kernels NATIVE_NAME(native_kernels)
 #define native_law_make_room NATIVE_NAME(native_law_make_room)
@@ -39,6 +40,8 @@
 #define solid_depth NATIVE_NAME(solid_depth)
 #define solid_find_nearest NATIVE_NAME(solid_find_nearest)
 #define solid_nearest_of_face NATIVE_NAME(solid_nearest_of_face)
+#define sunk_find_depth NATIVE_NAME(sunk_find_depth)
+#define sunk_gather NATIVE_NAME(sunk_gather)
 
 #endif
 

@@ -287,8 +287,9 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
     if (sum.area > 0) {
         e->springs[e->npatch] = (struct native_springs){from, batch->n};
         if (e->grip) {
-            native_bristle_hold(e, index, &relative, e->springs[e->npatch], batch->full, bristles,
-                                &sum);
+            native_bristle_hold(e, index, &relative, e->springs[e->npatch],
+                                batch->full || sum.closed, bristles, &sum);
+            e->springs[e->npatch].to = batch->n; /* or some more, once they are needed */
         }
         pair_add_patch(e, index, &sum, motion, wrench);
     }
