@@ -180,8 +180,8 @@ struct effects_state plant_effects_state(const struct plant *plant, const double
 void plant_effects_store(const struct plant *plant, size_t d, const struct effects_state *effects,
                          double *state);
 
-/* Return the torque of a drive with effects on its joint, N m, and of any drive; and the energy that
- * any stores, J. */
+/* Return the torque of a drive with effects on its joint, N m, and of any drive; and the energy
+ * that any stores, J. */
 double plant_effects_torque(const struct plant *plant, const double *state, size_t d);
 
 static inline double plant_drive_torque(const struct plant *plant, const double *state, size_t d)
