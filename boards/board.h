@@ -231,6 +231,9 @@ struct board_can_state {
 };
 void boards_set_can_state(struct boards *boards, size_t board, const struct board_can_state *state);
 
+/* Checks whether the state of some board of a bus, as it was set last, has errors. RT-safe. */
+bool boards_have_can_errors(const struct boards *boards, size_t bus);
+
 /* State of a board, for whoever shows it. */
 struct board_state {
     uint8_t address, naxis;

@@ -102,7 +102,8 @@ struct board_bus {
     struct queued_reply *replies; /* circular */
     size_t capacity, head, waiting;
     size_t transmit_max;
-    int64_t sent_ms; /* milliseconds whose periodic frames have been sent */
+    size_t can_errors; /* boards whose CAN controller has any */
+    int64_t sent_ms;   /* milliseconds whose periodic frames have been sent */
 };
 
 /* Embedded in the boards of each protocol. */

@@ -386,11 +386,26 @@ void boards_sample(struct boards *boards, int64_t now_ns, const struct plant_sen
 
 /* ---- transmission ---- */
 
+/* Checks whether a controller has anything to report. */
+static bool can_state_has_errors(const struct board_can_state *state)
+{
+    return state->tec != 0 || state->rec != 0 || state->bus_off;
+}
+
 void boards_set_can_state(struct boards *boards, size_t board, const struct board_can_state *state)
 {
     if (board < boards->nboard) {
-        boards->board[board]->can = *state;
+        struct board *of = boards->board[board];
+
+        of->bus->can_errors += can_state_has_errors(state);
+        of->bus->can_errors -= can_state_has_errors(&of->can);
+        of->can = *state;
     }
+}
+
+bool boards_have_can_errors(const struct boards *boards, size_t bus)
+{
+    return boards->bus[bus]->can_errors > 0;
 }
 
 /* Appends a frame to a sink with room. */

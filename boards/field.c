@@ -67,12 +67,27 @@ static struct run field_next_run(const struct field *field, size_t start, unsign
     return run;
 }
 
+/* Returns the value that the bits of a field stand for. */
+static int64_t field_extend_sign(const struct field *field, uint64_t bits)
+{
+    const uint64_t sign = UINT64_C(1) << (field_bits(field) - 1);
+
+    return (int64_t)(field->type & FIELD_SIGNED ? (bits ^ sign) - sign : bits);
+}
+
 /* Reads the value of a field that starts at a bit of the data. */
 static int64_t field_get_value(const struct field *field, size_t start, const uint8_t *data)
 {
     unsigned bits = field_bits(field);
     uint64_t value = 0;
 
+    /* Whole bytes from a byte on, which is the rule */
+    if ((start | bits) % 8 == 0 && !(field->type & FIELD_BIG_ENDIAN)) {
+        for (unsigned done = 0; done < bits; done += 8) {
+            value |= (uint64_t)data[(start + done) / 8] << done;
+        }
+        return field_extend_sign(field, value);
+    }
     for (unsigned done = 0; done < bits;) {
         struct run run = field_next_run(field, start, done);
         uint64_t part = data[run.byte] >> run.from & ((1u << run.bits) - 1);
@@ -80,10 +95,7 @@ static int64_t field_get_value(const struct field *field, size_t start, const ui
         value |= part << run.value;
         done += run.bits;
     }
-    if (field->type & FIELD_SIGNED && value >> (bits - 1)) {
-        value |= ~UINT64_C(0) << bits;
-    }
-    return (int64_t)value;
+    return field_extend_sign(field, value);
 }
 
 /* Writes the value of a field that starts at a bit of the data. */

@@ -34,6 +34,18 @@ uint8_t frame_fd_length(unsigned bytes);
  * contradictory flags. */
 bool frame_valid(const struct bus_frame *frame);
 
+/* Checks whether a frame is what most are, a data frame of classic CAN with a standard identifier,
+ * and then legal too; and returns the frame_bits of one. */
+static inline bool frame_is_plain(const struct bus_frame *frame)
+{
+    return frame->flags == 0 && frame->id <= 0x7FFu && frame->len <= 8;
+}
+
+static inline uint32_t frame_plain_bits(const struct bus_frame *frame)
+{
+    return 47u + 8u * frame->len;
+}
+
 /* Returns the length of a frame on the wire in bits, with the 3 bits of intermission and without
  * stuff bits: classic 47 + 8 n, with a 29-bit identifier 67 + 8 n (n = 0 for remote frames; ISO
  * 11898-1). FD frames are counted as if every bit went at the nominal rate: 62 + 8 n up to 16

@@ -93,9 +93,9 @@ void local_signal_nodes(const struct local_bus *bus, const uint64_t reached[LOCA
 {
     const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
 
-    for (size_t to = 0; to < nodes; to++) {
-        if (reached[to / 64] >> to % 64 & 1) {
-            local_signal_node(&bus->nodes[to]);
+    for (size_t word = 0; 64 * word < nodes; word++) {
+        for (uint64_t left = reached[word]; left; left &= left - 1) {
+            local_signal_node(&bus->nodes[64 * word + (size_t)__builtin_ctzll(left)]);
         }
     }
 }

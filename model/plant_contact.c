@@ -200,7 +200,7 @@ enum error_code plant_contact_evaluate(struct plant *plant, const double *v, con
     for (size_t c = 0; c < config->ncontact; c++) {
         const struct body_motion *motion = &plant->motion[config->contact_body[c]];
 
-        if (memcmp(&memory->motion[c], motion, sizeof *motion) != 0) {
+        if (!answered || memcmp(&memory->motion[c], motion, sizeof *motion) != 0) {
             memory->motion[c] = *motion;
             answered = false;
         }

@@ -32,20 +32,13 @@ void plant_effects_store(const struct plant *plant, size_t d, const struct effec
     y[EFFECT_HOUSING] = effects->housing_c;
 }
 
-double plant_drive_torque(const struct plant *plant, const double *state, size_t d)
+double plant_effects_torque(const struct plant *plant, const double *state, size_t d)
 {
-    const struct robot_sea *sea = &plant->sea[d];
     const size_t j = plant->drive_joint[d];
-    const double q = plant_joint_position(plant, state, j), qd = plant_joint_rate(plant, state, j);
-    struct sea_state drive;
+    const struct effects_state effects = plant_effects_state(plant, state, d);
 
-    if (sea->effects) {
-        struct effects_state effects = plant_effects_state(plant, state, d);
-
-        return effects_torque(sea, &effects, q, qd);
-    }
-    drive = plant_drive_state(plant, state, d);
-    return sea_torque(sea, &drive, q, qd);
+    return effects_torque(&plant->sea[d], &effects, plant_joint_position(plant, state, j),
+                          plant_joint_rate(plant, state, j));
 }
 
 double plant_drive_energy(const struct plant *plant, const double *state, size_t d)

@@ -112,7 +112,8 @@ struct plant {
     bool bristles_follow;       /* they do, at those rates */
     struct plant_contact_memory *contact_memory;
     struct body_motion *whole_motion; /* of the robot's bodies */
-    double *last_good; /* the state before a substep; once plant_step is done, the one it led to */
+    double *last_good; /* the state before a substep; of one that is handed out, once plant_step is
+                        * done, the one it led to */
     int *kept;         /* nkept pairs: all whose bristles in last_good are not 0 */
     size_t nkept;
     double *scratch;
@@ -159,6 +160,17 @@ static inline struct sea_state plant_drive_state(const struct plant *plant, cons
         .qm = y[DRIVE_MOTOR_POSITION], .qmd = y[DRIVE_MOTOR_SPEED], .I = y[DRIVE_CURRENT]};
 }
 
+/* Return position and rate of joint j. */
+static inline double plant_joint_position(const struct plant *plant, const double *state, size_t j)
+{
+    return state[plant->at.v - plant->config.robot->njoint + j];
+}
+
+static inline double plant_joint_rate(const struct plant *plant, const double *state, size_t j)
+{
+    return state[plant->at.drive - plant->config.robot->njoint + j];
+}
+
 /* ---- drives with effects, and the supply: plant_effects.c ---- */
 
 /* Parts of the state of each drive, where some drive has effects. */
@@ -174,8 +186,21 @@ struct effects_state plant_effects_state(const struct plant *plant, const double
 void plant_effects_store(const struct plant *plant, size_t d, const struct effects_state *effects,
                          double *state);
 
-/* Return the torque of any drive on its joint, N m, and the energy that it stores, J. */
-double plant_drive_torque(const struct plant *plant, const double *state, size_t d);
+/* Return the torque of a drive with effects on its joint, N m, and of any drive; and the energy
+ * that any stores, J. */
+double plant_effects_torque(const struct plant *plant, const double *state, size_t d);
+
+static inline double plant_drive_torque(const struct plant *plant, const double *state, size_t d)
+{
+    const size_t j = plant->drive_joint[d];
+    const struct sea_state drive = plant_drive_state(plant, state, d);
+
+    return plant->sea[d].effects
+               ? plant_effects_torque(plant, state, d)
+               : sea_torque(&plant->sea[d], &drive, plant_joint_position(plant, state, j),
+                            plant_joint_rate(plant, state, j));
+}
+
 double plant_drive_energy(const struct plant *plant, const double *state, size_t d);
 
 /* Resets effects and bus to their start: relaxed, at ambient temperature, charged. */
@@ -242,17 +267,6 @@ void plant_hydraulic_account_supply(const struct hydraulic_supply_power *power, 
 /* Computes the rates of cylinders and supply; work may be NULL. */
 void plant_hydraulic_derive(const struct plant *plant, const double *state, double *derivative,
                             double *work);
-
-/* Return position and rate of joint j. */
-static inline double plant_joint_position(const struct plant *plant, const double *state, size_t j)
-{
-    return state[plant->at.v - plant->config.robot->njoint + j];
-}
-
-static inline double plant_joint_rate(const struct plant *plant, const double *state, size_t j)
-{
-    return state[plant->at.drive - plant->config.robot->njoint + j];
-}
 
 /* Returns how far joint j is past its limits, as model/stop.h has it. */
 static inline double plant_joint_depth(const struct plant *plant, const double *state, size_t j)

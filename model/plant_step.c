@@ -217,7 +217,9 @@ enum error_code plant_step(struct plant *plant, size_t steps)
     complete_pretensions(plant);
     plant_drop_bristles(plant);
     plant->stepped = plant->config.integrator == PLANT_IMPLICIT && !plant->clamped;
-    plant_keep_state(plant);
+    if (plant->handed_out) {
+        plant_keep_state(plant); /* to see whether it is written */
+    }
     return ERROR_NONE;
 }
 
@@ -337,7 +339,10 @@ const double *plant_values(const struct plant *plant, size_t *count)
 double *plant_state(struct plant *plant, size_t *count)
 {
     *count = plant->at.count;
-    plant->handed_out = true;
+    if (!plant->handed_out) {
+        plant_keep_state(plant);
+        plant->handed_out = true;
+    }
     return plant->state;
 }
 

@@ -169,7 +169,11 @@ static void simulator_update_can_states(struct simulator *simulator, size_t bus)
     const struct rig_bus *on = &simulator->config.rig->bus[bus];
     const struct wire *wire = simulator->buses.wire[bus];
 
-    for (size_t node = 0; wire && node < on->nboard; node++) {
+    /* Nothing to tell, and nothing was, which is the rule */
+    if (!wire || (!wire_has_errors(wire) && !boards_have_can_errors(simulator->boards, bus))) {
+        return;
+    }
+    for (size_t node = 0; node < on->nboard; node++) {
         struct wire_node_stats stats;
 
         wire_node_stats(wire, node, &stats);

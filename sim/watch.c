@@ -12,7 +12,7 @@
 
 enum { EVENT_SLOTS = 256 };
 
-#define TILTED 1.0471975511965976 /* rad, 60 degrees */
+#define TILTED 0.5 /* cosine of 60 degrees */
 /* share of the height at the start below which the base has sunk */
 #define SUNK 0.5
 /* share of the deflection at its stop: below it the spring is off the stop */
@@ -121,14 +121,15 @@ static void watch_spring(struct watch *watch, int64_t now_ns, size_t j)
 
 /* ---- falls ---- */
 
-/* Returns the angle between up and the axis of the base that pointed up at the start, rad. */
-static double base_tilt(const struct watch *watch, const double quaternion[4])
+/* Returns the cosine of the angle between up and the axis of the base that pointed up at the
+ * start. */
+static double base_uprightness(const struct watch *watch, const double quaternion[4])
 {
     double R[9], axis[3];
 
     mat3_from_quaternion(quaternion, R);
     mat3_apply(R, watch->base_up, axis);
-    return portable_acos(fmax(-1.0, fmin(1.0, vec3_dot(axis, watch->up))));
+    return vec3_dot(axis, watch->up);
 }
 
 /* Returns how high the base is above the lowest observed body, m. */
@@ -231,15 +232,15 @@ static void watch_fall(struct watch *watch, int64_t now_ns)
     struct watch_event event = {.time_ns = now_ns};
     size_t count;
     const double *base = plant_values(watch->plant, &count);
-    double tilt = base_tilt(watch, base + BASE_Q_QUATERNION);
+    double upright = base_uprightness(watch, base + BASE_Q_QUATERNION);
     double height = base_height(watch, base + BASE_Q_POSITION);
     bool down;
 
     /* Contact shows first, then tilt, then height */
     down = robot_touches_world(watch, standing, &event);
-    if (!down && tilt > TILTED) {
+    if (!down && upright < TILTED) {
         event.kind = WATCH_TILT;
-        event.value = tilt;
+        event.value = portable_acos(fmax(-1.0, upright));
         down = true;
     } else if (!down && height < SUNK * watch->height) {
         event.kind = WATCH_SINK;

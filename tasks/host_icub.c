@@ -111,11 +111,15 @@ static void host_icub_queue_command(struct host *host, size_t axis, uint8_t comm
                                     const uint8_t *payload)
 {
     const struct host_axis *at = &host->config.axis[axis];
-    uint8_t data[8] = {(uint8_t)(command | (at->axis ? ICUB_AXIS_BIT : 0))};
-    struct bus_frame frame;
+    struct bus_frame frame = {
+        .id = icub_id(ICUB_POLLING_MOTOR, ICUB_HOST, at->address),
+        .len = len,
+        .data = {(uint8_t)(command | (at->axis ? ICUB_AXIS_BIT : 0))},
+    };
 
-    memcpy(data + 1, payload, len - 1u);
-    frame = frame_make(icub_id(ICUB_POLLING_MOTOR, ICUB_HOST, at->address), len, data);
+    for (unsigned i = 1; i < len; i++) {
+        frame.data[i] = payload[i - 1];
+    }
     host_queue(host, (size_t)at->bus, &frame);
 }
 

@@ -20,14 +20,15 @@ static const char *const joint_name[LEGS][PITCH_JOINTS] = {
 };
 static const char *const foot_name[LEGS] = {"r_leg_ft", "l_leg_ft"};
 
-static const double RAMP_S = 1.0;   /* duration of the ramp from where the joints were to the
+static const double RAMP_S = 1.0;    /* duration of the ramp from where the joints were to the
                                      * initial pose */
-static const double SETTLE_S = 1.0; /* time of standing still before and after */
-static const double WEIGH_S = 0.25; /* at the end of settling: the time in which the weight is
+static const double SETTLE_S = 1.0;  /* time of standing still before and after */
+static const double WEIGH_S = 0.25;  /* at the end of settling: the time in which the weight is
                                      * measured */
-static const double LIGHT = 0.3;    /* fallen when the feet carry less than this part of the
+static const double LIGHT = 0.3;     /* fallen when the feet carry less than this part of the
                                      * weight, ... */
-static const double LIGHT_S = 0.25; /* ... for so long */
+static const double LIGHT_S = 0.25;  /* ... for so long */
+static const double STRAIGHT = 1e-6; /* sine of a knee that is as good as straight */
 
 struct leg {
     size_t axis[PITCH_JOINTS];
@@ -37,8 +38,14 @@ struct leg {
                                  * of the hip */
 };
 
+/* Angles of a leg's pitch joints, rad, and their rates, rad/s. */
+struct leg_pose {
+    double angle[PITCH_JOINTS], rate[PITCH_JOINTS];
+};
+
 struct squat {
     struct leg leg[LEGS];
+    bool alike; /* the legs have one initial pose */
     size_t foot[LEGS];
     double *from; /* joint angles at the start */
     double weight_sum;
@@ -47,44 +54,54 @@ struct squat {
     double deepest_m, worst_error_rad;
 };
 
-/* Computes the height of the hip over the ankle and the distance of the ankle ahead of the hip,
- * m, from the thigh's pitch in the world and the knee's angle. */
-static void squat_leg_forward(const struct squat_config *config, double thigh, double knee,
-                              double *height, double *ahead)
+/* Returns the height of the hip over the ankle, m, from the thigh's pitch in the world and the
+ * knee's angle. */
+static double squat_hip_height(const struct squat_config *config, double thigh, double knee)
 {
-    *height = config->thigh_m * portable_cos(thigh) + config->shank_m * portable_cos(thigh + knee);
-    *ahead = -config->thigh_m * portable_sin(thigh) - config->shank_m * portable_sin(thigh + knee);
+    return config->thigh_m * portable_cos(thigh) + config->shank_m * portable_cos(thigh + knee);
 }
 
-/* Computes the joint angles for a height of the hip: knee bent forward, foot flat, trunk at its
- * lean. Returns false when it is out of reach. */
+/* Computes the joint angles for a height of the hip that changes at rise, m/s, and their rates:
+ * knee bent forward, foot flat, trunk at its lean. Returns false when it is out of reach. */
 static bool squat_leg_inverse(const struct squat_config *config, const struct leg *leg,
-                              double height, double angle[PITCH_JOINTS])
+                              double height, double rise, struct leg_pose *pose)
 {
-    double l1 = config->thigh_m, l2 = config->shank_m;
-    double r2 = height * height + leg->ankle_x * leg->ankle_x;
-    double c = (r2 - l1 * l1 - l2 * l2) / (2 * l1 * l2);
-    double thigh;
+    const double l1 = config->thigh_m, l2 = config->shank_m, ahead = leg->ankle_x;
+    const double r2 = height * height + ahead * ahead;
+    const double c = (r2 - l1 * l1 - l2 * l2) / (2 * l1 * l2); /* cosine of the knee's angle */
+    double s, thigh, thigh_rate;
 
     if (!(fabs(c) <= 1)) {
         return false;
     }
-    angle[KNEE] = portable_acos(c);
-    thigh = portable_atan2(-leg->ankle_x, height) -
-            portable_atan2(l2 * portable_sin(angle[KNEE]), l1 + l2 * portable_cos(angle[KNEE]));
-    angle[HIP] = thigh - leg->lean;
-    angle[ANKLE] = -thigh - angle[KNEE];
+    s = sqrt(1 - c * c);
+    pose->angle[KNEE] = portable_acos(c);
+    thigh = portable_atan2(-ahead, height) - portable_atan2(l2 * s, l1 + l2 * c);
+    pose->angle[HIP] = thigh - leg->lean;
+    pose->angle[ANKLE] = -thigh - pose->angle[KNEE];
+
+    /* Their derivatives; a straight knee has none */
+    pose->rate[KNEE] = s > STRAIGHT ? -height * rise / (l1 * l2 * s) : 0;
+    thigh_rate = (ahead * rise - l2 * (l2 + l1 * c) * pose->rate[KNEE]) / r2;
+    pose->rate[HIP] = thigh_rate;
+    pose->rate[ANKLE] = -thigh_rate - pose->rate[KNEE];
     return true;
 }
 
-/* Returns how far the hips are to be below the initial height at time t, m. */
-static double squat_depth_at(const struct squat_config *config, double t)
+/* Returns how far the hips are to be below the initial height at time t, m; sinking: how fast that
+ * grows, m/s. */
+static double squat_depth_at(const struct squat_config *config, double t, double *sinking)
 {
-    double length = config->period_s * config->cycles;
+    const double length = config->period_s * config->cycles, pace = 2 * M_PI / config->period_s;
+    double sine, cosine;
 
-    return t <= 0 || t >= length
-               ? 0
-               : config->depth_m / 2 * (1 - portable_cos(2 * M_PI * t / config->period_s));
+    *sinking = 0;
+    if (t <= 0 || t >= length) {
+        return 0;
+    }
+    portable_sincos(pace * t, &sine, &cosine);
+    *sinking = config->depth_m / 2 * pace * sine;
+    return config->depth_m / 2 * (1 - cosine);
 }
 
 /* Finds the axes of a leg and checks that at the deepest point they are within their limits. */
@@ -92,7 +109,8 @@ static enum error_code squat_find_leg(struct task *task, int side, struct leg *l
                                       struct error *error)
 {
     const struct squat_config *config = &task->config.squat;
-    double angle[PITCH_JOINTS];
+    struct leg_pose deepest;
+    double thigh;
 
     for (int j = 0; j < PITCH_JOINTS; j++) {
         enum error_code code = task_find_axis(task, joint_name[side][j], &leg->axis[j], error);
@@ -105,22 +123,24 @@ static enum error_code squat_find_leg(struct task *task, int side, struct leg *l
 
     /* The initial pose, over a flat foot */
     leg->lean = -(leg->initial[HIP] + leg->initial[KNEE] + leg->initial[ANKLE]);
-    squat_leg_forward(config, leg->lean + leg->initial[HIP], leg->initial[KNEE], &leg->hip_height,
-                      &leg->ankle_x);
+    thigh = leg->lean + leg->initial[HIP];
+    leg->hip_height = squat_hip_height(config, thigh, leg->initial[KNEE]);
+    leg->ankle_x = -config->thigh_m * portable_sin(thigh) -
+                   config->shank_m * portable_sin(thigh + leg->initial[KNEE]);
 
     /* The deepest one */
-    if (!squat_leg_inverse(config, leg, leg->hip_height - config->depth_m, angle)) {
+    if (!squat_leg_inverse(config, leg, leg->hip_height - config->depth_m, 0, &deepest)) {
         return error_set(error, ERROR_INPUT, "squat: depth %g m is out of the legs' reach",
                          config->depth_m);
     }
     for (int j = 0; j < PITCH_JOINTS; j++) {
         const struct host_axis *axis = &task->config.host.axis[leg->axis[j]];
 
-        if (angle[j] < axis->lower_rad || angle[j] > axis->upper_rad) {
+        if (deepest.angle[j] < axis->lower_rad || deepest.angle[j] > axis->upper_rad) {
             return error_set(error, ERROR_INPUT,
                              "squat: at depth %g m joint %s needs %.3f rad, its limits are %.3f to "
                              "%.3f rad",
-                             config->depth_m, axis->joint, angle[j], axis->lower_rad,
+                             config->depth_m, axis->joint, deepest.angle[j], axis->lower_rad,
                              axis->upper_rad);
         }
     }
@@ -158,6 +178,8 @@ static enum error_code squat_create(struct task *task, struct arena *arena, stru
             return code;
         }
     }
+    squat->alike =
+        memcmp(squat->leg[0].initial, squat->leg[1].initial, sizeof squat->leg[0].initial) == 0;
     return ERROR_NONE;
 }
 
@@ -176,18 +198,18 @@ static void squat_bend_legs(struct task *task, double t)
 {
     const struct squat *squat = task->state;
     const struct squat_config *config = &task->config.squat;
-    const double dt = 1e-3; /* for the reference's rate by central difference */
+    double sinking, depth = squat_depth_at(config, t, &sinking);
+    struct leg_pose pose;
 
     for (int side = 0; side < LEGS; side++) {
         const struct leg *leg = &squat->leg[side];
-        double angle[PITCH_JOINTS], before[PITCH_JOINTS], after[PITCH_JOINTS];
 
-        /* In reach all the way: the deepest point was checked at creation */
-        squat_leg_inverse(config, leg, leg->hip_height - squat_depth_at(config, t), angle);
-        squat_leg_inverse(config, leg, leg->hip_height - squat_depth_at(config, t - dt), before);
-        squat_leg_inverse(config, leg, leg->hip_height - squat_depth_at(config, t + dt), after);
+        /* In reach all the way: the deepest point was checked at creation. Legs alike bend alike */
+        if (side == 0 || !squat->alike) {
+            squat_leg_inverse(config, leg, leg->hip_height - depth, -sinking, &pose);
+        }
         for (int j = 0; j < PITCH_JOINTS; j++) {
-            servo_set(task->servo, leg->axis[j], angle[j], (after[j] - before[j]) / (2 * dt));
+            servo_set(task->servo, leg->axis[j], pose.angle[j], pose.rate[j]);
         }
     }
 }
@@ -210,12 +232,11 @@ static double squat_measured_depth(const struct task *task)
 
     for (int side = 0; side < LEGS; side++) {
         const struct leg *leg = &squat->leg[side];
-        double height, ahead;
 
-        squat_leg_forward(&task->config.squat,
-                          leg->lean + host_joint(task->host, leg->axis[HIP])->joint_rad,
-                          host_joint(task->host, leg->axis[KNEE])->joint_rad, &height, &ahead);
-        sum += leg->hip_height - height;
+        sum += leg->hip_height -
+               squat_hip_height(&task->config.squat,
+                                leg->lean + host_joint(task->host, leg->axis[HIP])->joint_rad,
+                                host_joint(task->host, leg->axis[KNEE])->joint_rad);
     }
     return sum / LEGS;
 }

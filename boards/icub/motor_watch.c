@@ -17,6 +17,9 @@ static bool motor_axis_is_over_current(const struct board *board, struct motor_a
     if (limit == 0.0) {
         return axis->current_a != 0.0;
     }
+    if (axis->overload == 0.0 && axis->current_a * axis->current_a <= limit * limit) {
+        return false; /* which is the rule */
+    }
     axis->overload += (axis->current_a * axis->current_a / (limit * limit) - 1.0) * tick_ms;
     axis->overload = axis->overload > 0.0 ? axis->overload : 0.0;
     return axis->overload > OVERLOAD_MS;

@@ -163,6 +163,11 @@ uint64_t wire_dropped(const struct wire *wire)
     return total;
 }
 
+bool wire_has_errors(const struct wire *wire)
+{
+    return (wire->counting | wire->off) != 0;
+}
+
 void wire_node_stats(const struct wire *wire, size_t node, struct wire_node_stats *stats)
 {
     *stats = wire->node[node].stats;

@@ -214,6 +214,9 @@ void wire_stats(const struct wire *wire, struct wire_stats *stats);
 uint64_t wire_dropped(const struct wire *wire); /* of all causes together */
 void wire_node_stats(const struct wire *wire, size_t node, struct wire_node_stats *stats);
 
+/* Checks whether some node has an error counter that is not 0, or is in bus-off. RT-safe. */
+bool wire_has_errors(const struct wire *wire);
+
 /* Copies up to max entries, in no particular order; returns how many there are. */
 size_t wire_latencies(const struct wire *wire, struct wire_latency *latency, size_t max);
 

@@ -20,6 +20,8 @@
 #define SOLID_LANES 8  /* arrays that lanes read are padded to a multiple of this */
 #define FACET_POINTS 3 /* of quadrature in each part of a triangle between centroid and edge */
 
+#define FACET_POWERS 6 /* of struct facet_moments */
+
 /* Entries of an outline: SOLID_LANES can be read at once from each entry on, and from the next. */
 #define FACET_OUTLINE(count) (((count) + SOLID_LANES - 1) / SOLID_LANES * SOLID_LANES + SOLID_LANES)
 
@@ -44,6 +46,13 @@ struct facet {
     double bend_cosine, bend_sine, clearance;
     double axis[2][3]; /* of its plane, right-handed with the normal */
     int outline;       /* its corners along the axes, from the center; not of a triangle */
+    int moments;       /* its row of solid->moments; not of a triangle */
+};
+
+/* Integrals over a facet of the products of two of 1, x, y, xx, xy and yy, with x and y along its
+ * axes from its center. */
+struct facet_moments {
+    double of[FACET_POWERS][FACET_POWERS]; /* symmetric; m2 and up */
 };
 
 /* Rows of solid->plane: a normal and its offset. */
@@ -70,6 +79,7 @@ struct solid {
     /* Corners of facets along the axes of their planes, counterclockwise: from facet.outline on as
      * many as it has, then the first once more, up to FACET_OUTLINE. */
     const double *outline[2];
+    const struct facet_moments *moments; /* of facets that are more than a triangle */
     struct tree facets;
     const struct box *normal_bounds; /* of the normals under each node of the tree of facets */
 

@@ -363,3 +363,56 @@ enum error_code solid_make_outlines(struct solid_builder *b, struct solid *s)
     }
     return ERROR_NONE;
 }
+
+/* Computes the moments of a polygon about the origin, its corners counterclockwise and the first
+ * once more behind the last. Over the triangle between the origin and an edge a product of n
+ * coordinates is its integral along the edge over n + 2, and that takes three points of Gauss up to
+ * the fifth degree. */
+static void polygon_find_moments(const double *x, const double *y, int count,
+                                 struct facet_moments *moments)
+{
+    static const double way[3] = {0.11270166537925831, 0.5, 0.88729833462074169};
+    static const double weight[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
+    static const int degree[FACET_POWERS] = {0, 1, 1, 2, 2, 2};
+
+    for (int e = 0; e < count; e++) {
+        const double twice = x[e] * y[e + 1] - x[e + 1] * y[e];
+
+        for (int g = 0; g < 3; g++) {
+            const double px = x[e] + way[g] * (x[e + 1] - x[e]);
+            const double py = y[e] + way[g] * (y[e + 1] - y[e]);
+            const double power[FACET_POWERS] = {1, px, py, px * px, px * py, py * py};
+
+            for (int i = 0; i < FACET_POWERS; i++) {
+                for (int k = 0; k < FACET_POWERS; k++) {
+                    moments->of[i][k] +=
+                        twice * weight[g] * power[i] * power[k] / (2 + degree[i] + degree[k]);
+                }
+            }
+        }
+    }
+}
+
+enum error_code solid_make_moments(struct solid_builder *b, struct solid *s)
+{
+    struct facet_moments *moments;
+    size_t n = 0;
+
+    for (size_t i = 0; i < s->nfacet; i++) {
+        b->facet[i].moments = (int)n;
+        n += b->facet[i].count > 3;
+    }
+    s->moments = moments = solid_alloc(b, n + 1, sizeof *moments);
+    if (!moments) {
+        return ERROR_MEMORY;
+    }
+    for (size_t i = 0; i < s->nfacet; i++) {
+        const struct facet *f = &s->facet[i];
+
+        if (f->count > 3) {
+            polygon_find_moments(s->outline[0] + f->outline, s->outline[1] + f->outline, f->count,
+                                 &moments[f->moments]);
+        }
+    }
+    return ERROR_NONE;
+}

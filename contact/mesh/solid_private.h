@@ -49,8 +49,9 @@ enum error_code solid_make_facets(struct solid_builder *b, struct solid *s);
  * triangles are quickly made when they are needed, and would fill the memory of a large terrain. */
 enum error_code solid_make_points(struct solid_builder *b, struct solid *s);
 
-/* Computes the corners of the same facets along the axes of their planes. */
+/* Computes the corners of the same facets along the axes of their planes, and their moments. */
 enum error_code solid_make_outlines(struct solid_builder *b, struct solid *s);
+enum error_code solid_make_moments(struct solid_builder *b, struct solid *s);
 
 /* Finds what surrounds the facets (bend and clearance of struct facet), when all else of the solid
  * is made. */

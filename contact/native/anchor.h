@@ -9,6 +9,7 @@
 #define CONTACT_NATIVE_ANCHOR_H
 
 #include "contact/contact.h"
+#include "contact/variant.h"
 
 #include <stdbool.h>
 

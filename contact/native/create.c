@@ -440,7 +440,6 @@ static struct native_engine *engine_alloc(const struct contact_config *config, s
     if (!e) {
         return NULL;
     }
-    e->world.ops = &native_ops;
     e->nbody = config->nbody;
     e->nsurface = config->nsurface;
     e->npair = config->npair;
@@ -492,6 +491,7 @@ enum error_code native_create_with_kernels(const struct contact_config *config,
     if (code != ERROR_NONE) {
         return code;
     }
+    e->world.ops = (kernels ? kernels : native_kernels_used())->ops;
     e->find_near = (kernels ? kernels : native_kernels_used())->find_near;
     native_place_fixed_surfaces(e);
     for (size_t i = 0; i < e->npair; i++) {

@@ -6,6 +6,7 @@
  */
 #include "contact/native/pairs.h"
 #include "contact/native/polygon.h"
+#include "contact/native/sunk.h"
 #include "base/vec3.h"
 
 #include <float.h>
@@ -13,15 +14,22 @@
 
 #define FACING 0.5 /* cosine; facets that face the plane less have few springs, however large */
 
-/* Adds a spring at each point of quadrature of a facet that is all below the plane. */
+/* Adds a facet that is all below the plane: in closed form where that is enough, else a spring at
+ * each point of quadrature that it keeps. */
 static void half_space_add_sunk_facet(struct native_scratch *s, const struct solid *solid,
-                                      const struct facet *f, const double n[3], double height,
-                                      double pressure, const struct native_law *law,
+                                      const struct facet *f, const struct sunk_linear *bed,
+                                      const double n[3], double height, double pressure,
+                                      const struct native_law *law,
                                       const struct native_relative *relative,
                                       struct native_sum *sum)
 {
     const double share = law->share[0];
 
+    if (sum->gather && sum->one_way &&
+        sunk_gather(solid, f, bed, n, pressure, law, relative, sum)) {
+        sum->closed = true;
+        return;
+    }
     for (int done = 0; done < f->npoint;) {
         int room, take = f->npoint - done;
         struct native_batch *b = &s->batch;
@@ -66,6 +74,22 @@ static void half_space_add_facet(struct native_scratch *s, const struct solid *s
         return;
     }
 
+    /* One of more than three corners may be all below: the rule of a foot that stands */
+    if (f->npoint > 0) {
+        const struct sunk_linear depth =
+            sunk_find_depth(solid, f, n, height, &deepest, &shallowest);
+
+        if (deepest > 0 && shallowest >= 0) {
+            half_space_add_sunk_facet(s, solid, f, &depth, n, height, law->stiffness * facing, law,
+                                      relative, sum);
+            sum->area += f->area * facing;
+            sum->depth = deepest > sum->depth ? deepest : sum->depth;
+        }
+        if (deepest <= 0 || shallowest >= 0) {
+            return;
+        }
+    }
+
     /* Penetration depth at its corners */
     whole.n = f->count;
     for (int i = 0; i < f->count; i++) {
@@ -78,15 +102,6 @@ static void half_space_add_facet(struct native_scratch *s, const struct solid *s
         shallowest = depth < shallowest ? depth : shallowest;
     }
     if (deepest <= 0) {
-        return;
-    }
-
-    /* All of it is below: springs at the points of quadrature that it keeps */
-    if (shallowest >= 0 && f->npoint > 0) {
-        half_space_add_sunk_facet(s, solid, f, n, height, law->stiffness * facing, law, relative,
-                                  sum);
-        sum->area += f->area * facing;
-        sum->depth = deepest > sum->depth ? deepest : sum->depth;
         return;
     }
 

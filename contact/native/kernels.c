@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The table of the kernels; compiled once for each instruction set. */
-#include "contact/native/kernels.h"
+#include "contact/native/private.h"
 
 #define STRING(x) #x
 #define EXPANDED_STRING(x) STRING(x)
@@ -11,6 +11,7 @@ const struct native_kernels native_kernels = {
 #else
     .name = "plain",
 #endif
+    .ops = &native_ops,
     .half_space = native_overlap_half_space,
     .sphere = native_overlap_sphere,
     .meshes = native_overlap_meshes,

@@ -10,10 +10,11 @@
 #include "contact/broad_phase.h"
 #include "contact/native/pairs.h"
 
-/* Kernels: functions of contact/native/pairs.h, native_law_sum (sum) and broad_phase_find
- * (find_near). */
+/* Kernels: the engine's operations, functions of contact/native/pairs.h, native_law_sum (sum) and
+ * broad_phase_find (find_near). */
 struct native_kernels {
     const char *name;
+    const struct contact_ops *ops; /* of an engine on them */
     void (*half_space)(const struct solid *solid, const struct native_law *law,
                        const struct native_relative *relative, struct native_scratch *scratch,
                        struct native_sum *sum);

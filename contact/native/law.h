@@ -66,6 +66,8 @@ struct native_sum {
      * turn is the rotation of the first's frame, but about a center in the first's frame. */
     struct contact_tangent *tangent;
     const double *turn;
+    /* Set where springs were only gathered, in closed form, and are not in the batch */
+    bool closed;
     bool one_way; /* all springs push in the same direction; with gather and tangent */
     /* With sticking friction, first this without friction, then that for the friction; with the
      * tangent the latter too. NULL otherwise. contact/native/stick.h. */

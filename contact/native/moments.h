@@ -32,21 +32,6 @@ static inline void moments_shift_second(const struct moments *m, const double c[
     second[5] = m->second[5] - c[2] * (s[2] + rest[2]);
 }
 
-/* Computes the moments about c, along the axes that the rotation turn leads to. */
-static inline void moments_move(const struct moments *m, const double c[3], const double turn[9],
-                                struct moments *moved)
-{
-    double first[3];
-
-    for (int k = 0; k < 3; k++) {
-        first[k] = m->first[k] - m->zeroth * c[k];
-    }
-    moved->zeroth = m->zeroth;
-    mat3_apply(turn, first, moved->first);
-    moments_shift_second(m, c, moved->second);
-    sym3_rotate(turn, moved->second);
-}
-
 /* Computes y = A x for a symmetric matrix A stored as second moments are. */
 static inline void moments_apply_second(const double A[6], const double x[3], double y[3])
 {
@@ -67,6 +52,27 @@ static inline void tangent_add_across(const struct moments *m, double T[CONTACT_
 
     for (int at = 0; at < CONTACT_TANGENT_SIZE; at++) {
         T[at] += across[at];
+    }
+}
+
+/* Adds to T a resistance along the direction d only, by the sums of what it weighs, zeroth, and of
+ * that times r x d and the outer product of r x d. */
+static inline void tangent_add_directions(double zeroth, const double arm[3],
+                                          const double second[6], const double d[3],
+                                          double T[CONTACT_TANGENT_SIZE])
+{
+    int at = 0;
+
+    for (int i = 0; i < 3; i++) {
+        const double along = zeroth * d[i];
+
+        for (int j = i; j < 3; j++, at++) {
+            T[CONTACT_TANGENT_AT(i, j)] += along * d[j];
+            T[CONTACT_TANGENT_AT(CONTACT_TURN_X + i, CONTACT_TURN_X + j)] += second[at];
+        }
+        for (int j = 0; j < 3; j++) {
+            T[CONTACT_TANGENT_AT(i, CONTACT_TURN_X + j)] += d[i] * arm[j];
+        }
     }
 }
 

@@ -14,6 +14,9 @@
 
 #define BRISTLE_MOST 1e9 /* J^0.5, of a bristle state that is accepted */
 
+/* Two numbers side by side. */
+typedef double couple __attribute__((vector_size(2 * sizeof(double))));
+
 /* ---- where surfaces are ---- */
 
 /* Computes pose and velocity of a surface's frame in the world from its body's motion. */
@@ -57,15 +60,18 @@ static void surface_place_plane(const struct native_engine *e, size_t index)
 static void surface_place_ball(const struct native_engine *e, size_t index,
                                const struct body_motion *m)
 {
-    const struct native_surface *s = &e->surface[index];
-    const struct broad_balls *ball = &e->broad.ball;
-    double center[3];
+    const double *c = e->surface[index].center, *half = e->surface[index].about.half;
+    const couple from[3] = {{c[0], half[0]}, {c[1], half[1]}, {c[2], half[2]}};
+    double *const center[3] = {e->broad.ball.x, e->broad.ball.y, e->broad.ball.z};
 
-    mat3_apply(m->R, s->center, center);
-    ball->x[index] = center[0] + m->p[0];
-    ball->y[index] = center[1] + m->p[1];
-    ball->z[index] = center[2] + m->p[2];
-    mat3_apply(m->R, s->about.half, e->broad.capsule[index].half);
+    /* Both side by side */
+    for (int k = 0; k < 3; k++) {
+        const couple to =
+            m->R[3 * k] * from[0] + m->R[3 * k + 1] * from[1] + m->R[3 * k + 2] * from[2];
+
+        center[k][index] = to[0] + m->p[k];
+        e->broad.capsule[index].half[k] = to[1];
+    }
 }
 
 void native_place_fixed_surfaces(struct native_engine *e)
@@ -291,8 +297,9 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
     if (sum.area > 0) {
         e->springs[e->npatch] = (struct native_springs){from, batch->n};
         if (e->grip) {
-            native_bristle_hold(e, index, &relative, e->springs[e->npatch], batch->full, bristles,
-                                &sum);
+            native_bristle_hold(e, index, &relative, e->springs[e->npatch],
+                                batch->full || sum.closed, bristles, &sum);
+            e->springs[e->npatch].to = batch->n; /* or some more, once they are needed */
         }
         pair_add_patch(e, index, &sum, motion, wrench);
     }

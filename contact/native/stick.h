@@ -55,6 +55,10 @@ struct native_grip {
 void native_stick_gather(const struct native_batch *batch, const struct native_law *law,
                          const struct native_relative *relative, struct native_sum *sum);
 
+/* Adds force, moment and the sums of struct native_gather of springs that all push along d, from
+ * the moments of their normal forces. */
+void native_gather_add(const struct moments *normal, const double d[3], struct native_sum *sum);
+
 /* Adds the sticking friction of the same springs, each up to its Coulomb limit, to force and
  * moment, and power, held, most and open to sum->grip. */
 void native_stick_hold(struct native_batch *batch, const struct native_law *law,

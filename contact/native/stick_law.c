@@ -35,8 +35,8 @@ struct slide {
 
 /* ---- sums over the springs of a pair ---- */
 
-/* The springs of a pair: those in the batch, or, if there was no room for all (lost), computed
- * again. */
+/* The springs of a pair: those in the batch, or, if there was no room for all or some were not
+ * needed until now (lost), computed again. */
 struct springs {
     struct native_engine *e;
     const struct native_pair *pair;
@@ -54,7 +54,7 @@ static void springs_add(const struct springs *s, struct native_sum *sum)
     if (s->lost) {
         double area = sum->area, depth = sum->depth;
 
-        batch->n = batch->start = 0;
+        batch->n = batch->start = batch->full ? 0 : s->at.from;
         native_pair_find_force(s->e, s->pair, s->relative, sum);
         sum->area = area;
         sum->depth = depth;
@@ -369,44 +369,61 @@ static bool grip_is_firm(const struct native_grip *grip)
     return grip->whole == 1 || grip->held <= YIELD_FROM * grip->most;
 }
 
+/* As of springs in the plane across the normal n with the anchor's radius r about its point, at x
+ * from the center: they resist v + w x x across n, and the spin about n with r^2. With m = x x n
+ * that is I - n n^T, [x] - n m^T and |x|^2 I - x x^T - m m^T + r^2 n n^T. */
 void native_bristle_resist(const struct native_grip *grip, const double center[3],
                            const double turn[9], struct contact_tangent *tangent)
 {
     const double each = grip->whole * grip->root * grip->root * grip->follow_s;
     const double radius = grip->inverse_radius > 0 ? 1 / grip->inverse_radius : 0;
-    struct moments friction = {.zeroth = each};
-    double normal[3], arm[3], to[3];
-    int at = 0;
+    double *T = tangent->friction_D, n[3], arm[3], x[3], m[3], square;
 
-    /* Damping as of springs in the plane across the normal with the anchor's radius about its
-     * point */
-    mat3_apply(turn, grip->normal, normal);
+    mat3_apply(turn, grip->normal, n);
     vec3_sub(grip->center, center, arm);
-    mat3_apply(turn, arm, to);
+    mat3_apply(turn, arm, x);
+    vec3_cross(x, n, m);
+    square = vec3_dot(x, x);
+    const double crossed[9] = {0, x[2], -x[1], -x[2], 0, x[0], x[1], -x[0], 0};
+
     for (int i = 0; i < 3; i++) {
-        friction.first[i] = each * to[i];
         for (int j = i; j < 3; j++) {
-            friction.second[at++] =
-                each * (to[i] * to[j] + radius * radius / 2 * ((i == j) - normal[i] * normal[j]));
+            T[CONTACT_TANGENT_AT(i, j)] += each * ((i == j) - n[i] * n[j]);
+            T[CONTACT_TANGENT_AT(CONTACT_TURN_X + i, CONTACT_TURN_X + j)] +=
+                each *
+                ((i == j) * square - x[i] * x[j] - m[i] * m[j] + radius * radius * (n[i] * n[j]));
+        }
+        for (int j = 0; j < 3; j++) {
+            T[CONTACT_TANGENT_AT(i, CONTACT_TURN_X + j)] +=
+                each * (crossed[3 * i + j] - n[i] * m[j]);
         }
     }
-
-    /* Friction resists in all directions but along the normal */
-    tangent_add_across(&friction, tangent->friction_D);
-    tangent_add_along(-1, &friction, normal, tangent->friction_D);
 }
 
 void native_bristle_press(const struct native_grip *grip, const double center[3],
                           const double turn[9], struct contact_tangent *tangent)
 {
-    struct moments stiffness, damping;
-    double normal[3];
+    const struct moments *const of[2] = {&grip->stiffness, &grip->damping};
+    double *const to[2] = {tangent->K, tangent->D};
+    const double *n = grip->normal;
+    const double cross[9] = {0, n[2], -n[1], -n[2], 0, n[0], n[1], -n[0], 0}; /* of r -> r x n */
+    double d[3], turned[9];
 
-    mat3_apply(turn, grip->normal, normal);
-    moments_move(&grip->stiffness, center, turn, &stiffness);
-    moments_move(&grip->damping, center, turn, &damping);
-    tangent_add_along(1, &stiffness, normal, tangent->K);
-    tangent_add_along(1, &damping, normal, tangent->D);
+    /* The directions n and r x n of springs at r, all in the world */
+    mat3_apply(turn, n, d);
+    mat3_mul(turn, cross, turned);
+    for (int w = 0; w < 2; w++) {
+        const struct moments *m = of[w];
+        const double first[3] = {m->first[0] - m->zeroth * center[0],
+                                 m->first[1] - m->zeroth * center[1],
+                                 m->first[2] - m->zeroth * center[2]};
+        double second[6], arm[3];
+
+        moments_shift_second(m, center, second);
+        mat3_apply(turned, first, arm);
+        sym3_rotate(turned, second);
+        tangent_add_directions(m->zeroth, arm, second, d, to[w]);
+    }
 }
 
 /* ---- the state ---- */

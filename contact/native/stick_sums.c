@@ -119,9 +119,7 @@ static void find_weights(const struct native_batch *b, size_t start, size_t n, c
     sum->power += lanes_sum(power);
 }
 
-/* Adds force, moment and the sums of struct native_gather of springs that all push along d, from
- * the moments f of their normal forces. */
-static void add_moments(const struct moments *f, const double d[3], struct native_sum *sum)
+void native_gather_add(const struct moments *f, const double d[3], struct native_sum *sum)
 {
     struct native_gather *out = sum->gather;
     double moment[3];
@@ -165,7 +163,7 @@ static void gather_one_way(const struct native_batch *b, const struct native_law
         moments_add_springs(p, weights.damping, n, &sum->gather->damping);
         moments_add_springs(p, b->rate + start, n, &sum->gather->area);
     }
-    add_moments(&normal, d, sum);
+    native_gather_add(&normal, d, sum);
 }
 
 /* ---- calls of stick.h ---- */

@@ -13,8 +13,8 @@ static double spring_stop_depth(const struct robot_sea *sea, double deflection)
                                      : 0.0;
 }
 
-/* Eq. (3) with the sign that eq. (2) needs. */
-double sea_torque(const struct robot_sea *sea, const struct sea_state *state, double q, double qd)
+double sea_torque_pressed(const struct robot_sea *sea, const struct sea_state *state, double q,
+                          double qd)
 {
     double depth = spring_stop_depth(sea, state->qm - q), twist = state->qmd - qd;
 

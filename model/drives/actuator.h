@@ -13,14 +13,27 @@
 
 #include "model/robot.h"
 
+#include <math.h>
+
 struct sea_state {
     double qm;  /* rad */
     double qmd; /* rad/s */
     double I;   /* A */
 };
 
+/* Returns tau of eq. (3), N m on the link, with what the spring's stop adds where it is pressed. */
+double sea_torque_pressed(const struct robot_sea *sea, const struct sea_state *state, double q,
+                          double qd);
+
 /* Returns tau of eq. (3), N m on the link, with what the spring's stop adds. */
-double sea_torque(const struct robot_sea *sea, const struct sea_state *state, double q, double qd);
+static inline double sea_torque(const struct robot_sea *sea, const struct sea_state *state,
+                                double q, double qd)
+{
+    const double deflection = state->qm - q;
+
+    return fabs(deflection) <= sea->deflection ? sea->Ks * deflection + sea->Ds * (state->qmd - qd)
+                                               : sea_torque_pressed(sea, state, q, qd);
+}
 
 /* The linear law that holds around a deflection qm - q with that rate: tau = Ks (qm - q) +
  * Ds (qm' - q') + offset, with the stop's part when the spring presses it. */

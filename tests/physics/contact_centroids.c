@@ -4,6 +4,7 @@
 #include "tests/physics/contact_centroids.h"
 
 #include "base/vec3.h"
+#include "contact/native/private.h"
 
 #include <assert.h>
 #include <float.h>
@@ -277,6 +278,7 @@ static void centroids_of_meshes(const struct solid *first, const struct solid *s
 }
 
 const struct native_kernels contact_centroids = {
+    .ops = &native_ops,
     .name = "centroids",
     .half_space = centroids_on_half_space,
     .sphere = centroids_and_sphere,
