@@ -76,6 +76,8 @@ STATEMENT = re.compile(r"\s+(?:[\w.\[\]()*+\->]+ [-+*/|&^]?= [^;{]*|[\w.\->]+\(.
                        r"|[\w.\->]+(?:\+\+|--));$")
 SIGNED = re.compile(r"(?<=[\w)\]] )(\+=|-=|\*=|/=|[-+*/])(?= )|(?<=[\w\])])(\+\+|--)")
 NUMBER = re.compile(r"(?<![\w.])(\d+\.\d*(?:e[-+]?\d+)?f?|\d+e[-+]?\d+|\d+)(?![\w.])")
+# functions of which it does not matter which argument comes first
+EVEN = re.compile(r"(?:str|strn|mem)cmp|calloc|arena_alloc|fm(?:in|ax)|vec3_dot|hypot")
 TYPED = re.compile(r"(?:struct|const|void|int|double|char|enum|size_t|u?int\d+_t) ")
 # what only a sanitizer notices, or nobody should
 KEPT = re.compile(r"\s*(?:return|break|continue|goto|case|default|free|f?close|\(void\)|assert|"
@@ -99,6 +101,9 @@ def spans(line):
     array = DECLARED.match(line) and "=" not in line
     for match in NUMBER.finditer(line):
         number = match[0]
+        # -1 says that there is none, as any number below 0 does; nobody notices more memory
+        if re.search(r"(?:[=(,?:] |\(|return )-$|alloc\([^()]*$", line[:match.start()]):
+            continue
         if re.fullmatch(r"\d+", number):
             sized = line[:match.start()].endswith("[") and re.match(r"\] = |\];", line[match.end():])
             if not array and not (sized and DECLARED.match(line)):
@@ -107,6 +112,8 @@ def spans(line):
             yield "constant", *match.span(), "1.0" if float(number.rstrip("f")) == 0 \
                 else f"(1.5 * {number})"
     for match in re.finditer(r"(?<=\w\()[^()]*(?=\))", line):
+        if EVEN.fullmatch(re.search(r"\w+(?=\($)", line[:match.start()])[0]):
+            continue
         arguments = match[0].split(", ")
         for k in range(len(arguments) - 1):
             if arguments[k].strip() and arguments[k] != arguments[k + 1] \
