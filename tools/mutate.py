@@ -241,7 +241,8 @@ class Suite:
             self.costs |= json.loads(COSTS.read_text())
         self.tests = []
         for test in json.loads(shown.stdout)["tests"]:
-            program = pathlib.Path(test["command"][0])
+            # a program that is not built yet has no command
+            program = pathlib.Path(test.get("command", [BUILD / "tests" / f"test_{test['name']}"])[0])
             program = str(program.relative_to(BUILD)) if program.is_relative_to(BUILD) \
                 else "coman-hil"
             self.tests.append((test["name"], program))

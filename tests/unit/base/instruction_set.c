@@ -34,12 +34,12 @@ static void the_machine_has_what_the_kernel_says(void **state)
         return;
     }
     line[strcspn(line, "\n")] = ' ';
-    assert_int_equal(instruction_set_of_machine(),
-                     !kernel_tells(line, "avx2") ? INSTRUCTIONS_PLAIN
-                     : kernel_tells(line, "avx512f") && kernel_tells(line, "avx512vl") &&
-                             kernel_tells(line, "avx512dq")
-                         ? INSTRUCTIONS_AVX512
-                         : INSTRUCTIONS_AVX2);
+    assert_int_equal(instruction_set_of_machine(), !kernel_tells(line, "avx2") ? INSTRUCTIONS_PLAIN
+                                                   : kernel_tells(line, "avx512f") &&
+                                                           kernel_tells(line, "avx512vl") &&
+                                                           kernel_tells(line, "avx512dq")
+                                                       ? INSTRUCTIONS_AVX512
+                                                       : INSTRUCTIONS_AVX2);
 }
 
 static void the_widest_is_used_when_nothing_holds_the_process(void **state)

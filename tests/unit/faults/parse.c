@@ -153,8 +153,8 @@ static void refuses_what_it_does_not_know_and_names_the_nearest(void **unused)
 static void a_short_list_of_names_is_told_in_full(void **unused)
 {
     static const char *const twenty_one[] = {"b00", "b01", "b02", "b03", "b04", "b05", "b06",
-                                        "b07", "b08", "b09", "b10", "b11", "b12", "b13",
-                                        "b14", "b15", "b16", "b17", "b18", "b19", "b20"};
+                                             "b07", "b08", "b09", "b10", "b11", "b12", "b13",
+                                             "b14", "b15", "b16", "b17", "b18", "b19", "b20"};
     struct fault_names many = names;
     struct fault fault;
     struct error error;
@@ -164,7 +164,8 @@ static void a_short_list_of_names_is_told_in_full(void **unused)
     for (many.nbus = 1; many.nbus <= 21; many.nbus++) {
         char last[32];
 
-        snprintf(last, sizeof last, "%s%s", many.nbus == 1 ? ": " : ", ", twenty_one[many.nbus - 1]);
+        snprintf(last, sizeof last, "%s%s", many.nbus == 1 ? ": " : ", ",
+                 twenty_one[many.nbus - 1]);
         assert_int_equal(fault_parse("bus somewhere_else off", &many, &fault, &error), ERROR_INPUT);
         assert_int_equal(strstr(error.text, last) != NULL, many.nbus <= 20);
         assert_int_equal(strstr(error.text, "b00") != NULL, many.nbus <= 20);

@@ -155,8 +155,12 @@ static void each_motor_loads_the_bus_with_its_frames(void **state)
     (void)state;
     configure(&bench);
     bench.board[0].status_period_ns = 20000000;
-    bench.board[2].kind = bench.board[3].kind = BOARD_MOTOR;
     bench.config.nboard = 2;
+    for (int i = 0; i < 2; i++) {
+        for (int k = 1; k < BOARD_AXES_MAX; k++) {
+            bench.board[i].axis[k].joint = -1;
+        }
+    }
     boards_load(&bench.config, 0, 1e-3, keep, &loads);
     assert_int_equal(loads.count, 7);
     assert_int_equal(count_of(&loads, true, 8, 1e-3), 1);
@@ -186,10 +190,11 @@ static void a_motor_needs_a_gear(void **state)
         int joint;
         double gear;
         enum error_code code;
-    } cases[] = {{BOARD_MOTOR, 0, 1.0, ERROR_NONE},  {BOARD_MOTOR, 0, 0.5, ERROR_NONE},
-                 {BOARD_MOTOR, 0, 0.0, ERROR_INPUT}, {BOARD_MOTOR, 0, -1.0, ERROR_INPUT},
-                 {BOARD_MOTOR, 0, NAN, ERROR_INPUT}, {BOARD_MOTOR, 0, (double)INFINITY, ERROR_INPUT},
-                 {BOARD_MOTOR, -1, 0.0, ERROR_NONE}, {BOARD_FT, 0, 0.0, ERROR_NONE}};
+    } cases[] = {
+        {BOARD_MOTOR, 0, 1.0, ERROR_NONE},  {BOARD_MOTOR, 0, 0.5, ERROR_NONE},
+        {BOARD_MOTOR, 0, 0.0, ERROR_INPUT}, {BOARD_MOTOR, 0, -1.0, ERROR_INPUT},
+        {BOARD_MOTOR, 0, NAN, ERROR_INPUT}, {BOARD_MOTOR, 0, (double)INFINITY, ERROR_INPUT},
+        {BOARD_MOTOR, -1, 0.0, ERROR_NONE}, {BOARD_FT, 0, 0.0, ERROR_NONE}};
     struct error error;
 
     (void)state;
