@@ -40,6 +40,8 @@ ROOMS = tuple(sorted({path.parts[-2] for path in ROOT.glob("*/CMakeLists.txt")}
 BUILD_LIMIT_S = 900
 # how many times its seconds a test may take: of CPU time, and of wall-clock time on a loaded machine
 PATIENCE_CPU, PATIENCE = 6, 20
+# tests that wait for the others of their rank
+LONG_S = 4
 # what every compiler of the product refuses; other warnings are let pass
 REFUSED = ("int-conversion", "incompatible-pointer-types", "implicit-function-declaration")
 # percent of a room's mutants that its tests have to kill
@@ -246,6 +248,9 @@ class Suite:
             program = str(program.relative_to(BUILD)) if program.is_relative_to(BUILD) \
                 else "coman-hil"
             self.tests.append((test["name"], program))
+            limit = next((item["value"] for item in test["properties"]
+                          if item["name"] == "TIMEOUT"), 60)
+            self.costs.setdefault(test["name"], limit / 20)
         self.inputs = {}
         self.sick = set()
         self.healthy = set()
@@ -277,7 +282,7 @@ class Suite:
                 rank = 4
             else:
                 rank = 2 if name.startswith(near) else 3
-            found.append(Test(name, program, rank, self.costs.get(name, 3.0)))
+            found.append(Test(name, program, rank, self.costs[name]))
         found.sort(key=lambda test: (test.rank, test.seconds))
         total, chosen = 0.0, []
         for test in found:
@@ -295,7 +300,7 @@ class Suite:
                       20 + PATIENCE_CPU * int(1 + max(test.seconds for test in tests)))
         for name, seconds in re.findall(r"Test +#\d+: (\w+) \.* +Passed +([\d.]+) sec", done.stdout):
             self.costs[name] = float(seconds)
-        COSTS.write_text(json.dumps(self.costs))
+        COSTS.write_text(json.dumps(self.costs, indent=1) + "\n")
         if done.returncode == 0:
             return Verdict("survived")
         failed = re.search(r"Test +#\d+: (\w+) \.*(\*\*\*Timeout)?", "".join(
@@ -329,14 +334,14 @@ def object_of(path, entry, out):
 
 
 def verdict_of(suite, tests):
-    """Builds and runs tests, rank by rank, until one fails."""
-    for rank in range(5):
-        some = [test for test in tests if test.rank == rank]
+    """Builds and runs tests, rank by rank and short ones first, until one fails."""
+    for key in sorted({(test.rank, test.seconds > LONG_S) for test in tests}):
+        some = [test for test in tests if (test.rank, test.seconds > LONG_S) == key]
         if not some:
             continue
         built = inside(["ninja", "-k1", *sorted({test.program for test in some})], BUILD_LIMIT_S)
-        if built.returncode != 0:
-            return Verdict("killed", "the build")
+        if built.returncode != 0:  # it compiles, so something else is wrong
+            raise SystemExit(built.stdout)
         verdict = suite.run(some)
         if verdict.word != "survived":
             return verdict
@@ -353,7 +358,7 @@ def try_mutant(path, text, mutant, suite, options):
             verdict = verdict_of(suite, tests)
         finally:
             (SOURCE / path).write_text(text)
-        if verdict.by in ("", "the build") or suite.passes(verdict.by):
+        if not verdict.by or suite.passes(verdict.by):
             return verdict
 
 

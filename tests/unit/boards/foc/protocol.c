@@ -114,6 +114,74 @@ static void what_is_no_management_is_about_the_motor(void **state)
     boards_messages(&bench.config, 0, visit_owner, &bench.config);
 }
 
+/* Boards 0 and 1 are 2FOC boards, board 3 a force-torque sensor of 1500 N and 40 Nm. */
+static void a_sensor_counts_from_the_middle_of_its_scale(void **state)
+{
+    struct board_bench bench;
+
+    (void)state;
+    configure(&bench);
+    for (int i = 0; i < 2; i++) {
+        const struct field_subject subject =
+            subject_of(&bench.config, 0, i ? "TORQUE" : "FORCE", 3, 0);
+
+        assert_null(subject.axis);
+        assert_int_equal(subject.channel, i ? 3 : 0);
+        assert_string_equal(subject.unit, i ? "Nm" : "N");
+        assert_near(subject.offset, i ? -40.0 : -1500.0, 0.0);
+        assert_near(subject.scale, (i ? 40.0 : 1500.0) / 32768.0, 0.0);
+    }
+}
+
+/* ---- messages ---- */
+
+struct cycles {
+    uint32_t motor[2], status[2], additional[2];
+    int discoveries;
+};
+
+static bool visit_cycle(void *context, const struct message *message)
+{
+    struct cycles *cycles = context;
+
+    /* A frame of 8 bytes is full of targets of 16 bits, one for each of four addresses */
+    if (!strcmp(message->name, "DESIRED_TARGETS")) {
+        assert_int_equal(message->length, 8);
+        assert_int_equal(message->repeats * fields_bytes(message->fields), 8);
+    }
+    if (message->id == 0x70f && message->from_host) {
+        cycles->discoveries += message->code == 0xff;
+    } else if (message->sender == 0 || message->sender == 1) {
+        uint32_t *cycle = !strcmp(message->name, "FOC")                 ? cycles->motor
+                          : !strcmp(message->name, "STATUS")            ? cycles->status
+                          : !strcmp(message->name, "ADDITIONAL_STATUS") ? cycles->additional
+                                                                        : NULL;
+
+        if (cycle) {
+            cycle[message->sender] = message->cycle_ns;
+        }
+    }
+    return true;
+}
+
+static void messages_have_the_cycles_of_their_boards(void **state)
+{
+    struct cycles cycles = {{0}, {0}, {0}, 0};
+    struct board_bench bench;
+
+    (void)state;
+    configure(&bench);
+    bench.board[0].status_period_ns = 10000000;
+    boards_messages(&bench.config, 0, visit_cycle, &cycles);
+    assert_int_equal(cycles.discoveries, 1);
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(cycles.motor[i], 1000000);
+        assert_int_equal(cycles.status[i], i ? 1000000 : 10000000);
+        assert_int_equal(cycles.additional[i],
+                         foc_additional_status_ms(bench.board[i].address) * 1000000);
+    }
+}
+
 /* ---- load ---- */
 
 enum { LOADS = 64 };
@@ -214,6 +282,8 @@ int main(void)
         cmocka_unit_test(a_target_is_of_the_motor_at_its_address),
         cmocka_unit_test(angles_of_the_rotor_are_told_as_those_of_the_joint),
         cmocka_unit_test(what_is_no_management_is_about_the_motor),
+        cmocka_unit_test(a_sensor_counts_from_the_middle_of_its_scale),
+        cmocka_unit_test(messages_have_the_cycles_of_their_boards),
         cmocka_unit_test(each_motor_loads_the_bus_with_its_frames),
         cmocka_unit_test(a_motor_needs_a_gear),
     };
