@@ -250,7 +250,7 @@ class Suite:
             self.tests.append((test["name"], program))
             limit = next((item["value"] for item in test["properties"]
                           if item["name"] == "TIMEOUT"), 60)
-            self.costs.setdefault(test["name"], limit / 20)
+            self.costs.setdefault(test["name"], 3.0 if limit <= 180 else LONG_S + 1.0)
         self.inputs = {}
         self.sick = set()
         self.healthy = set()
@@ -263,8 +263,8 @@ class Suite:
 
     def of(self, path, seconds):
         """Tests that depend on a file: all of the file (rank 0), and as many as take so long
-        together of what includes its header (1), of the folders of both (2), others (3), scripts
-        (4)."""
+        together of its folder and of what includes its header (1), of the folders of these (2),
+        others (3), scripts (4)."""
         header = f'"{path.with_suffix(".h")}"'
         users = [user.relative_to(SOURCE) for folder in (*ROOMS, "tests")
                  for user in (SOURCE / folder).rglob("*.c") if header in user.read_text()]
@@ -276,10 +276,10 @@ class Suite:
                 continue
             if own.match(name):
                 rank = 0
-            elif used.match(name):
-                rank = 1
             elif program == "coman-hil":
                 rank = 4
+            elif used.match(name) or name.startswith(f"{path.parts[-2]}_"):
+                rank = 1
             else:
                 rank = 2 if name.startswith(near) else 3
             found.append(Test(name, program, rank, self.costs[name]))
