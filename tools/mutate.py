@@ -214,6 +214,8 @@ def inside(command, limit, cpu="unlimited"):
 
 # ---- tests of a file ----
 
+# scripts that test what a room sends
+SCRIPTS = {"viewer": ("service_page", "page_recording"), "rig": ("service_dbc",)}
 Test = collections.namedtuple("Test", "name program rank seconds")
 
 
@@ -277,7 +279,7 @@ class Suite:
             if own.match(name):
                 rank = 0
             elif program == "coman-hil":
-                rank = 4
+                rank = 1 if name in SCRIPTS.get(path.parts[0], ()) else 4
             elif used.match(name) or name.startswith(f"{path.parts[-2]}_"):
                 rank = 1
             else:
