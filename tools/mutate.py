@@ -38,7 +38,7 @@ EQUIVALENT = "tests/equivalent_mutants.txt"
 ROOMS = tuple(sorted({path.parts[-2] for path in ROOT.glob("*/CMakeLists.txt")}
                      - {"docs", "systemd", "tests", "tools"}))
 BUILD_LIMIT_S = 900
-# how many times its seconds a test may take: of CPU time, and of wall-clock time on a loaded machine
+# how many times its seconds a test may take: of CPU time, of wall-clock time on a loaded machine
 PATIENCE_CPU, PATIENCE = 6, 20
 # tests that wait for the others of their rank
 LONG_S = 4
@@ -108,7 +108,8 @@ def spans(line):
         if re.search(r"(?:[=(,?:] |\(|return )-$|alloc\([^()]*$", line[:match.start()]):
             continue
         if re.fullmatch(r"\d+", number):
-            sized = line[:match.start()].endswith("[") and re.match(r"\] = |\];", line[match.end():])
+            sized = line[:match.start()].endswith("[") \
+                and re.match(r"\] = |\];", line[match.end():])
             if not array and not (sized and DECLARED.match(line)):
                 yield "off by one", *match.span(), str(int(number) + 1)
         else:
@@ -246,7 +247,8 @@ class Suite:
         self.tests = []
         for test in json.loads(shown.stdout)["tests"]:
             # a program that is not built yet has no command
-            program = pathlib.Path(test.get("command", [BUILD / "tests" / f"test_{test['name']}"])[0])
+            unbuilt = BUILD / "tests" / f"test_{test['name']}"
+            program = pathlib.Path(test.get("command", [unbuilt])[0])
             program = str(program.relative_to(BUILD)) if program.is_relative_to(BUILD) \
                 else "coman-hil"
             self.tests.append((test["name"], program))
@@ -300,7 +302,8 @@ class Suite:
         done = inside(["ctest", "-j2", "--stop-on-failure", "-R", f"^({names})$"],
                       60 + PATIENCE * sum(test.seconds for test in tests),
                       20 + PATIENCE_CPU * int(1 + max(test.seconds for test in tests)))
-        for name, seconds in re.findall(r"Test +#\d+: (\w+) \.* +Passed +([\d.]+) sec", done.stdout):
+        for name, seconds in re.findall(r"Test +#\d+: (\w+) \.* +Passed +([\d.]+) sec",
+                                        done.stdout):
             self.costs[name] = float(seconds)
         COSTS.write_text(json.dumps(self.costs, indent=1) + "\n")
         if done.returncode == 0:
