@@ -215,8 +215,9 @@ def inside(command, limit, cpu="unlimited"):
 
 # ---- tests of a file ----
 
-# scripts that test what a room sends
-SCRIPTS = {"viewer": ("service_page", "page_recording"), "rig": ("service_dbc",)}
+# scripts that test what a room sends or prints
+SCRIPTS = {"boards": ("cli_protocol",), "rig": ("service_dbc",),
+           "viewer": ("service_page", "page_recording")}
 Test = collections.namedtuple("Test", "name program rank seconds")
 
 
