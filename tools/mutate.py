@@ -275,6 +275,7 @@ class Suite:
                  for user in (SOURCE / folder).rglob("*.c") if header in user.read_text()]
         own, used = names_of([path]), names_of(users)
         near = tuple(f"{user.parts[-2]}_" for user in [path, *users]) + (f"{path.parts[0]}_",)
+        folder = (f"{path.parts[-2]}_", "_".join((*path.parts[:-1], "")))
         found = []
         for name, program in self.tests:
             if name in self.sick or not self.depends(program, path):
@@ -283,7 +284,7 @@ class Suite:
                 rank = 0
             elif program == "coman-hil":
                 rank = 1 if name in SCRIPTS.get(path.parts[0], ()) else 4
-            elif used.match(name) or name.startswith(f"{path.parts[-2]}_"):
+            elif used.match(name) or name.startswith(folder):
                 rank = 1
             else:
                 rank = 2 if name.startswith(near) else 3
