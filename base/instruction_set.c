@@ -22,7 +22,6 @@ static enum instruction_set held = INSTRUCTION_SETS; /* nothing holds it */
 enum instruction_set instruction_set_of_machine(void)
 {
 #if defined(__x86_64__)
-    __builtin_cpu_init();
     if (!__builtin_cpu_supports("avx2")) {
         return INSTRUCTIONS_PLAIN;
     }

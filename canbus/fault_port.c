@@ -285,7 +285,7 @@ void fault_port_time(struct can_port *port, int64_t time_ns)
 static bool fault_port_create_direction(struct fault_port *f, struct fault_port_direction *d,
                                         const char *name, struct arena *arena)
 {
-    d->rule = arena_alloc(arena, f->config.nrule + 1, sizeof *d->rule);
+    d->rule = arena_alloc(arena, f->config.nrule, sizeof *d->rule);
     d->held.frame = arena_alloc(arena, FAULT_PORT_HELD, sizeof *d->held.frame);
     for (size_t i = 0; d->rule && i < f->config.nrule; i++) {
         const struct fault_port_rule *rule = &f->config.rule[i];
@@ -301,7 +301,7 @@ enum error_code fault_port_create(const struct fault_port_config *config, struct
                                   struct can_port **port, struct error *error)
 {
     struct fault_port *f = arena_alloc(arena, 1, sizeof *f);
-    struct fault_port_rule *rules = arena_alloc(arena, config->nrule + 1, sizeof *rules);
+    struct fault_port_rule *rules = arena_alloc(arena, config->nrule, sizeof *rules);
 
     if (!f || !rules) {
         return error_set(error, ERROR_MEMORY, "no memory left for the faults of a bus");

@@ -33,8 +33,8 @@ enum error_code faults_create(const struct fault *fault, size_t count, uint64_t 
     if (!faults || !slots) {
         return error_set(error, ERROR_MEMORY, "no memory left for faults");
     }
-    faults->fault = arena_alloc(arena, count + 1, sizeof *faults->fault);
-    faults->hand = arena_alloc(arena, count + 1, sizeof *faults->hand);
+    faults->fault = arena_alloc(arena, count, sizeof *faults->fault);
+    faults->hand = arena_alloc(arena, count, sizeof *faults->hand);
     if (!faults->fault || !faults->hand) {
         return error_set(error, ERROR_MEMORY, "no memory left for %zu faults", count);
     }

@@ -67,7 +67,7 @@ static void dbc_export_signal(struct dbc_exporter *e, struct dbc_message *to,
             .name = name,
             .role = p->of.code == MESSAGE_NO_CODE ? DBC_PLAIN : DBC_MULTIPLEXED,
             .selector = p->of.code == MESSAGE_NO_CODE ? 0 : (uint32_t)p->of.code,
-            .start = (uint16_t)(big ? p->bit - p->bit % 8 + 7 - p->bit % 8 : p->bit),
+            .start = (uint16_t)(big ? p->bit ^ 7 : p->bit),
             .bits = (uint8_t)(field->type & FIELD_BITS_MASK),
             .big_endian = big,
             .type = field->type & FIELD_FLOAT    ? DBC_FLOAT

@@ -8,8 +8,10 @@ All of it happens in a copy of the tree (build/mutate/source). Builds and tests 
 may write or remove anything, see a read-only machine without a network, with a /tmp of their own.
 
 An object file that does not change tells that a mutant is equivalent; others that are must be
-named, with the reason, in tests/equivalent_mutants.txt. Fails when a room's tests kill fewer than
-nine of ten."""
+named, with the reason, in tests/equivalent_mutants.txt. What the compiler refuses, as it does a
+number for a pointer, is no mutant. A mutant that takes too much CPU time is killed; one that does
+not end for a limit of wall-clock time that no load makes up for is killed by time, which the table
+shows apart. Fails when a room's tests kill fewer than nine of ten."""
 import argparse
 import collections
 import hashlib
@@ -24,19 +26,30 @@ import subprocess
 import sys
 import time
 
+import release
+
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 WORK = ROOT / "build" / "mutate"
 SOURCE = WORK / "source"
 BUILD = SOURCE / "build" / "release"
+LAUNCHER = WORK / "launch.sh"
+RESULTS, COSTS = WORK / "results.json", WORK / "costs.json"
 EQUIVALENT = "tests/equivalent_mutants.txt"
 ROOMS = tuple(sorted({path.parts[-2] for path in ROOT.glob("*/CMakeLists.txt")}
                      - {"docs", "systemd", "tests", "tools"}))
 BUILD_LIMIT_S = 900
+# how many times its seconds a test may take: of CPU time, of wall-clock time on a loaded machine
+PATIENCE_CPU, PATIENCE = 6, 20
+# tests that wait for the others of their rank
+LONG_S = 4
+# what every compiler of the product refuses; other warnings are let pass
+REFUSED = ("int-conversion", "incompatible-pointer-types", "implicit-function-declaration")
 # percent of a room's mutants that its tests have to kill
 ENOUGH = 90
 MEMORY = 12 << 30
 
 Mutant = collections.namedtuple("Mutant", "line operator old new")
+Verdict = collections.namedtuple("Verdict", "word by", defaults=("",))
 
 
 # ---- mutants of a text ----
@@ -66,6 +79,8 @@ STATEMENT = re.compile(r"\s+(?:[\w.\[\]()*+\->]+ [-+*/|&^]?= [^;{]*|[\w.\->]+\(.
                        r"|[\w.\->]+(?:\+\+|--));$")
 SIGNED = re.compile(r"(?<=[\w)\]] )(\+=|-=|\*=|/=|[-+*/])(?= )|(?<=[\w\])])(\+\+|--)")
 NUMBER = re.compile(r"(?<![\w.])(\d+\.\d*(?:e[-+]?\d+)?f?|\d+e[-+]?\d+|\d+)(?![\w.])")
+# functions of which it does not matter which argument comes first
+EVEN = re.compile(r"(?:str|strn|mem)cmp|calloc|arena_alloc|fm(?:in|ax)|vec3_dot|hypot")
 TYPED = re.compile(r"(?:struct|const|void|int|double|char|enum|size_t|u?int\d+_t) ")
 # what only a sanitizer notices, or nobody should
 KEPT = re.compile(r"\s*(?:return|break|continue|goto|case|default|free|f?close|\(void\)|assert|"
@@ -89,13 +104,20 @@ def spans(line):
     array = DECLARED.match(line) and "=" not in line
     for match in NUMBER.finditer(line):
         number = match[0]
+        # -1 says that there is none, as any number below 0 does; nobody notices more memory
+        if re.search(r"(?:[=(,?:] |\(|return )-$|alloc\([^()]*$", line[:match.start()]):
+            continue
         if re.fullmatch(r"\d+", number):
-            if not array:
+            sized = line[:match.start()].endswith("[") \
+                and re.match(r"\] = |\];", line[match.end():])
+            if not array and not (sized and DECLARED.match(line)):
                 yield "off by one", *match.span(), str(int(number) + 1)
         else:
             yield "constant", *match.span(), "1.0" if float(number.rstrip("f")) == 0 \
                 else f"(1.5 * {number})"
     for match in re.finditer(r"(?<=\w\()[^()]*(?=\))", line):
+        if EVEN.fullmatch(re.search(r"\w+(?=\($)", line[:match.start()])[0]):
+            continue
         arguments = match[0].split(", ")
         for k in range(len(arguments) - 1):
             if arguments[k].strip() and arguments[k] != arguments[k + 1] \
@@ -156,6 +178,12 @@ def copy_tree():
             old.unlink()
 
 
+# how the copy is compiled: by ccache where there is one, mutants without it and without -Werror
+LAUNCH = """#!/bin/sh
+if [ "$HIL_MUTANT" ]; then exec "$@" -Wno-error; fi
+if command -v ccache >/dev/null; then exec ccache "$@"; fi
+exec "$@"
+"""
 INSIDE = """
 set -e
 mount --make-rprivate /
@@ -165,17 +193,19 @@ mount -t tmpfs -o size=4g tmpfs /tmp
 mount -t tmpfs -o size=1g tmpfs /dev/shm
 ip link set lo up
 ulimit -v {memory}
+ulimit -t {cpu}
 cd {build}
-export HOME=/tmp CCACHE_DISABLE=1
+export HOME=/tmp HIL_MUTANT=1
 exec {command}
 """
 
 
-def inside(command, limit):
-    """Runs a command in the sandbox; returns its status, 124 when it took longer than `limit`."""
+def inside(command, limit, cpu="unlimited"):
+    """Runs a command in the sandbox; its status is 124 when it took longer than `limit`. cpu:
+    limit of each process's CPU time, s."""
     own = [] if os.getuid() == 0 else ["--user", "--map-root-user"]
     script = INSIDE.format(work=shlex.quote(str(WORK)), build=shlex.quote(str(BUILD)),
-                           memory=MEMORY >> 10, command=shlex.join(command))
+                           memory=MEMORY >> 10, cpu=cpu, command=shlex.join(command))
     return subprocess.run(
         ["timeout", "-k", "5", str(limit), "unshare", *own, "--mount", "--pid", "--net", "--ipc",
          "--fork", "--kill-child", "--mount-proc", "sh", "-c", script],
@@ -185,6 +215,9 @@ def inside(command, limit):
 
 # ---- tests of a file ----
 
+# scripts that test what a room sends or prints
+SCRIPTS = {"boards": ("cli_protocol",), "rig": ("service_dbc",),
+           "viewer": ("service_page", "page_recording")}
 Test = collections.namedtuple("Test", "name program rank seconds")
 
 
@@ -203,21 +236,29 @@ class Suite:
 
     def __init__(self):
         shown = run(["ctest", "--test-dir", str(BUILD), "--show-only=json-v1"], check=True)
-        self.tests = []
-        costs = {}
-        # the seconds that they took in the tree itself, where no mutant made them wait
+        # the seconds that they took in the tree itself, and here where they passed
+        self.costs = {}
         data = ROOT / "build" / "release" / "Testing" / "Temporary" / "CTestCostData.txt"
         for line in data.read_text().split("\n") if data.exists() else ():
             words = line.split()
             if len(words) == 3 and int(words[1]) > 0:
-                costs[words[0]] = float(words[2])
+                self.costs[words[0]] = float(words[2])
+        if COSTS.exists():
+            self.costs |= json.loads(COSTS.read_text())
+        self.tests = []
         for test in json.loads(shown.stdout)["tests"]:
-            program = pathlib.Path(test["command"][0])
+            # a program that is not built yet has no command
+            unbuilt = BUILD / "tests" / f"test_{test['name']}"
+            program = pathlib.Path(test.get("command", [unbuilt])[0])
             program = str(program.relative_to(BUILD)) if program.is_relative_to(BUILD) \
                 else "coman-hil"
-            self.tests.append((test["name"], program, costs.get(test["name"], 3.0)))
+            self.tests.append((test["name"], program))
+            limit = next((item["value"] for item in test["properties"]
+                          if item["name"] == "TIMEOUT"), 60)
+            self.costs.setdefault(test["name"], 3.0 if limit <= 180 else LONG_S + 1.0)
         self.inputs = {}
-        self.healthy = {}
+        self.sick = set()
+        self.healthy = set()
 
     def depends(self, program, path):
         if program not in self.inputs:
@@ -227,26 +268,27 @@ class Suite:
 
     def of(self, path, seconds):
         """Tests that depend on a file: all of the file (rank 0), and as many as take so long
-        together of what includes its header (1), of the folders of both (2), others (3), scripts
-        (4)."""
+        together of its folder and of what includes its header (1), of the folders of these (2),
+        others (3), scripts (4)."""
         header = f'"{path.with_suffix(".h")}"'
         users = [user.relative_to(SOURCE) for folder in (*ROOMS, "tests")
                  for user in (SOURCE / folder).rglob("*.c") if header in user.read_text()]
         own, used = names_of([path]), names_of(users)
         near = tuple(f"{user.parts[-2]}_" for user in [path, *users]) + (f"{path.parts[0]}_",)
+        folder = (f"{path.parts[-2]}_", "_".join((*path.parts[:-1], "")))
         found = []
-        for name, program, cost in self.tests:
-            if not self.depends(program, path):
+        for name, program in self.tests:
+            if name in self.sick or not self.depends(program, path):
                 continue
             if own.match(name):
                 rank = 0
-            elif used.match(name):
-                rank = 1
             elif program == "coman-hil":
-                rank = 4
+                rank = 1 if name in SCRIPTS.get(path.parts[0], ()) else 4
+            elif used.match(name) or name.startswith(folder):
+                rank = 1
             else:
                 rank = 2 if name.startswith(near) else 3
-            found.append(Test(name, program, rank, cost))
+            found.append(Test(name, program, rank, self.costs[name]))
         found.sort(key=lambda test: (test.rank, test.seconds))
         total, chosen = 0.0, []
         for test in found:
@@ -254,24 +296,35 @@ class Suite:
             if total + cost <= seconds:
                 total += cost
                 chosen.append(test)
-        return [test for test in chosen if self.passes(test)]
+        return chosen
 
-    def passes(self, test):
+    def run(self, tests):
+        """Runs tests, two at a time, until one fails; returns the verdict."""
+        names = "|".join(re.escape(test.name) for test in tests)
+        done = inside(["ctest", "-j2", "--stop-on-failure", "-R", f"^({names})$"],
+                      60 + PATIENCE * sum(test.seconds for test in tests),
+                      20 + PATIENCE_CPU * int(1 + max(test.seconds for test in tests)))
+        for name, seconds in re.findall(r"Test +#\d+: (\w+) \.* +Passed +([\d.]+) sec",
+                                        done.stdout):
+            self.costs[name] = float(seconds)
+        COSTS.write_text(json.dumps(self.costs, indent=1) + "\n")
+        if done.returncode == 0:
+            return Verdict("survived")
+        failed = re.search(r"Test +#\d+: (\w+) \.*(\*\*\*Timeout)?", "".join(
+            line for line in done.stdout.split("\n") if "***" in line))
+        return Verdict("killed by time" if done.returncode == 124 or failed is None or failed[2]
+                       else "killed", failed[1] if failed else "")
+
+    def passes(self, name):
         """Whether a test passes here on what is not mutated."""
-        if test.name not in self.healthy:
-            self.healthy[test.name] = inside(ctest([test]), limit_of([test])).returncode == 0
-            if not self.healthy[test.name]:
-                print(f"    without {test.name}, which fails in the copy", flush=True)
-        return self.healthy[test.name]
-
-
-def ctest(tests):
-    names = "|".join(re.escape(test.name) for test in tests)
-    return ["ctest", "-j2", "--stop-on-failure", "-R", f"^({names})$"]
-
-
-def limit_of(tests):
-    return 20 + 6 * sum(test.seconds for test in tests)
+        if name not in self.healthy | self.sick:
+            program = dict(self.tests)[name]
+            inside(["ninja", program], BUILD_LIMIT_S)
+            good = self.run([Test(name, program, 0, 60.0)]).word == "survived"
+            (self.healthy if good else self.sick).add(name)
+            if not good:
+                print(f"    without {name}, which fails in the copy", flush=True)
+        return name in self.healthy
 
 
 # ---- verdicts ----
@@ -280,31 +333,54 @@ def object_of(path, entry, out):
     """Compiles a file to `out`; returns its hash, or nothing when it does not compile."""
     words = shlex.split(entry["command"])
     words[words.index("-o") + 1] = str(out)
-    words = [word for word in words if word not in ("-g", "-MD")] + ["-g0", "-w", "-Wno-error"]
-    if any(pathlib.Path(words[0]).name == name for name in ("ccache",)):
-        words = words[1:]
+    words = [word for word in words if word not in ("-g", "-MD")] + [
+        "-g0", "-Wno-error", *(f"-Werror={warning}" for warning in REFUSED)]
+    words = words[words[0] == str(LAUNCHER):]
     done = subprocess.run(words, cwd=entry["directory"], capture_output=True, check=False)
     return hashlib.sha256(out.read_bytes()).hexdigest() if done.returncode == 0 else None
 
 
-def verdict_of(tests):
-    """Builds and runs tests, rank by rank, until one fails."""
-    for rank in range(5):
-        some = [test for test in tests if test.rank == rank]
+def verdict_of(suite, tests):
+    """Builds and runs tests, rank by rank and short ones first, until one fails."""
+    for key in sorted({(test.rank, test.seconds > LONG_S) for test in tests}):
+        some = [test for test in tests if (test.rank, test.seconds > LONG_S) == key]
         if not some:
             continue
         built = inside(["ninja", "-k1", *sorted({test.program for test in some})], BUILD_LIMIT_S)
-        if built.returncode != 0:
-            return "killed", "the build"
-        done = inside(ctest(some), limit_of(some))
-        if done.returncode != 0:
-            failed = re.findall(r"\d+ - (\w+) \(", done.stdout.split("FAILED:")[-1])
-            return "killed", failed[0] if failed else "time"
-    return "survived", ""
+        if built.returncode != 0:  # it compiles, so something else is wrong
+            raise SystemExit(built.stdout)
+        verdict = suite.run(some)
+        if verdict.word != "survived":
+            return verdict
+    return Verdict("survived")
 
 
-def try_file(name, suite, options, equivalent):
-    """Returns the counts and survivors of a file."""
+def try_mutant(path, text, mutant, suite, options):
+    """Returns the verdict of a change that the compiler takes; tests that fail without it too are
+    left out."""
+    while True:
+        tests = suite.of(path, options.seconds)
+        (SOURCE / path).write_text(mutated(text, mutant))
+        try:
+            verdict = verdict_of(suite, tests)
+        finally:
+            (SOURCE / path).write_text(text)
+        if not verdict.by or suite.passes(verdict.by):
+            return verdict
+
+
+def compiled(path, entry, text, mutant):
+    """Returns the hash of a mutant's object file, None when the compiler refuses it."""
+    (SOURCE / path).write_text(mutated(text, mutant))
+    try:
+        return object_of(path, entry, WORK / "mutant.o")
+    finally:
+        (SOURCE / path).write_text(text)
+
+
+def try_file(name, suite, options, equivalent, before):
+    """Yields the result of a file, mutant after mutant. before: its result of an earlier run, of
+    which only what survived is tried again."""
     path = pathlib.Path(name)
     text = (SOURCE / path).read_text()
     entries = [entry for entry in json.loads((BUILD / "compile_commands.json").read_text())
@@ -312,42 +388,37 @@ def try_file(name, suite, options, equivalent):
     if not entries:
         raise SystemExit(f"{name}: found no command that compiles it")
     mutants = mutants_of(text)
-    total = len(mutants)
-    if options.mutants and total > options.mutants:
-        mutants = sorted(random.Random(f"{options.seed}:{name}").sample(mutants, options.mutants))
+    random.Random(f"{options.seed}:{name}").shuffle(mutants)
+    known = {Mutant(*mutant): Verdict(*verdict) for mutant, verdict in before["verdicts"]
+             if verdict[0] != "survived"} if before else {}
     tests = suite.of(path, options.seconds)
-    print(f"{name}: {len(mutants)} of {total} mutants, {len(tests)} tests "
+    print(f"{name}: {len(mutants)} mutants, {len(tests)} tests "
           f"({', '.join(test.name for test in tests[:4])}{', ...' if len(tests) > 4 else ''})",
           flush=True)
-    counts = collections.Counter(total=total)
-    survivors = []
-    out = WORK / "mutant.o"
-    original = object_of(path, entries[0], out)
+    verdicts = []
+    result = {"text": hashlib.sha256(text.encode()).hexdigest(), "verdicts": verdicts}
+    original = object_of(path, entries[0], WORK / "mutant.o")
     for mutant in mutants:
+        if options.mutants and len(verdicts) == options.mutants:
+            break
         start = time.monotonic()
-        (SOURCE / path).write_text(mutated(text, mutant))
-        try:
-            changed = object_of(path, entries[0], out)
+        verdict = known.get(mutant)
+        if (name, mutant.old, mutant.new) in equivalent:
+            verdict = Verdict("equivalent", "listed")
+        elif not verdict:
+            changed = compiled(path, entries[0], text, mutant)
             if changed is None:
-                verdict, by = "not compiled", ""
-            elif changed == original:
-                verdict, by = "equivalent", ""
-            elif (name, mutant.old, mutant.new) in equivalent:
-                verdict, by = "equivalent", "listed"
-            else:
-                verdict, by = verdict_of(tests)
-        finally:
-            (SOURCE / path).write_text(text)
-        counts[verdict] += 1
-        if verdict == "survived":
-            survivors.append(mutant._asdict())
+                continue
+            verdict = Verdict("equivalent") if changed == original \
+                else try_mutant(path, text, mutant, suite, options)
+        verdicts.append((mutant, verdict))
+        if verdict.word == "survived":
             print(f"    {name}:{mutant.line}: {mutant.operator} survived\n"
                   f"        - {mutant.old}\n        + {mutant.new}", flush=True)
         elif options.verbose:
-            print(f"    {name}:{mutant.line}: {mutant.operator} {verdict} {by} "
+            print(f"    {name}:{mutant.line}: {mutant.operator} {verdict.word} {verdict.by} "
                   f"{time.monotonic() - start:.1f} s", flush=True)
-    return {"text": hashlib.sha256(text.encode()).hexdigest(), "counts": counts,
-            "survivors": survivors}
+        yield result
 
 
 def read_equivalent(text):
@@ -360,29 +431,40 @@ def read_equivalent(text):
 
 def killed_share(counts):
     """Percent of the mutants that can be killed and were; all, when there was none."""
-    tried = counts["killed"] + counts["survived"]
-    return 100 * counts["killed"] / tried if tried else 100
+    killed = counts["killed"] + counts["killed by time"]
+    tried = killed + counts["survived"]
+    return 100 * killed / tried if tried else 100
 
 
 def counts_of_rooms(results):
     rooms = collections.defaultdict(collections.Counter)
     for name, result in sorted(results.items()):
         for key in (name.split("/")[0], "all"):
-            rooms[key].update(result["counts"], files=1)
+            rooms[key].update([verdict[0] for _, verdict in result["verdicts"]])
+            rooms[key]["files"] += 1
     return rooms
 
 
 def table_of(rooms):
     """Counts by room, as Markdown."""
-    lines = ["| room | files | mutants tried | equivalent | killed | survived | killed % |",
-             "|---|---|---|---|---|---|---|"]
+    lines = ["| room | files | mutants tried | equivalent | killed | of them by time | survived "
+             "| killed % |", "|---|---|---|---|---|---|---|---|"]
     for room in sorted(rooms, key=lambda key: (key == "all", key)):
         counts = rooms[room]
-        killed, survived = counts["killed"], counts["survived"]
-        lines.append(f"| {room} | {counts['files']} | {killed + survived + counts['equivalent']} "
-                     f"| {counts['equivalent']} | {killed} | {survived} "
+        killed, late = counts["killed"] + counts["killed by time"], counts["killed by time"]
+        survived, equivalent = counts["survived"], counts["equivalent"]
+        lines.append(f"| {room} | {counts['files']} | {killed + survived + equivalent} "
+                     f"| {equivalent} | {killed} | {late} | {survived} "
                      f"| {killed_share(counts):.0f} |")
     return "\n".join(lines)
+
+
+def report(table):
+    """Writes the table to the report's end."""
+    head = release.REPORT.read_text().partition(release.MUTANTS)[0]
+    command = shlex.join(word for word in sys.argv[1:] if word not in ("--report", "--again"))
+    release.REPORT.write_text(f"{head}{release.MUTANTS}\n\n`./dev mutate {command}` on commit "
+                      f"{release.commit()}:\n\n{table}\n")
 
 
 def main():
@@ -396,6 +478,11 @@ def main():
     parser.add_argument("--seconds", type=float, default=40, metavar="S",
                         help="of tests beside the file's own for a mutant that survives (40)")
     parser.add_argument("--seed", default="1", help="of all drawings (1)")
+    parser.add_argument("--again", action="store_true",
+                        help="keep what the last run found of files that did not change, but for "
+                             "what survived, which is tried again")
+    parser.add_argument("--report", action="store_true",
+                        help="write the table to docs/release-report.md too")
     parser.add_argument("--list", action="store_true", help="print the mutants and try none")
     parser.add_argument("--verbose", action="store_true",
                         help="print also what was killed, and by what")
@@ -421,21 +508,33 @@ def main():
         return 0
 
     copy_tree()
-    for command in (["cmake", "--preset", "release", "-DBUILD_TESTING=ON", "-DHIL_WERROR=OFF"],
-                    ["cmake", "--build", "--preset", "release", "--", "--quiet"]):
+    LAUNCHER.write_text(LAUNCH)
+    LAUNCHER.chmod(0o755)
+    for command in (["cmake", "--preset", "release", "-DBUILD_TESTING=ON",
+                     *(f"-DCMAKE_{language}_COMPILER_LAUNCHER={LAUNCHER}"
+                       for language in ("C", "CXX"))],
+                    ["cmake", "--build", "--preset", "release", "--target", "coman-hil", "--",
+                     "--quiet"]):
         built = subprocess.run(command, cwd=SOURCE, stdout=subprocess.DEVNULL, check=False)
         if built.returncode != 0:
             return 1
     suite = Suite()
     listed = SOURCE / EQUIVALENT
     equivalent = read_equivalent(listed.read_text()) if listed.exists() else set()
+    before = json.loads(RESULTS.read_text()) if options.again and RESULTS.exists() else {}
     results = {}
     for name in names:
-        results[name] = try_file(name, suite, options, equivalent)
-        inside(["ninja"], BUILD_LIMIT_S)
-    (WORK / "results.json").write_text(json.dumps(results, indent=1) + "\n")
+        text = hashlib.sha256((SOURCE / name).read_bytes()).hexdigest()
+        old = before.get(name)
+        for result in try_file(name, suite, options, equivalent,
+                               old if old and old["text"] == text else None):
+            results[name] = result
+            RESULTS.write_text(json.dumps(before | results, indent=1) + "\n")
     rooms = counts_of_rooms(results)
-    print("\n" + table_of(rooms))
+    table = table_of(rooms)
+    print("\n" + table)
+    if options.report:
+        report(table)
     return 0 if all(killed_share(counts) >= ENOUGH for counts in rooms.values()) else 1
 
 

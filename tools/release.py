@@ -15,6 +15,7 @@ import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 REPORT = ROOT / "docs" / "release-report.md"
+MUTANTS = "## Mutants by room"
 LOGS = ROOT / "build" / "release-check"
 
 # `short` stands in the place of `command` with --short, where it is given; minutes are a limit
@@ -120,17 +121,8 @@ def rows_of(text):
     return rows
 
 
-def table_at_end(text):
-    """The Markdown table that a text ends with, or nothing."""
-    lines = text.rstrip("\n").split("\n")
-    start = len(lines)
-    while start and lines[start - 1].startswith("|"):
-        start -= 1
-    return lines[start:]
-
-
 def report(rows, mutants):
-    """The text of the report; `mutants` are the lines of their table by room."""
+    """The text of the report; `mutants` is its last section, which `./dev mutate` writes."""
     lines = ["# Release report", "",
              "What `./dev release` found; each row was made by its command, on the commit and the "
              "processor that it", "names. [release.md](release.md) says what else a release takes.",
@@ -139,7 +131,7 @@ def report(rows, mutants):
         row = rows.get(check.name, {"check": check.name, "proves": check.proves,
                                     "command": f"`{check.command}`", "verdict": "not yet run"})
         lines.append("| " + " | ".join(row.get(column, "") for column in COLUMNS) + " |")
-    return "\n".join([*lines, "", "## Mutants by room", "", *mutants]) + "\n"
+    return "\n".join([*lines, "", MUTANTS]) + mutants
 
 
 def main():
@@ -160,13 +152,11 @@ def main():
             print(f"{check.name:12} {command}")
         return 0
     before = REPORT.read_text()
-    rows, mutants = rows_of(before), table_at_end(before)
+    rows, mutants = rows_of(before), before.partition(MUTANTS)[2]
     good = True
     for check in chosen:
         rows[check.name] = run(check, arguments.short)
         good = good and rows[check.name]["verdict"].startswith("passed")
-        if check.name == "mutants":
-            mutants = table_at_end((LOGS / "mutants.log").read_text())
         REPORT.write_text(report(rows, mutants))
     return 0 if good else 1
 

@@ -26,7 +26,7 @@ hil_script_test(cli_old_files COMMAND /usr/bin/python3
 hil_script_test(cli_protocol COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/protocol.sh
                 $<TARGET_FILE:coman-hil> LABELS unit)
 
-foreach(name cylinder follow hostile mesh mjcf_include run urdf)
+foreach(name cylinder follow hostile mesh mjcf_include path run urdf)
     hil_test(import_${name} SOURCES unit/app/import/${name}.c LIBS import LABELS unit
              TIMEOUT 240)
 endforeach()

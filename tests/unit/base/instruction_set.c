@@ -4,10 +4,44 @@
 
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <string.h>
 #include <cmocka.h>
+
+/* Whether Linux names a feature of the processor in a line of flags. */
+static bool kernel_tells(const char *flags, const char *feature)
+{
+    char word[32];
+
+    snprintf(word, sizeof word, " %s ", feature);
+    return strstr(flags, word) != NULL;
+}
+
+static void the_machine_has_what_the_kernel_says(void **state)
+{
+    FILE *file = fopen("/proc/cpuinfo", "re");
+    char line[8192];
+
+    (void)state;
+    assert_non_null(file);
+    while (fgets(line, sizeof line, file) && strncmp(line, "flags", 5)) {
+    }
+    fclose(file);
+    if (strncmp(line, "flags", 5)) {
+        assert_int_equal(instruction_set_of_machine(), INSTRUCTIONS_PLAIN); /* not of this kind */
+        return;
+    }
+    line[strcspn(line, "\n")] = ' ';
+    assert_int_equal(instruction_set_of_machine(), !kernel_tells(line, "avx2") ? INSTRUCTIONS_PLAIN
+                                                   : kernel_tells(line, "avx512f") &&
+                                                           kernel_tells(line, "avx512vl") &&
+                                                           kernel_tells(line, "avx512dq")
+                                                       ? INSTRUCTIONS_AVX512
+                                                       : INSTRUCTIONS_AVX2);
+}
 
 static void the_widest_is_used_when_nothing_holds_the_process(void **state)
 {
@@ -28,6 +62,8 @@ static void the_process_is_held_to_what_the_machine_has(void **state)
         assert_int_equal(code, set <= widest ? ERROR_NONE : ERROR_INPUT);
         assert_int_equal(instruction_set_used(), set <= widest ? set : before);
     }
+    assert_int_equal(instruction_set_hold("plain", &error), ERROR_NONE);
+    assert_int_equal(instruction_set_used(), INSTRUCTIONS_PLAIN);
 }
 
 static void another_name_is_refused(void **state)
@@ -42,6 +78,7 @@ static void another_name_is_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_machine_has_what_the_kernel_says),
         cmocka_unit_test(the_widest_is_used_when_nothing_holds_the_process),
         cmocka_unit_test(the_process_is_held_to_what_the_machine_has),
         cmocka_unit_test(another_name_is_refused),

@@ -295,6 +295,81 @@ static void rule_with_an_id_leaves_the_others_alone(void **state)
     assert_int_equal(bench->frame[0].id, 0x101);
 }
 
+/* ---- several rules, and none ---- */
+
+static void spoil_by(struct bench *bench, struct fault_port_rule *rule, size_t count)
+{
+    const struct fault_port_config config = {.port = bench->near, .rule = rule, .nrule = count};
+    struct error error;
+
+    bench->active = true;
+    for (size_t i = 0; i < count; i++) {
+        rule[i].active = &bench->active;
+        rule[i].stream = "1";
+    }
+    assert_int_equal(fault_port_create(&config, &bench->arena, &bench->near, &error), ERROR_NONE);
+}
+
+static void each_rule_acts_on_the_frames_of_its_id(void **state)
+{
+    struct fault_port_rule rule[] = {{FAULT_PORT_LOSS, .probability = 1.0, .id = 0},
+                                     {FAULT_PORT_DUPLICATE, .probability = 1.0, .id = 0x101},
+                                     {FAULT_PORT_LOSS, .probability = 1.0, .id = 0x102}};
+    struct bench *bench = *state;
+
+    spoil_by(bench, rule, ARRAY_COUNT(rule));
+    for (uint32_t id = 0; id <= 3; id++) {
+        send(bench->far, id ? 0x100 + id : 0, id, 1);
+        send(bench->near, id ? 0x100 + id : 0, id, 1);
+    }
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(receive(bench, i ? bench->near : bench->far), 3);
+        assert_int_equal(bench->frame[0].id, 0x101);
+        assert_int_equal(bench->frame[1].id, 0x101);
+        assert_int_equal(bench->frame[2].id, 0x103);
+    }
+}
+
+static void delays_of_two_rules_add_up(void **state)
+{
+    struct fault_port_rule rule[] = {{FAULT_PORT_LATE, .delay_ns = MS, .id = -1},
+                                     {FAULT_PORT_LATE, .delay_ns = 2 * MS, .id = -1}};
+    struct bench *bench = *state;
+
+    spoil_by(bench, rule, ARRAY_COUNT(rule));
+    send(bench->far, 0x101, 0, 1);
+    for (int64_t ns = 0; ns < 3 * MS; ns += MS - 1) {
+        fault_port_time(bench->near, ns);
+        assert_int_equal(receive(bench, bench->near), 0);
+    }
+    fault_port_time(bench->near, 3 * MS);
+    assert_int_equal(receive(bench, bench->near), 1);
+}
+
+static void any_rule_may_switch_the_bus_off(void **state)
+{
+    struct fault_port_rule rule[] = {{FAULT_PORT_LOSS, .probability = 0.0, .id = -1},
+                                     {FAULT_PORT_BUS_OFF, .id = -1}};
+    struct bench *bench = *state;
+
+    spoil_by(bench, rule, ARRAY_COUNT(rule));
+    send(bench->far, 0x101, 0, 5);
+    assert_int_equal(receive(bench, bench->near), 0);
+    assert_int_equal(bench->near->state, CAN_PORT_BUS_OFF);
+}
+
+static void without_rules_it_is_a_port(void **state)
+{
+    struct fault_port_rule none;
+    struct bench *bench = *state;
+
+    spoil_by(bench, &none, 0);
+    send(bench->far, 0x101, 0, 100);
+    assert_all(bench, receive(bench, bench->near), 100);
+    send(bench->near, 0x101, 0, 100);
+    assert_all(bench, receive(bench, bench->far), 100);
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
 
 int main(void)
@@ -312,6 +387,10 @@ int main(void)
         TEST(lockstep_frames_pass_unless_a_rule_names_them),
         TEST(lockstep_frames_pass_even_when_the_bus_is_off),
         TEST(rule_with_an_id_leaves_the_others_alone),
+        TEST(each_rule_acts_on_the_frames_of_its_id),
+        TEST(delays_of_two_rules_add_up),
+        TEST(any_rule_may_switch_the_bus_off),
+        TEST(without_rules_it_is_a_port),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -2,6 +2,9 @@
 /* A local bus goes back to a state that was saved: the frames between the nodes of one thread, and
  * its wire. */
 #include "canbus/port.h"
+#include "canbus/wire/wire.h"
+
+#include <linux/can/error.h>
 
 #include <string.h>
 
@@ -54,6 +57,7 @@ static void more_frames_than_a_copy_holds_are_refused(void **state)
 {
     const struct local_bus_config config = {.name = "bus", .max_nodes = 2, .inbox = 4096};
     struct can_port *own[2];
+    struct bus_frame frame;
     struct local_bus *bus;
     struct error error;
     void *memory;
@@ -67,11 +71,229 @@ static void more_frames_than_a_copy_holds_are_refused(void **state)
         send_numbered(own[0], 1);
     }
     assert_true(local_bus_save(bus, 2, memory));
+    local_bus_restore(bus, 2, memory);
+    for (int i = 0; i < 2048; i++) {
+        assert_int_equal(can_receive(own[1], &frame, 1), 1);
+        assert_int_equal(frame.id, 1);
+    }
+    assert_int_equal(can_receive(own[1], &frame, 1), 0);
+    local_bus_restore(bus, 2, memory);
     send_numbered(own[0], 1);
+    assert_false(local_bus_save(bus, 2, memory));
+
+    /* The same number in two lanes */
+    assert_int_equal(can_receive(own[1], &frame, 1), 1);
+    assert_true(local_bus_save(bus, 2, memory));
+    send_numbered(own[1], 1);
     assert_false(local_bus_save(bus, 2, memory));
     own[0]->ops->close(own[0]);
     own[1]->ops->close(own[1]);
     local_bus_destroy(bus);
+}
+
+/* ---- with a wire ---- */
+
+enum { MS = 1000000, BOARDS = 2, HOST = BOARDS, QUEUE = 4 };
+
+/* A bus with a wire: two controllers of the boards' port, the host's, and another thread's. */
+struct bench {
+    struct local_bus *bus;
+    struct can_port *boards, *host, *other;
+};
+
+static struct can_port *join(struct local_bus *bus, size_t nodes)
+{
+    struct can_port *port = NULL;
+    struct error error;
+
+    assert_int_equal(local_bus_join_nodes(bus, nodes, NULL, 0, &port, &error), ERROR_NONE);
+    return port;
+}
+
+static struct bench open_wire(void)
+{
+    const struct local_bus_config config = {.name = "limb",
+                                            .max_nodes = 3,
+                                            .inbox = 64,
+                                            .mode = LOCAL_BUS_WIRE,
+                                            .wire_nodes = BOARDS + 2,
+                                            .queue = QUEUE,
+                                            .restart_delay_ns = 10 * MS};
+    struct bench bench;
+    struct error error;
+
+    assert_int_equal(local_bus_create(&config, &arena, &bench.bus, &error), ERROR_NONE);
+    bench.boards = join(bench.bus, BOARDS);
+    bench.host = join(bench.bus, 1);
+    bench.other = join(bench.bus, 1);
+    return bench;
+}
+
+/* What a checkpoint keeps of a bus whose first two nodes are of its own thread. */
+struct moment {
+    void *of_bus, *of_wire;
+};
+
+static void save_again(const struct bench *bench, const struct moment *moment)
+{
+    size_t size;
+    void *wire = wire_memory(local_bus_wire(bench->bus), &size);
+
+    assert_true(local_bus_save(bench->bus, 2, moment->of_bus));
+    memcpy(moment->of_wire, wire, size);
+}
+
+/* Saves, and looks that nothing is written behind what the bus asked for. */
+static struct moment save(const struct bench *bench)
+{
+    enum { BEHIND = 1024 };
+    const size_t asked = local_bus_save_size(bench->bus);
+    struct moment moment;
+    unsigned char *kept;
+    size_t size;
+
+    wire_memory(local_bus_wire(bench->bus), &size);
+    moment.of_bus = kept = arena_alloc(&arena, 1, asked + BEHIND);
+    moment.of_wire = arena_alloc(&arena, 1, size);
+    memset(kept, 0xa5, asked + BEHIND);
+    save_again(bench, &moment);
+    for (size_t i = 0; i < BEHIND; i++) {
+        assert_int_equal(kept[asked + i], 0xa5);
+    }
+    return moment;
+}
+
+static void restore(const struct bench *bench, const struct moment *moment)
+{
+    size_t size;
+    void *wire = wire_memory(local_bus_wire(bench->bus), &size);
+
+    memcpy(wire, moment->of_wire, size);
+    local_bus_restore(bench->bus, 2, moment->of_bus);
+}
+
+static void a_frame_that_waits_for_the_wire_goes_over_it_again(void **state)
+{
+    struct bench bench = open_wire();
+    struct moment moment;
+
+    (void)state;
+    send_numbered(bench.host, 1);
+    moment = save(&bench); /* before the wire has seen that anybody is there */
+    for (int i = 0; i < 3; i++) {
+        local_bus_advance(bench.bus, MS);
+        assert_int_equal(take_numbers(bench.boards), 1);
+        restore(&bench, &moment);
+    }
+    local_bus_destroy(bench.bus);
+}
+
+static void who_has_left_after_going_back_acknowledges_nothing(void **state)
+{
+    struct bench bench = open_wire();
+    struct wire_node_stats stats;
+    struct moment moment;
+
+    (void)state;
+    local_bus_advance(bench.bus, MS);
+    moment = save(&bench);
+    local_bus_advance(bench.bus, 2 * MS);
+    restore(&bench, &moment);
+    bench.boards->ops->close(bench.boards);
+    bench.other->ops->close(bench.other);
+    send_numbered(bench.host, 1);
+    local_bus_advance(bench.bus, 3 * MS);
+    wire_node_stats(local_bus_wire(bench.bus), HOST, &stats);
+    assert_int_equal(stats.confirmed, 0);
+    local_bus_destroy(bench.bus);
+}
+
+/* Ten frames for a queue of four. */
+static void overflow(const struct bench *bench, int64_t until_ns)
+{
+    for (uint32_t i = 0; i < 10; i++) {
+        send_numbered(bench->host, 1 + i);
+        send_numbered(bench->boards, 101 + i);
+    }
+    local_bus_advance(bench->bus, until_ns);
+    take_numbers(bench->boards);
+    take_numbers(bench->host);
+    take_numbers(bench->other);
+}
+
+static void what_the_wire_drops_is_counted_again_after_going_back(void **state)
+{
+    struct bench bench = open_wire();
+    struct moment moment, later;
+
+    (void)state;
+    overflow(&bench, 10 * MS);
+    moment = save(&bench);
+    for (unsigned times = 1; times < 4; times++) {
+        assert_int_equal(bench.host->counters.tx_dropped, 6 * times);
+        assert_int_equal(bench.boards->counters.tx_dropped, 6 * times);
+        restore(&bench, &moment);
+        overflow(&bench, 20 * MS);
+    }
+
+    /* Also where the memory has held a later moment */
+    later = save(&bench);
+    restore(&bench, &moment);
+    save_again(&bench, &later);
+    restore(&bench, &later);
+    overflow(&bench, 20 * MS);
+    assert_int_equal(bench.host->counters.tx_dropped, 6 * 5);
+    local_bus_destroy(bench.bus);
+}
+
+static void states_of_controllers_go_back_and_those_of_others_stay(void **state)
+{
+    struct bench bench = open_wire();
+    struct wire *wire = local_bus_wire(bench.bus);
+    struct moment up, half;
+
+    (void)state;
+    local_bus_advance(bench.bus, MS);
+    up = save(&bench);
+
+    /* All of the boards' controllers, the host's and another's go off */
+    wire_force_bus_off(wire, 0);
+    local_bus_advance(bench.bus, 2 * MS);
+    half = save(&bench);
+    for (size_t node = 1; node < BOARDS + 2; node++) {
+        wire_force_bus_off(wire, node);
+    }
+    local_bus_advance(bench.bus, 3 * MS);
+    assert_int_equal(take_numbers(bench.boards), CAN_ERR_BUSOFF);
+    assert_int_equal(take_numbers(bench.host), CAN_ERR_BUSOFF);
+    assert_int_equal(take_numbers(bench.other), CAN_ERR_BUSOFF);
+    assert_int_equal(bench.boards->state, CAN_PORT_BUS_OFF);
+    restore(&bench, &up);
+    assert_int_equal(bench.boards->state, CAN_PORT_UP);
+    assert_int_equal(bench.host->state, CAN_PORT_UP);
+    assert_int_equal(bench.other->state, CAN_PORT_BUS_OFF);
+
+    /* With one of its controllers on the bus the port is; the other one takes it off, as it did */
+    wire_force_bus_off(wire, 1);
+    local_bus_advance(bench.bus, 3 * MS);
+    take_numbers(bench.boards);
+    assert_int_equal(bench.boards->state, CAN_PORT_UP);
+    restore(&bench, &half);
+    wire_force_bus_off(wire, 1);
+    local_bus_advance(bench.bus, 3 * MS);
+    assert_int_equal(take_numbers(bench.boards), CAN_ERR_BUSOFF);
+    assert_int_equal(bench.boards->state, CAN_PORT_BUS_OFF);
+
+    /* A port that is saved off the bus is told when its controllers are restarted */
+    up = save(&bench);
+    for (int i = 0; i < 2; i++) {
+        local_bus_advance(bench.bus, 40 * MS);
+        assert_true(take_numbers(bench.boards) & CAN_ERR_RESTARTED);
+        assert_int_equal(bench.boards->state, CAN_PORT_UP);
+        restore(&bench, &up);
+        assert_int_equal(bench.boards->state, CAN_PORT_BUS_OFF);
+    }
+    local_bus_destroy(bench.bus);
 }
 
 int main(void)
@@ -81,6 +303,14 @@ int main(void)
                                         open_arena, close_arena),
         cmocka_unit_test_setup_teardown(more_frames_than_a_copy_holds_are_refused, open_arena,
                                         close_arena),
+        cmocka_unit_test_setup_teardown(a_frame_that_waits_for_the_wire_goes_over_it_again,
+                                        open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(who_has_left_after_going_back_acknowledges_nothing,
+                                        open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(what_the_wire_drops_is_counted_again_after_going_back,
+                                        open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(states_of_controllers_go_back_and_those_of_others_stay,
+                                        open_arena, close_arena),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -51,6 +51,18 @@ static void hello_says_who_it_is(void **state)
     stop_and_close();
 }
 
+static void assert_counts(const json_t *object, const char *const *names, int64_t expected)
+{
+    for (; *names; names++) {
+        if (!json_is_integer(json_object_get(object, *names)) ||
+            whole_of(object, *names) != expected) {
+            fail_msg("%s is not %lld", *names, (long long)expected);
+        }
+    }
+}
+
+#define NAMES(...) ((const char *const[]){__VA_ARGS__, NULL})
+
 /* a board that nobody plays is silent from the first tick on, and was never heard */
 static void status_tells_of_external_boards(void **state)
 {
@@ -97,6 +109,59 @@ static void status_is_that_of_the_tick(void **state)
     stop_and_close();
 }
 
+/* A run of its own, on which nobody but this client acts. */
+static void status_says_what_is_simulated_and_that_nothing_is_lost(void **state)
+{
+    json_t *answer, *buses;
+    char hash[20];
+
+    (void)state;
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE, .task = "squat"});
+    bench_do(&bench, "{\"cmd\":\"step\",\"count\":100}");
+    json_decref(ask("{\"cmd\":\"status\"}"));
+    bench_do(&bench, "{\"cmd\":\"step\",\"count\":100}");
+    answer = ask("{\"cmd\":\"status\"}");
+    snprintf(hash, sizeof hash, "%016llx", (unsigned long long)bench.rig->robot->hash);
+    assert_string_equal(string_of(answer, "rig"), "coman");
+    assert_string_equal(string_of(answer, "file"), bench.rig->file);
+    assert_string_equal(string_of(answer, "robot_hash"), hash);
+    assert_true(json_is_null(json_object_get(answer, "recording")));
+    assert_true(json_is_false(json_object_get(answer, "clamped")));
+    assert_true(json_is_number(json_object_get(answer, "speed")));
+    assert_true(number_of(answer, "tick_s") == 1e-3);
+    assert_true(number_of(answer, "elapsed_s") > 0.0);
+    assert_counts(answer, NAMES("overruns", "lost_ticks"), 0);
+    assert_int_equal(json_array_size(json_object_get(answer, "faults")), 0);
+    assert_string_equal(string_of(json_object_get(answer, "task"), "status"), "running");
+    assert_true(json_is_string(json_object_get(json_object_get(answer, "task"), "message")));
+
+    /* Each joint's angle by its name */
+    for (size_t j = 0; j < bench.rig->robot->njoint; j++) {
+        assert_true(json_is_number(
+            json_object_get(json_object_get(answer, "joints"), bench.rig->robot->joint[j].name)));
+    }
+
+    /* Boards and task have both sent, and the bus had room: less than its bits in 0.1 s */
+    buses = json_object_get(answer, "buses");
+    for (size_t b = 0; b < bench.rig->nbus; b++) {
+        const json_t *bus = json_array_get(buses, b);
+
+        assert_string_equal(string_of(bus, "name"), bench.rig->bus[b].name);
+        assert_string_equal(string_of(bus, "state"), "up");
+        assert_true(whole_of(bus, "rx_frames") > 0 && whole_of(bus, "tx_frames") > 0);
+        assert_counts(bus, NAMES("rx_dropped", "tx_dropped"), 0);
+        assert_true(number_of(bus, "load") > 0.0 && number_of(bus, "load") < 1.0);
+    }
+    assert_counts(json_object_get(answer, "control"),
+                  NAMES("refused_requests", "turned_away", "cut_junk", "cut_slow", "cut_silent",
+                        "rows", "missed_rows"),
+                  0);
+    assert_true(whole_of(json_object_get(answer, "control"), "clients") >= 1);
+    assert_true(whole_of(json_object_get(answer, "control"), "requests") >= 4);
+    json_decref(answer);
+    stop_and_close();
+}
+
 static void statistics_count_every_tick(void **state)
 {
     json_t *answer, *phases;
@@ -114,6 +179,31 @@ static void statistics_count_every_tick(void **state)
     assert_true(number_of(json_object_get(phases, "plant"), "p99_us") <=
                 number_of(json_object_get(phases, "plant"), "max_us"));
     assert_int_equal(whole_of(answer, "overruns"), 0);
+    assert_counts(answer, NAMES("overruns", "late_ticks", "lost_ticks", "events_lost"), 0);
+    assert_counts(answer, NAMES("tick"), 400);
+    assert_true(number_of(answer, "time_s") == 0.4);
+    assert_true(json_is_integer(json_object_get(answer, "pauses")));
+    assert_true(json_is_integer(json_object_get(answer, "pause_ticks")));
+    assert_counts(json_object_get(answer, "lockstep"),
+                  NAMES("steps", "mismatches", "malformed", "silences"), 0);
+    assert_int_equal(json_object_size(json_object_get(answer, "overruns_by")), PHASE_COUNT);
+    assert_counts(json_object_get(answer, "overruns_by"), NAMES("plant", "publish"), 0);
+
+    /* In order, with the mean between the ends; a tick's work is all of its phases */
+    for (int i = 0; i < 2; i++) {
+        const json_t *of = i ? json_object_get(answer, "work") : json_object_get(phases, "plant");
+
+        assert_counts(of, NAMES("count"), 400);
+        assert_true(number_of(of, "min_us") > 0.0);
+        assert_true(number_of(of, "min_us") <= number_of(of, "median_us"));
+        assert_true(number_of(of, "median_us") <= number_of(of, "p99_us"));
+        assert_true(number_of(of, "p99_us") <= number_of(of, "max_us"));
+        assert_true(number_of(of, "min_us") <= number_of(of, "mean_us"));
+        assert_true(number_of(of, "mean_us") <= number_of(of, "max_us"));
+    }
+    assert_true(number_of(json_object_get(answer, "work"), "min_us") >=
+                number_of(json_object_get(phases, "plant"), "min_us"));
+    assert_true(json_is_integer(json_object_get(json_object_get(answer, "wakeup"), "count")));
     json_decref(answer);
     stop_and_close();
 }
@@ -348,6 +438,7 @@ int main(void)
         cmocka_unit_test(hello_says_who_it_is),
         cmocka_unit_test(status_is_that_of_the_tick),
         cmocka_unit_test(status_tells_of_external_boards),
+        cmocka_unit_test(status_says_what_is_simulated_and_that_nothing_is_lost),
         cmocka_unit_test(statistics_count_every_tick),
         cmocka_unit_test(lists_have_patterns),
         cmocka_unit_test(tunables_are_set_and_read_back),

@@ -19,8 +19,29 @@ static void *allocate(size_t size)
     return malloc(size);
 }
 
+/* Whether an answer has all keys and entries of another. */
+static bool is_as_complete(const json_t *answer, const json_t *other)
+{
+    bool good = json_object_size(answer) == json_object_size(other) &&
+                json_array_size(answer) == json_array_size(other);
+    const char *key;
+    json_t *value;
+
+    json_object_foreach((json_t *)(uintptr_t)other, key, value)
+    {
+        const json_t *of = json_object_get(answer, key);
+
+        good = good && of && is_as_complete(of, value);
+    }
+    for (size_t i = 0; i < json_array_size(other) && good; i++) {
+        good = is_as_complete(json_array_get(answer, i), json_array_get(other, i));
+    }
+    return good;
+}
+
 static void fail_each_allocation_of(const char *request)
 {
+    json_t *complete = client_ask(&bench.client, request);
     long n = 0, failed = 0;
 
     for (bool whole = false; !whole; n++) {
@@ -42,10 +63,13 @@ static void fail_each_allocation_of(const char *request)
             /* while it reads names and strings the library tells of a wrong word instead */
             assert_true(told || strncmp(string_of(answer, "error"), "line ", 5) == 0);
             failed += told;
+        } else if (!is_as_complete(answer, complete)) {
+            fail_msg("%s: allocation %ld failed, and the answer lacks something", request, n);
         }
         json_decref(answer);
     }
     assert_true(failed > 0);
+    json_decref(complete);
     bench_do(&bench, "{\"cmd\":\"hello\"}");
 }
 
@@ -56,6 +80,9 @@ static void every_failed_allocation_is_told(void **state)
     atomic_store(&until_failure, -1);
     json_set_alloc_funcs(allocate, free);
     bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
+    bench_do(&bench,
+             "{\"cmd\":\"step\",\"count\":5}"); /* joints and contacts are told from then on */
+    bench_do(&bench, "{\"cmd\":\"checkpoint\",\"slot\":1}");
     fail_each_allocation_of("{\"id\":\"one\",\"cmd\":\"hello\"}");
     fail_each_allocation_of("{\"id\":2,\"cmd\":\"status\"}");
     fail_each_allocation_of("{\"cmd\":\"statistics\"}");

@@ -60,6 +60,9 @@ static void hand_overrules_the_clock(void **state)
     int lossy = faults_find(bench->faults, "lossy");
 
     assert_int_equal(lossy, 1);
+    assert_int_equal(faults_seed(bench->faults), 7);
+    assert_int_equal(faults_count(bench->faults), 3);
+    assert_int_equal(faults_find(bench->faults, "1"), 0);
     assert_int_equal(faults_find(bench->faults, "3"), 2);
     assert_int_equal(faults_find(bench->faults, "none"), -1);
     assert_true(faults_set(bench->faults, 0, 1, true));
@@ -95,6 +98,35 @@ static void each_change_is_one_event(void **state)
     assert_false(faults_next_event(bench->faults, &event));
 }
 
+static void a_run_may_have_no_faults(void **state)
+{
+    struct bench *bench = *state;
+    struct fault_event event;
+    struct faults *faults;
+    struct error error;
+
+    assert_int_equal(faults_create(NULL, 0, 7, &bench->arena, &faults, &error), ERROR_NONE);
+    assert_int_equal(faults_count(faults), 0);
+    faults_step(faults, SECOND);
+    assert_false(faults_set(faults, SECOND, 0, true));
+    assert_false(faults_next_event(faults, &event));
+}
+
+/* A name of one letter counts, and so does the number of another fault. */
+static void refuses_the_number_of_another_fault_as_a_name(void **state)
+{
+    struct bench *bench = *state;
+    const struct fault fault[] = {parse("a: motor LKneeSag jam"), parse("3: motor LHipSag jam"),
+                                  parse("motor LHipSag jam")};
+    struct faults *faults;
+    struct error error;
+
+    assert_int_equal(faults_create(fault, 2, 7, &bench->arena, &faults, &error), ERROR_NONE);
+    assert_int_equal(faults_find(faults, "a"), 0);
+    assert_int_equal(faults_create(fault, 3, 7, &bench->arena, &faults, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "name 3 again"));
+}
+
 static void refuses_one_name_twice(void **state)
 {
     struct bench *bench = *state;
@@ -113,6 +145,9 @@ int main(void)
                                         tear_down),
         cmocka_unit_test_setup_teardown(hand_overrules_the_clock, set_up, tear_down),
         cmocka_unit_test_setup_teardown(each_change_is_one_event, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_run_may_have_no_faults, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(refuses_the_number_of_another_fault_as_a_name, set_up,
+                                        tear_down),
         cmocka_unit_test_setup_teardown(refuses_one_name_twice, set_up, tear_down),
     };
 

@@ -78,6 +78,23 @@ static void boards_have_a_name_or_an_address(void **unused)
     assert_int_equal(parse("board ankle garbage").index, 1);
 }
 
+static void a_board_may_have_the_address_0(void **unused)
+{
+    static const int addresses[] = {0, 255};
+    struct fault_names others = names;
+    struct fault fault;
+    struct error error;
+
+    (void)unused;
+    others.board_address = addresses;
+    assert_int_equal(fault_parse("board left_leg/0 off", &others, &fault, &error), ERROR_NONE);
+    assert_int_equal(fault.index, 0);
+    assert_int_equal(fault_parse("board left_leg/255 off", &others, &fault, &error), ERROR_NONE);
+    assert_int_equal(fault.index, 1);
+    assert_int_equal(fault_parse("board left_leg/256 off", &others, &fault, &error), ERROR_INPUT);
+    assert_int_equal(fault_parse("board torso/0 off", &others, &fault, &error), ERROR_INPUT);
+}
+
 static void parameters_have_keys_defaults_and_a_first(void **unused)
 {
     struct fault fault = parse("sensor LKneeSag.torque wrong gain=1.1 offset=-0.5 1..2");
@@ -91,6 +108,16 @@ static void parameters_have_keys_defaults_and_a_first(void **unused)
     assert_int_equal(fault.id, -1);
     fault = parse("bus torso loss p=1 id=0x6f0 1..1.1");
     assert_int_equal(fault.id, 0x6f0);
+    assert_int_equal(parse("bus torso loss p=1 id=0").id, 0);
+    assert_int_equal(parse("bus torso loss p=1 id=0x1fffffff").id, 0x1fffffff);
+    fault = parse("sensor imu.gyro_x stuck 0.0000000012..0.0000000027");
+    assert_int_equal(fault.from_ns, 1); /* to the nearest nanosecond */
+    assert_int_equal(fault.to_ns, 3);
+    fault = parse("sensor imu.gyro_x stuck 0.0000000006..0.0000000022");
+    assert_int_equal(fault.from_ns, 1);
+    assert_int_equal(fault.to_ns, 2);
+    assert_int_equal(parse("motor LKneeSag jam 1e9..").from_ns, 1000000000 * SECOND);
+    assert_int_equal(parse("motor LKneeSag jam 0..1e9").to_ns, 1000000000 * SECOND);
     fault = parse("board ankle intermittent");
     assert_true(fault.value[0] == 0.5 && fault.value[1] == 0.02);
     fault = parse("supply sag 30 1..1.05");
@@ -122,6 +149,29 @@ static void refuses_what_it_does_not_know_and_names_the_nearest(void **unused)
     assert_refused("sensor l_leg_ft loss 0.1", ERROR_INPUT, "a kind of fault");
 }
 
+/* Up to twenty names are listed where none is near. */
+static void a_short_list_of_names_is_told_in_full(void **unused)
+{
+    static const char *const twenty_one[] = {"b00", "b01", "b02", "b03", "b04", "b05", "b06",
+                                             "b07", "b08", "b09", "b10", "b11", "b12", "b13",
+                                             "b14", "b15", "b16", "b17", "b18", "b19", "b20"};
+    struct fault_names many = names;
+    struct fault fault;
+    struct error error;
+
+    (void)unused;
+    many.bus = twenty_one;
+    for (many.nbus = 1; many.nbus <= 21; many.nbus++) {
+        char last[32];
+
+        snprintf(last, sizeof last, "%s%s", many.nbus == 1 ? ": " : ", ",
+                 twenty_one[many.nbus - 1]);
+        assert_int_equal(fault_parse("bus somewhere_else off", &many, &fault, &error), ERROR_INPUT);
+        assert_int_equal(strstr(error.text, last) != NULL, many.nbus <= 20);
+        assert_int_equal(strstr(error.text, "b00") != NULL, many.nbus <= 20);
+    }
+}
+
 static void refuses_wrong_numbers_and_windows(void **unused)
 {
     (void)unused;
@@ -130,7 +180,13 @@ static void refuses_wrong_numbers_and_windows(void **unused)
     assert_refused("bus left_leg loss nan", ERROR_INPUT, "p=0 to 1");
     assert_refused("bus left_leg loss 0.1 0.2", ERROR_INPUT, "once");
     assert_refused("bus left_leg loss q=0.2", ERROR_INPUT, "p=");
-    assert_refused("bus left_leg loss 0.2 id=-1", ERROR_INPUT, "id=");
+    assert_refused("bus left_leg loss 0.2 id=-1", ERROR_INPUT, "id=0 to id=0x1fffffff");
+    assert_refused("bus left_leg loss 0.2 id=0x20000000", ERROR_INPUT, "id=0 to id=0x1fffffff");
+    assert_refused("bus left_leg loss 0.2 xy=1", ERROR_INPUT, "expected p=, ");
+    assert_refused("sensor LKneeSag.torque wrong id=1", ERROR_INPUT, "expected gain=");
+    assert_refused("motor LKneeSag jam 1.1e9..", ERROR_INPUT, "FROM..TO");
+    assert_refused("motor LKneeSag jam 1..1.1e9", ERROR_INPUT, "FROM..TO");
+    assert_refused("motor LKneeSag jam 2..2", ERROR_INPUT, "FROM before TO");
     assert_refused("motor LKneeSag jam 3", ERROR_INPUT, "FROM..TO");
     assert_refused("motor LKneeSag jam 3..2", ERROR_INPUT, "FROM before TO");
     assert_refused("motor LKneeSag jam -1..2", ERROR_INPUT, "FROM..TO");
@@ -212,8 +268,10 @@ int main(void)
         cmocka_unit_test(window_may_be_open_missing_or_manual),
         cmocka_unit_test(sensors_are_numbered_through),
         cmocka_unit_test(boards_have_a_name_or_an_address),
+        cmocka_unit_test(a_board_may_have_the_address_0),
         cmocka_unit_test(parameters_have_keys_defaults_and_a_first),
         cmocka_unit_test(refuses_what_it_does_not_know_and_names_the_nearest),
+        cmocka_unit_test(a_short_list_of_names_is_told_in_full),
         cmocka_unit_test(refuses_wrong_numbers_and_windows),
         cmocka_unit_test(refuses_what_is_unsupported_there),
         cmocka_unit_test(a_supply_without_accumulator_cannot_break),

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-foreach(name histogram loop loop_lockstep overrun pace loop_requests loop_requests_speed realtime
-        snapshot stream)
+foreach(name histogram loop loop_events loop_lockstep overrun pace loop_requests
+        loop_requests_speed realtime snapshot stream)
     hil_test(rt_${name} SOURCES unit/rt/${name}.c LIBS rt LABELS unit)
 endforeach()
 foreach(name recorder recorder_events)

@@ -136,6 +136,46 @@ static void the_rate_is_damped_to_the_references_rate(void **state)
     assert_near(host.volts[0], 20 * (0.5 - 1.0), 1e-12);
 }
 
+static void an_excitation_is_added_to_the_voltage(void **state)
+{
+    (void)state;
+    servo_set(servo, 0, 0.1, 0);
+    servo_set(servo, 1, 0.1, 0);
+    servo_excite(servo, 0, 3);
+    pass(2, 0, 0);
+    assert_near(host.volts[0], 10 + 3, 1e-12);
+    assert_near(host.volts[1], 10, 1e-12);
+    servo_excite(servo, 0, -4);
+    pass(2, 0, 0);
+    assert_near(host.volts[0], 10 - 4, 1e-12);
+    servo_excite(servo, 0, 0);
+    pass(2, 0, 0);
+    assert_near(host.volts[0], 10, 1e-12);
+}
+
+/* At 1 rad/s the back-EMF is 4 V; 5 Nm of load are 10 V above or below it. */
+static void a_torque_is_kept_to_its_limit_above_the_back_emf(void **state)
+{
+    (void)state;
+    gains[0] = (struct servo_gains){
+        .kp_v_per_rad = 100, .kw_v_s_per_rad = 4, .load_v_per_nm = 2, .torque_limit_nm = 5};
+    servo_set(servo, 0, 0.5, 0);
+    pass(4, 0.004, 0);
+    assert_near(host.volts[0], 4 + 10, 1e-12);
+    servo_set(servo, 0, -0.5, 0);
+    pass(4, 0.008, 0);
+    assert_near(host.volts[0], 4 - 10, 1e-12);
+    servo_set(servo, 0, 0.012 + 0.05, 0);
+    pass(4, 0.012, 0);
+    assert_near(host.volts[0], 5, 1e-12);
+
+    /* A load is compensated, below the limit */
+    servo_set(servo, 0, 0.016, 0);
+    servo_set_load(servo, 0, 3);
+    pass(4, 0.016, 0);
+    assert_near(host.volts[0], 2 * 3, 1e-12);
+}
+
 /* one came late, the next on time, a millisecond after it */
 static void messages_in_quick_succession_make_no_spike_in_the_rate(void **state)
 {
@@ -248,6 +288,9 @@ int main(void)
         cmocka_unit_test_setup_teardown(the_trim_has_a_dead_zone_of_one_tick, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_start_keeps_what_it_finds, set_up, tear_down),
         cmocka_unit_test_setup_teardown(commands_keep_their_period, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(an_excitation_is_added_to_the_voltage, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_torque_is_kept_to_its_limit_above_the_back_emf, set_up,
+                                        tear_down),
         cmocka_unit_test_setup_teardown(the_rate_is_damped_to_the_references_rate, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(messages_in_quick_succession_make_no_spike_in_the_rate,

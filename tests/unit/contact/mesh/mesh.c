@@ -158,6 +158,7 @@ static void names_each_fault_of_a_surface_and_its_first_face(void **state)
     static const int low_index[1][3] = {{0, 1, -1}}, high_index[1][3] = {{0, 1, 4}};
     static const int twice[1][3] = {{0, 1, 1}};
     static const int duplicate[5][3] = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}, {3, 1, 2}};
+    static const int apart[5][3] = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}, {2, 0, 1}};
     static const int pillow[2][3] = {{0, 1, 2}, {0, 2, 1}};
     static const int flipped[4][3] = {{0, 2, 1}, {0, 1, 3}, {0, 2, 3}, {1, 2, 3}};
     static const int inward[4][3] = {{0, 1, 2}, {0, 3, 1}, {0, 2, 3}, {1, 3, 2}};
@@ -178,6 +179,7 @@ static void names_each_fault_of_a_surface_and_its_first_face(void **state)
         {{"", 4, 4, flat, side, false}, MESH_DEGENERATE_FACE, 0},
         {{"", 4, 1, corner, twice, false}, MESH_DEGENERATE_FACE, 0},
         {{"", 4, 5, corner, duplicate, false}, MESH_DUPLICATE_FACE, 4},
+        {{"", 4, 5, corner, apart, false}, MESH_DUPLICATE_FACE, 4},
         {{"", 3, 2, corner, pillow, false}, MESH_DUPLICATE_FACE, 1},
         {{"", 4, 3, corner, side, false}, MESH_OPEN_EDGE, 0},
         {{"", 4, 4, corner, flipped, false}, MESH_FLIPPED_FACE, 2},
