@@ -25,14 +25,19 @@ static bool motor_axis_is_over_current(const struct board *board, struct motor_a
     return axis->overload > OVERLOAD_MS;
 }
 
-/* Checks supply, encoders and current; a fault stops a running axis. */
-static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis)
+/* Returns the faults of the supply, which all axes of a board have together. */
+static uint8_t motor_board_supply_faults(const struct board *board)
 {
     double supply_v = motor_board_of(board)->supply_v;
-    uint8_t faults =
-        (uint8_t)((board_is_under_voltage(board, supply_v) ? ICUB_FAULT_UNDER_VOLTAGE : 0) |
-                  (board_is_over_voltage(board, supply_v) ? ICUB_FAULT_OVER_VOLTAGE : 0) |
-                  (axis->sensors_bad ? ICUB_FAULT_ABSOLUTE_ENCODER : 0));
+
+    return (board_is_under_voltage(board, supply_v) ? ICUB_FAULT_UNDER_VOLTAGE : 0) |
+           (board_is_over_voltage(board, supply_v) ? ICUB_FAULT_OVER_VOLTAGE : 0);
+}
+
+/* Checks encoders and current, given the faults of the supply; a fault stops a running axis. */
+static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis, uint8_t supply)
+{
+    uint8_t faults = (uint8_t)(supply | (axis->sensors_bad ? ICUB_FAULT_ABSOLUTE_ENCODER : 0));
     uint8_t risen = faults & (uint8_t)~axis->faults;
     bool over_current = motor_axis_is_over_current(board, axis);
 
@@ -198,11 +203,13 @@ static void motor_axis_watch_calibration(struct board *board, struct motor_axis 
 
 void motor_board_watch(struct board *board)
 {
+    const uint8_t supply = motor_board_supply_faults(board);
+
     motor_board_watch_can(board);
     for (int i = 0; i < MOTOR_AXES; i++) {
         struct motor_axis *axis = &motor_board_of(board)->axis[i];
 
-        motor_axis_watch_faults(board, axis);
+        motor_axis_watch_faults(board, axis, supply);
         motor_axis_watch_temperature(board, axis);
         motor_axis_watch_calibration(board, axis);
         motor_axis_watch_source(board, axis);

@@ -46,7 +46,7 @@ struct facet {
     double bend_cosine, bend_sine, clearance;
     double axis[2][3]; /* of its plane, right-handed with the normal */
     int outline;       /* its corners along the axes, from the center; not of a triangle */
-    int moments;       /* its row of solid->moments; not of a triangle */
+    int moments;       /* its row of solid->moments; -1 = none: its points are few */
 };
 
 /* Integrals over a facet of the products of two of 1, x, y, xx, xy and yy, with x and y along its
@@ -79,7 +79,7 @@ struct solid {
     /* Corners of facets along the axes of their planes, counterclockwise: from facet.outline on as
      * many as it has, then the first once more, up to FACET_OUTLINE. */
     const double *outline[2];
-    const struct facet_moments *moments; /* of facets that are more than a triangle */
+    const struct facet_moments *moments; /* of facets with many points of quadrature */
     struct tree facets;
     const struct box *normal_bounds; /* of the normals under each node of the tree of facets */
 

@@ -12,10 +12,11 @@
 #include <math.h>
 #include <string.h>
 
-#define COPLANAR 1e-9 /* sine of the angle, and height over the size, of one plane */
-#define FEW 16        /* corners of a facet that is cut finer when it is large */
-#define LARGE 0.15    /* radius of such a facet over the solid's size */
-#define IN_LINE 1e-12 /* bulge over the size of a corner that counts as straight */
+#define COPLANAR 1e-9  /* sine of the angle, and height over the size, of one plane */
+#define FEW 16         /* corners of a facet that is cut finer when it is large */
+#define LARGE 0.15     /* radius of such a facet over the solid's size */
+#define MANY_POINTS 24 /* fewer springs are added up as soon as moments are */
+#define IN_LINE 1e-12  /* bulge over the size of a corner that counts as straight */
 
 /* ---- planes ---- */
 
@@ -399,8 +400,7 @@ enum error_code solid_make_moments(struct solid_builder *b, struct solid *s)
     size_t n = 0;
 
     for (size_t i = 0; i < s->nfacet; i++) {
-        b->facet[i].moments = (int)n;
-        n += b->facet[i].count > 3;
+        b->facet[i].moments = b->facet[i].npoint >= MANY_POINTS ? (int)n++ : -1;
     }
     s->moments = moments = solid_alloc(b, n + 1, sizeof *moments);
     if (!moments) {
@@ -409,7 +409,7 @@ enum error_code solid_make_moments(struct solid_builder *b, struct solid *s)
     for (size_t i = 0; i < s->nfacet; i++) {
         const struct facet *f = &s->facet[i];
 
-        if (f->count > 3) {
+        if (f->moments >= 0) {
             polygon_find_moments(s->outline[0] + f->outline, s->outline[1] + f->outline, f->count,
                                  &moments[f->moments]);
         }

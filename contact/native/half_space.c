@@ -25,7 +25,7 @@ static void half_space_add_sunk_facet(struct native_scratch *s, const struct sol
 {
     const double share = law->share[0];
 
-    if (sum->gather && sum->one_way &&
+    if (f->moments >= 0 && sum->gather && sum->one_way &&
         sunk_gather(solid, f, bed, n, pressure, law, relative, sum)) {
         sum->closed = true;
         return;
