@@ -56,7 +56,8 @@ def test_each_joint_has_its_own_voltage():
     for path in sorted(set(RIGS.glob("*.yaml")) - others):
         with Simulator(path, hold="always") as sim:
             sim.enable()
-            assert len(sim.joints) == len(sim.status()["joints"]) >= 23, path
+            passive = 2 if path.stem == "walk-hips" else 0
+            assert len(sim.joints) == len(sim.status()["joints"]) - passive >= 23, path
             for number, joint in enumerate(sim.joints.values()):
                 joint.voltage_v = (-1) ** number * (0.5 + number / 10)
             sim.step(20)
