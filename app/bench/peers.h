@@ -15,7 +15,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define PEERS_ABI 2
+#define PEERS_ABI 3
 #define PEERS_FILE "libhil-peers.so"
 
 /* States that an engine keeps at a time. */
@@ -34,9 +34,10 @@ struct peer_dynamics {
     void (*run)(void *engine, size_t slot);
     /* Copies vdot (nv) of the last run. */
     void (*get)(void *engine, double *vdot);
-    /* Steps a kept state on, beginning there at each call; false when it does not stay finite.
-     * NULL: the peer does not step. */
-    bool (*step)(void *engine, size_t slot, double dt, size_t steps);
+    /* Steps a kept state on, beginning there at each call, by the engine's default method or the one
+     * that is implicit in the rates; false when it does not stay finite. NULL: the peer does not
+     * step. */
+    bool (*step)(void *engine, size_t slot, bool implicit, double dt, size_t steps);
 };
 
 /* A chain of one or two bodies that turn about parallel horizontal axes, so that it moves in a

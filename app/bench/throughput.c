@@ -24,7 +24,9 @@ static struct throughput_spread throughput_spread(double *value, size_t count)
 /* A figure that is derived from a round. */
 enum throughput_figure {
     FIGURE_RATE,
+    FIGURE_BODIES,
     FIGURE_MUJOCO,
+    FIGURE_MUJOCO_IMPLICIT,
     FIGURE_HOURLY,
     FIGURE_START_MS,
     FIGURE_RANGE_MS,
@@ -48,8 +50,12 @@ static double throughput_figure(const struct throughput_sample *sample, double s
     switch (figure) {
     case FIGURE_RATE:
         return HOUR_S * seconds / ticks_s;
+    case FIGURE_BODIES:
+        return HOUR_S * seconds / sample->bodies_s;
     case FIGURE_MUJOCO:
         return HOUR_S * seconds / sample->mujoco_s;
+    case FIGURE_MUJOCO_IMPLICIT:
+        return HOUR_S * seconds / sample->mujoco_implicit_s;
     case FIGURE_HOURLY:
         return HOUR_S / (range_s + ticks_s);
     case FIGURE_START_MS:
@@ -88,7 +94,9 @@ void throughput_derive(const struct throughput *all, const struct throughput_rig
 {
     *figures = (struct throughput_figures){
         .rate = throughput_of_rounds(all, rig, FIGURE_RATE),
+        .bodies = throughput_of_rounds(all, rig, FIGURE_BODIES),
         .mujoco = throughput_of_rounds(all, rig, FIGURE_MUJOCO),
+        .mujoco_implicit = throughput_of_rounds(all, rig, FIGURE_MUJOCO_IMPLICIT),
         .hourly = throughput_of_rounds(all, rig, FIGURE_HOURLY),
         .start_ms = throughput_of_rounds(all, rig, FIGURE_START_MS),
         .range_ms = throughput_of_rounds(all, rig, FIGURE_RANGE_MS),
@@ -130,17 +138,27 @@ void throughput_print(const struct throughput *all, FILE *out)
 
     fprintf(out, "cases of %g s; CPU time, median of %zu rounds (least .. most)\n\n", all->seconds,
             all->rounds);
-    fprintf(out, "%-20s %-6s %5s %5s %26s %26s\n", "simulated s/core-hour", "task", "buses", "axes",
-            "with boards and task", "MuJoCo, bodies alone");
+    fprintf(out, "%-20s %-6s %5s %5s %26s\n", "simulated s/core-hour", "task", "buses", "axes",
+            "with boards and task");
 
-    /* First what a processor simulates in an hour, with MuJoCo beside it */
+    /* First what a processor simulates in an hour, all of it, then the bodies alone */
     for (size_t i = 0; i < all->nrig; i++) {
         const struct throughput_rig *rig = &all->rig[i];
 
         throughput_derive(all, rig, &figures);
         fprintf(out, "%-21s %-6s %5zu %5zu", rig->rig, rig->task, rig->nbus, rig->naxis);
         throughput_put_spread(&figures.rate, out);
+        fputc('\n', out);
+    }
+    fprintf(out, "\n%-21s %26s %26s %26s %9s\n", "bodies alone", "ours, implicit",
+            "MuJoCo, implicit", "MuJoCo, Euler", "ratio");
+    for (size_t i = 0; i < all->nrig; i++) {
+        throughput_derive(all, &all->rig[i], &figures);
+        fprintf(out, "%-21s", all->rig[i].rig);
+        throughput_put_spread(&figures.bodies, out);
+        throughput_put_spread(&figures.mujoco_implicit, out);
         throughput_put_spread(&figures.mujoco, out);
+        throughput_put_number(figures.bodies.median / figures.mujoco.median, 1.0, 2, out);
         fputc('\n', out);
     }
 
@@ -162,8 +180,8 @@ void throughput_print(const struct throughput *all, FILE *out)
     fprintf(out, "an hour: whole cases in a range, on one processor; M, k: millions and thousands "
                  "of instructions\n");
     fprintf(out,
-            all->mujoco ? "MuJoCo %s: Euler at the rig's step; no contact, joint limits, "
-                          "drives, boards or controller\n"
+            all->mujoco ? "bodies alone: at the rig's step, without contact, joint limits, drives, "
+                          "boards or controller; MuJoCo %s; ratio of ours to its default, Euler\n"
                         : "no MuJoCo was found\n",
             all->mujoco);
 }
@@ -208,7 +226,9 @@ void throughput_write_json(const struct throughput *all, FILE *out)
                 rig->nbus, rig->nboard, rig->naxis, rig->nv);
         fprintf(out, ", \"tick_s\": %.9g, \"step_s\": %.9g", rig->tick_s, rig->step_s);
         throughput_put_json("simulated_s_per_core_hour", &figures.rate, out);
+        throughput_put_json("bodies_s_per_core_hour", &figures.bodies, out);
         throughput_put_json("mujoco_s_per_core_hour", &figures.mujoco, out);
+        throughput_put_json("mujoco_implicit_s_per_core_hour", &figures.mujoco_implicit, out);
         throughput_put_json("cases_per_core_hour", &figures.hourly, out);
         throughput_put_json("start_ms", &figures.start_ms, out);
         throughput_put_json("start_in_range_ms", &figures.range_ms, out);

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * How many simulated seconds a sweep gets out of a processor in an hour, by rig: cases with boards,
- * buses, contact and controller, run by coman-hil test as a sweep runs them; beside them MuJoCo,
- * which steps the same bodies and has none of that. CPU time, not time on a clock. Not RT-safe.
+ * buses, contact and controller, run by coman-hil test as a sweep runs them. And the bodies alone:
+ * our plant without drives, joint limits and contact beside MuJoCo with the same bodies. CPU time,
+ * not time on a clock. Not RT-safe.
  */
 #ifndef APP_BENCH_THROUGHPUT_H
 #define APP_BENCH_THROUGHPUT_H
@@ -31,7 +32,8 @@ struct throughput_cost {
  * range. */
 struct throughput_sample {
     struct throughput_cost start, whole, range;
-    double mujoco_s; /* CPU seconds of MuJoCo for the same simulated time; NAN without it */
+    double bodies_s; /* CPU seconds of our bodies alone for the same simulated time */
+    double mujoco_s, mujoco_implicit_s; /* the same by MuJoCo: Euler, implicit; NAN without it */
 };
 
 /* Median and ends over the rounds; NAN when a round has no value. */
@@ -50,7 +52,8 @@ struct throughput_rig {
 /* Figures that are derived from the samples. */
 struct throughput_figures {
     struct throughput_spread rate; /* simulated seconds in an hour of a processor, without start */
-    struct throughput_spread mujoco; /* the same by MuJoCo */
+    struct throughput_spread bodies;                  /* the same of our bodies alone */
+    struct throughput_spread mujoco, mujoco_implicit; /* and of MuJoCo's */
     struct throughput_spread hourly; /* whole cases of a range in an hour of a processor */
     struct throughput_spread start_ms, range_ms,
         whole_ms; /* of a case; range_ms: its start there */

@@ -8,7 +8,9 @@
 #include "app/bench/output.h"
 #include "app/bench/timing.h"
 #include "base/json_text.h"
+#include "model/plant.h"
 #include "rig/rig.h"
+#include "sim/robot_dynamics.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -43,6 +45,7 @@ struct throughput_answer {
 struct throughput_question {
     const char *rig, *peers;
     double seconds;
+    bool implicit; /* of MuJoCo's methods */
     void (*find)(const struct throughput_question *question, struct throughput_answer *answer);
 };
 
@@ -130,6 +133,73 @@ enum error_code throughput_read_rig(struct throughput_rig *rig, struct error *er
     return ERROR_NONE;
 }
 
+/* ---- bodies alone ---- */
+
+/* Makes a robot like another of which nothing is left but its bodies and joints. */
+static enum error_code throughput_strip(const struct robot *robot, struct arena *arena,
+                                        struct robot **bare, struct error *error)
+{
+    enum error_code code = robot_copy(robot, arena, bare, error);
+
+    for (size_t j = 0; !code && j < robot->njoint; j++) {
+        struct robot_joint *joint = &(*bare)->joint[j];
+
+        joint->sea = (struct robot_sea){0};
+        joint->hydraulic = (struct robot_hydraulic){0};
+        joint->spring = (struct robot_parallel_spring){0};
+        joint->passive = (struct robot_passive){0};
+        joint->stop = (struct robot_stop){0};
+    }
+    if (!code) {
+        (*bare)->ncoupling = 0;
+        (*bare)->hydraulic_supply = (struct robot_hydraulic_supply){0};
+    }
+    return code;
+}
+
+/* Times our plant of such a robot in the rig's pose, as throughput_time_mujoco does MuJoCo. */
+static void throughput_time_bodies(const struct throughput_question *question,
+                                   struct throughput_answer *answer)
+{
+    struct symbolic_library library;
+    struct dynamics dynamics;
+    struct error notice;
+    struct robot *robot;
+    struct plant *plant;
+    const struct rig *rig;
+    struct arena arena;
+    double begin;
+
+    if ((answer->code = arena_init(&arena, ARENA_BYTES, &answer->error)) ||
+        (answer->code = rig_load(question->rig, &arena, &rig, &answer->error)) ||
+        (answer->code = throughput_strip(rig->robot, &arena, &robot, &answer->error)) ||
+        (answer->code =
+             robot_dynamics_fastest(robot, &arena, &dynamics, &library, &notice, &answer->error))) {
+        return;
+    }
+    answer->code = plant_create(&(struct plant_config){.robot = robot,
+                                                       .dynamics = &dynamics,
+                                                       .integrator = PLANT_IMPLICIT,
+                                                       .substep_ns = rig->substep_ns,
+                                                       .supply_v = rig->supply_v},
+                                &arena, &plant, &answer->error);
+    if (!answer->code && plant_reset(plant, rig->base_position, rig->base_quaternion, rig->joint)) {
+        answer->code = error_set(&answer->error, ERROR_UNSUPPORTED, "%s: no start", question->rig);
+    }
+    if (answer->code) {
+        return;
+    }
+
+    /* Fill the caches, begin again, and time the steps that count */
+    plant_step(plant, WARM_UP_STEPS);
+    plant_reset(plant, rig->base_position, rig->base_quaternion, rig->joint);
+    begin = bench_cpu_s();
+    answer->cpu_s =
+        plant_step(plant, (size_t)llround(question->seconds * 1e9 / (double)rig->substep_ns))
+            ? (double)NAN
+            : bench_cpu_s() - begin;
+}
+
 /* ---- MuJoCo ---- */
 
 /* Returns the engine of the module that can step, which is MuJoCo; NULL when there is none. */
@@ -207,9 +277,9 @@ static void throughput_time_mujoco(const struct throughput_question *question,
     memcpy(q + base, rig->joint, rig->robot->njoint * sizeof *q);
     dt = 1e-9 * (double)rig->substep_ns;
     peer->put(engine, 0, q, v, tau);
-    peer->step(engine, 0, dt, WARM_UP_STEPS);
+    peer->step(engine, 0, question->implicit, dt, WARM_UP_STEPS);
     begin = bench_cpu_s();
-    good = peer->step(engine, 0, dt, (size_t)llround(question->seconds / dt));
+    good = peer->step(engine, 0, question->implicit, dt, (size_t)llround(question->seconds / dt));
     answer->cpu_s = good ? bench_cpu_s() - begin : (double)NAN;
 }
 
@@ -366,8 +436,8 @@ enum error_code throughput_measure(const struct throughput *all, const struct th
                                    const char *program, const char *folder, const char *peers,
                                    struct throughput_sample *sample, struct error *error)
 {
-    const struct throughput_question question = {
-        .rig = rig->rig, .peers = peers, .seconds = all->seconds, .find = throughput_time_mujoco};
+    struct throughput_question question = {
+        .rig = rig->rig, .peers = peers, .seconds = all->seconds, .find = throughput_time_bodies};
     struct throughput_answer answer;
     struct throughput_cost planning;
     char whole[16], range[16];
@@ -397,9 +467,20 @@ enum error_code throughput_measure(const struct throughput *all, const struct th
            (code = throughput_run_test(program, folder, rig->rig, (const char *[4]){whole, "cases"},
                                        &sample->whole, error)) ||
            (code = throughput_check_case(folder, rig->rig, error)));
-    sample->mujoco_s = NAN;
-    if (!code && all->mujoco && !(code = throughput_ask(&question, &answer, error))) {
-        sample->mujoco_s = answer.cpu_s;
+    if (code || (code = throughput_ask(&question, &answer, error))) {
+        return code;
+    }
+    sample->bodies_s = answer.cpu_s;
+
+    /* MuJoCo by both methods */
+    sample->mujoco_s = sample->mujoco_implicit_s = NAN;
+    question.find = throughput_time_mujoco;
+    for (int k = 0; all->mujoco && k < 2; k++) {
+        question.implicit = k == 1;
+        if ((code = throughput_ask(&question, &answer, error))) {
+            return code;
+        }
+        *(k ? &sample->mujoco_implicit_s : &sample->mujoco_s) = answer.cpu_s;
     }
     return code;
 }

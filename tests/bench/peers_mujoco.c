@@ -292,13 +292,14 @@ static void get(void *memory, double *vdot)
     }
 }
 
-/* Euler's method, as MuJoCo's default has it: rates first. */
-static bool step(void *memory, size_t slot, double dt, size_t steps)
+/* Euler's method, MuJoCo's default: rates first; or its method that is implicit in the rates. */
+static bool step(void *memory, size_t slot, bool implicit, double dt, size_t steps)
 {
     struct engine *engine = memory;
 
     mj_resetData(engine->model, engine->data);
     engine->model->opt.timestep = dt;
+    engine->model->opt.integrator = implicit ? mjINT_IMPLICIT : mjINT_EULER;
     run(engine, slot);
     for (size_t i = 0; i < steps; i++) {
         mj_step(engine->model, engine->data);

@@ -27,7 +27,9 @@ static int set_up(void **state)
             .start = {0.1, 1e6, 10.0},
             .whole = {whole[i], 5e6, 12.0},
             .range = {0.5, NAN, 11.0},
+            .bodies_s = 0.01,
             .mujoco_s = 0.02,
+            .mujoco_implicit_s = 0.04,
         };
     }
     return 0;
@@ -47,7 +49,9 @@ static void figures_follow_from_costs(void **state)
     assert_near(figures.rate.median, 14400.0); /* 3600 2/0.5 */
     assert_near(figures.rate.low, 7200.0);
     assert_near(figures.rate.high, 18000.0);
+    assert_near(figures.bodies.median, 720000.0);
     assert_near(figures.mujoco.median, 360000.0);
+    assert_near(figures.mujoco_implicit.median, 180000.0);
     assert_near(figures.hourly.median, 3600.0 / 0.55);
     assert_near(figures.start_ms.median, 100.0);
     assert_near(figures.range_ms.median, 50.0);
@@ -85,6 +89,7 @@ static void json_has_null_where_nothing_was_counted(void **state)
     assert_non_null(strstr(text, "\"rig\": \"a\\\"b\""));
     assert_non_null(strstr(text, "\"simulated_s_per_core_hour\": {\"median\": 14400, "));
     assert_non_null(strstr(text, "\"mujoco_s_per_core_hour\": null"));
+    assert_non_null(strstr(text, "\"bodies_s_per_core_hour\": {\"median\": 720000, "));
     assert_non_null(strstr(text, "\"start_instructions\": null"));
     assert_null(strstr(text, "nan"));
     free(text);
