@@ -34,9 +34,9 @@ struct peer_dynamics {
     void (*run)(void *engine, size_t slot);
     /* Copies vdot (nv) of the last run. */
     void (*get)(void *engine, double *vdot);
-    /* Steps a kept state on, beginning there at each call, by the engine's default method or the one
-     * that is implicit in the rates; false when it does not stay finite. NULL: the peer does not
-     * step. */
+    /* Steps a kept state on, beginning there at each call, by the engine's default method or by
+     * that which is implicit in the rates; false when it does not stay finite. NULL: the peer does
+     * not step. */
     bool (*step)(void *engine, size_t slot, bool implicit, double dt, size_t steps);
 };
 
