@@ -11,6 +11,7 @@
 #include <string.h>
 #include <cmocka.h>
 
+#if defined(__x86_64__)
 /* Whether Linux names a feature of the processor in a line of flags. */
 static bool kernel_tells(const char *flags, const char *feature)
 {
@@ -30,10 +31,6 @@ static void the_machine_has_what_the_kernel_says(void **state)
     while (fgets(line, sizeof line, file) && strncmp(line, "flags", 5)) {
     }
     fclose(file);
-    if (strncmp(line, "flags", 5)) {
-        assert_int_equal(instruction_set_of_machine(), INSTRUCTIONS_PLAIN); /* not of this kind */
-        return;
-    }
     line[strcspn(line, "\n")] = ' ';
     assert_int_equal(instruction_set_of_machine(), !kernel_tells(line, "avx2") ? INSTRUCTIONS_PLAIN
                                                    : kernel_tells(line, "avx512f") &&
@@ -42,6 +39,13 @@ static void the_machine_has_what_the_kernel_says(void **state)
                                                        ? INSTRUCTIONS_AVX512
                                                        : INSTRUCTIONS_AVX2);
 }
+#else
+static void the_machine_has_what_the_kernel_says(void **state)
+{
+    (void)state;
+    assert_int_equal(instruction_set_of_machine(), INSTRUCTIONS_PLAIN);
+}
+#endif
 
 static void the_widest_is_used_when_nothing_holds_the_process(void **state)
 {
