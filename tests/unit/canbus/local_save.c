@@ -151,8 +151,9 @@ static struct moment save(const struct bench *bench)
     struct moment moment;
     unsigned char *kept;
     size_t size;
+    void *wire = wire_memory(local_bus_wire(bench->bus), &size);
 
-    wire_memory(local_bus_wire(bench->bus), &size);
+    arena_join(wire, size); /* with the gaps between its pieces */
     moment.of_bus = kept = arena_alloc(&arena, 1, asked + BEHIND);
     moment.of_wire = arena_alloc(&arena, 1, size);
     memset(kept, 0xa5, asked + BEHIND);
