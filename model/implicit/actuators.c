@@ -64,11 +64,35 @@ static void make_drive_flows(const struct robot_sea *sea, double h, struct drive
     }
 }
 
+/* Returns whether two drives have the same flows. */
+static bool drives_flow_alike(const struct robot_sea *a, const struct robot_sea *b)
+{
+    return a->J == b->J && a->Ks == b->Ks && a->Ds == b->Ds && a->Dm == b->Dm && a->Kt == b->Kt &&
+           a->Kw == b->Kw && a->R == b->R && a->L == b->L &&
+           a->stop.stiffness == b->stop.stiffness && a->stop.damping == b->stop.damping;
+}
+
+/* Computes the flows of drive d by its own parameters, or copies those of an earlier one of the
+ * same kind: a robot has a few kinds of drives. */
+static void prepare_sound_flows(struct plant *plant, size_t d)
+{
+    const struct robot_joint *joint = plant->config.robot->joint;
+    const struct robot_sea *sea = &joint[plant->drive_joint[d]].sea;
+    struct drive_flows *sound = plant->implicit->sound;
+
+    for (size_t e = 0; e < d; e++) {
+        if (drives_flow_alike(sea, &joint[plant->drive_joint[e]].sea)) {
+            sound[d] = sound[e];
+            return;
+        }
+    }
+    make_drive_flows(sea, 1e-9 * (double)plant->config.substep_ns, &sound[d]);
+}
+
 void implicit_prepare_drives(struct plant *plant)
 {
     for (size_t d = 0; d < plant->ndrive; d++) {
-        make_drive_flows(&plant->config.robot->joint[plant->drive_joint[d]].sea,
-                         1e-9 * (double)plant->config.substep_ns, &plant->implicit->sound[d]);
+        prepare_sound_flows(plant, d);
         implicit_prepare_effects(plant, d);
         implicit_refresh_drive(plant, d);
     }
