@@ -159,7 +159,8 @@ enum error_code mesh_box(const double half_extent[3], int cells, struct arena *a
                          .nface = nface,
                          .vertex = (const double(*)[3])vertex,
                          .face = (const int(*)[3])face,
-                         .sound = true};
+                         .sound = true,
+                         .convex = true};
     *mesh = box;
     return ERROR_NONE;
 }

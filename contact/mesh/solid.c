@@ -26,32 +26,51 @@ void *solid_alloc(struct solid_builder *b, size_t count, size_t size)
 
 /* ---- faces ---- */
 
-/* Computes the unit normals of faces, and the pseudonormals of vertices, which tell inside from
- * outside where a vertex is the nearest point. */
+/* Computes the edges of a face, from each corner to the next. */
+static void mesh_find_edges(const struct mesh *m, int face, double e[3][3])
+{
+    for (int i = 0; i < 3; i++) {
+        vec3_sub(mesh_corner(m, face, (i + 1) % 3), mesh_corner(m, face, i), e[i]);
+    }
+}
+
+/* Computes the unit normals of faces. */
 static enum error_code solid_make_faces(struct solid_builder *b, struct solid *s)
 {
-    const struct mesh *m = b->mesh;
-    double(*vertex_normal)[3] = solid_alloc(b, m->nvertex, sizeof *vertex_normal);
-
-    b->normal = solid_alloc(b, m->nface, sizeof *b->normal);
-    if (!vertex_normal || !b->normal) {
+    b->normal = solid_alloc(b, b->mesh->nface, sizeof *b->normal);
+    if (!b->normal) {
         return ERROR_MEMORY;
     }
-    for (int f = 0; f < (int)m->nface; f++) {
+    for (int f = 0; f < (int)b->mesh->nface; f++) {
         double e[3][3], n[3], length;
 
-        /* The face's normal */
-        for (int i = 0; i < 3; i++) {
-            vec3_sub(mesh_corner(m, f, (i + 1) % 3), mesh_corner(m, f, i), e[i]);
-        }
+        mesh_find_edges(b->mesh, f, e);
         vec3_cross(e[0], e[1], n);
         length = vec3_norm(n);
         for (int k = 0; k < 3; k++) {
             b->normal[f][k] = n[k] / length;
         }
+    }
+    s->normal = (const double(*)[3])b->normal;
+    return ERROR_NONE;
+}
 
-        /* Weighted by the angle at each corner it adds to that vertex's pseudonormal (Baerentzen,
-         * Aanaes 2005) */
+/* Computes the pseudonormals of vertices, which tell inside from outside where a vertex is the
+ * nearest point; of a convex solid its planes do. */
+static enum error_code solid_make_vertex_normals(struct solid_builder *b, struct solid *s)
+{
+    const struct mesh *m = b->mesh;
+    double(*vertex_normal)[3] = s->convex ? NULL : solid_alloc(b, m->nvertex, 3 * sizeof(double));
+
+    if (!vertex_normal) {
+        return s->convex ? ERROR_NONE : ERROR_MEMORY;
+    }
+    for (int f = 0; f < (int)m->nface; f++) {
+        double e[3][3];
+
+        /* A normal weighted by the angle at each corner adds to that vertex's pseudonormal
+         * (Baerentzen, Aanaes 2005) */
+        mesh_find_edges(m, f, e);
         for (int i = 0; i < 3; i++) {
             double *sum = vertex_normal[m->face[f][i]], side[3];
             const double *from = e[i], *to = e[(i + 2) % 3];
@@ -61,7 +80,6 @@ static enum error_code solid_make_faces(struct solid_builder *b, struct solid *s
                             sum);
         }
     }
-    s->normal = (const double(*)[3])b->normal;
     s->vertex_normal = (const double(*)[3])vertex_normal;
     return ERROR_NONE;
 }
@@ -100,8 +118,8 @@ static enum error_code solid_make_neighbors(struct solid_builder *b, struct soli
  * are not tried. */
 static bool solid_is_convex(const struct solid_builder *b, const struct solid *s)
 {
-    if (s->nfacet > CONVEX_FACETS) {
-        return false;
+    if (s->nfacet > CONVEX_FACETS || b->mesh->convex) {
+        return s->nfacet <= CONVEX_FACETS;
     }
     for (size_t i = 0; i < s->nfacet; i++) {
         const struct facet *f = &s->facet[i];
@@ -225,8 +243,9 @@ enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct 
 {
     /* Each step needs what those before it have made */
     static enum error_code (*const step[])(struct solid_builder *, struct solid *) = {
-        solid_make_faces,    solid_make_neighbors, solid_make_facets, solid_make_points,
-        solid_make_outlines, solid_make_moments,   solid_make_planes, solid_make_trees};
+        solid_make_faces,    solid_make_neighbors,   solid_make_facets, solid_make_points,
+        solid_make_outlines, solid_make_moments,     solid_make_planes, solid_make_vertex_normals,
+        solid_make_trees,    solid_find_surroundings};
     struct solid_builder b = {.mesh = mesh, .arena = arena, .error = error};
     enum error_code code = ERROR_NONE;
 
@@ -247,10 +266,9 @@ enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct 
     for (size_t i = 0; i < ARRAY_COUNT(step); i++) {
         code = step[i](&b, solid);
         if (code != ERROR_NONE) {
-            goto done;
+            break;
         }
     }
-    code = solid_find_surroundings(&b, solid);
 
 done:
     free(b.group);

@@ -42,7 +42,7 @@ struct facet {
     int parts;
     /* Its surroundings. Triangles that touch it are at dihedral angles whose normals differ from
      * its own by less than 90 degrees, at most with this cosine and sine; all others are three
-     * times the clearance away. 0 where nothing is known. */
+     * times the clearance away. 0 where nothing is known, as in a convex solid. */
     double bend_cosine, bend_sine, clearance;
     double axis[2][3]; /* of its plane, right-handed with the normal */
     int outline;       /* its corners along the axes, from the center; not of a triangle */
@@ -68,7 +68,8 @@ struct solid {
     const double (*vertex)[3];
     const int (*face)[3];
     const double (*normal)[3];        /* of faces, unit */
-    const double (*vertex_normal)[3]; /* sum of the faces' normals weighted by their angles */
+    const double (*vertex_normal)[3]; /* sum of the faces' normals weighted by their angles; of a
+                                       * solid that is not convex */
     const int (*neighbor)[3];         /* face across the edge from corner i to i + 1 */
     struct tree faces;
 

@@ -140,7 +140,8 @@ static int plane_find_loop(struct solid_builder *b, int n, int seed)
     return count;
 }
 
-/* Checks whether a loop of corners turns left at each of them, and once around in all. */
+/* Checks whether a loop of corners turns left at each of them, and once around in all: four corners,
+ * each less than half around, cannot turn twice. */
 static bool loop_is_convex(const struct solid_builder *b, int count, int seed)
 {
     const double(*v)[3] = b->mesh->vertex;
@@ -153,6 +154,9 @@ static bool loop_is_convex(const struct solid_builder *b, int count, int seed)
 
         if (corner_bulge(here, next, after, b->normal[seed]) < -CONVEX * b->size) {
             return false;
+        }
+        if (count <= 4) {
+            continue;
         }
         vec3_sub(next, here, come);
         vec3_sub(after, next, go);

@@ -55,6 +55,6 @@ enum error_code solid_make_moments(struct solid_builder *b, struct solid *s);
 
 /* Finds what surrounds the facets (bend and clearance of struct facet), when all else of the solid
  * is made. */
-enum error_code solid_find_surroundings(const struct solid_builder *b, const struct solid *s);
+enum error_code solid_find_surroundings(struct solid_builder *b, struct solid *s);
 
 #endif

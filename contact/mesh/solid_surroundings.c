@@ -86,17 +86,19 @@ static void facet_find_surroundings(const struct surroundings *on, const int *co
     }
 }
 
-/* Computes the surroundings of facets all of whose vertices are corners, none inside or on an edge:
+/* Computes the surroundings of a solid that is not convex (the depth in a convex one needs no
+ * search), of facets all of whose vertices are corners, none inside or on an edge:
  * only then the faces that touch a facet are those that have one of its corners. */
-enum error_code solid_find_surroundings(const struct solid_builder *b, const struct solid *s)
+enum error_code solid_find_surroundings(struct solid_builder *b, struct solid *s)
 {
-    struct surroundings on = {
-        .solid = s,
-        .vertex_face = malloc(s->nvertex * sizeof *on.vertex_face),
-        .touched = calloc(s->nface, sizeof *on.touched),
-    };
+    struct surroundings on = {.solid = s};
     enum error_code code = ERROR_NONE;
 
+    if (s->convex) {
+        return ERROR_NONE;
+    }
+    on.vertex_face = malloc(s->nvertex * sizeof *on.vertex_face);
+    on.touched = calloc(s->nface, sizeof *on.touched);
     if (!on.vertex_face || !on.touched) {
         code = error_set(b->error, ERROR_MEMORY, "contact: no memory for the surroundings in '%s'",
                          b->mesh->name);
