@@ -109,6 +109,13 @@ enum error_code yaml_read_text(const char *name, const char *text, size_t size,
                                const struct yaml_schema *schema, struct arena *arena, void *out,
                                struct error *error);
 
+/* While the store is open, files whose bytes were parsed before are not parsed again: for programs
+ * that read the same files many times. What comes of them does not depend on it. A process that is
+ * forked finds what its parent has read. Opened and closed by one thread that reads; to be closed
+ * once for each opening, also after an error (ERROR_SYSTEM: no memory can be reserved). */
+enum error_code yaml_store_open(struct error *error);
+void yaml_store_close(void);
+
 /* Reads the text of one key at the top of a file, whatever else is in it; NULL = it is missing
  * or no text. What the file extends is not looked at. The text is in the arena. */
 enum error_code yaml_read_key(const char *path, const char *key, struct arena *arena,

@@ -244,6 +244,7 @@ static enum error_code yaml_follow_extends(struct yaml_reader *r, const struct y
     }
 
     /* The base with all that it extends itself gives what this document leaves out */
+    r->store = true;
     code = yaml_read_extended(r, path, text, size, schema, chain, &base);
     if (!code && base->kind == YAML_KIND_MAP) {
         yaml_merge_maps(schema, root, base);

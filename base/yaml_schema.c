@@ -461,11 +461,12 @@ static enum error_code yaml_read_struct(struct yaml_reader *r, const struct yaml
 
 /* ---- entry points ---- */
 
-enum error_code yaml_read_text(const char *name, const char *text, size_t size,
-                               const struct yaml_schema *schema, struct arena *arena, void *out,
-                               struct error *error)
+/* Reads a document from memory; file: it is the content of the file of that name. */
+static enum error_code yaml_read_document(const char *name, bool file, const char *text,
+                                          size_t size, const struct yaml_schema *schema,
+                                          struct arena *arena, void *out, struct error *error)
 {
-    struct yaml_reader r = {.arena = arena, .file = name, .error = error};
+    struct yaml_reader r = {.arena = arena, .file = name, .store = file, .error = error};
     enum error_code code = arena_init(&r.scratch, SCRATCH, error);
     struct yaml_node *root;
 
@@ -484,6 +485,13 @@ enum error_code yaml_read_text(const char *name, const char *text, size_t size,
     return code;
 }
 
+enum error_code yaml_read_text(const char *name, const char *text, size_t size,
+                               const struct yaml_schema *schema, struct arena *arena, void *out,
+                               struct error *error)
+{
+    return yaml_read_document(name, false, text, size, schema, arena, out, error);
+}
+
 enum error_code yaml_read_file(const char *path, const struct yaml_schema *schema,
                                struct arena *arena, void *out, struct error *error)
 {
@@ -492,7 +500,7 @@ enum error_code yaml_read_file(const char *path, const struct yaml_schema *schem
     enum error_code code = input_file_load(path, YAML_MAX_FILE, &text, &size, error);
 
     if (!code) {
-        code = yaml_read_text(path, text, size, schema, arena, out, error);
+        code = yaml_read_document(path, true, text, size, schema, arena, out, error);
     }
     free(text);
     return code;

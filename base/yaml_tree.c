@@ -13,9 +13,8 @@
 #include <yaml.h>
 
 enum {
-    MAX_DEPTH = 16,     /* nested lists and mappings */
-    MAX_NODES = 200000, /* values in a file */
-    MAX_KEYS = 4096,    /* keys in a mapping; bounds the search for duplicates */
+    MAX_DEPTH = 16,  /* nested lists and mappings */
+    MAX_KEYS = 4096, /* keys in a mapping; bounds the search for duplicates */
 };
 
 /* ---- messages ---- */
@@ -171,8 +170,9 @@ static enum error_code yaml_check_event(struct yaml_reader *r, const yaml_event_
 {
     char text[YAML_SHOWN + 4];
 
-    if (++r->nodes > MAX_NODES) {
-        return yaml_error(r->error, mark, "found more than %d values, expected fewer", MAX_NODES);
+    if (++r->nodes > YAML_MAX_NODES) {
+        return yaml_error(r->error, mark, "found more than %d values, expected fewer",
+                          YAML_MAX_NODES);
     }
     if (depth > MAX_DEPTH) {
         return yaml_error(r->error, mark,
@@ -353,12 +353,16 @@ enum error_code yaml_tree_read(struct yaml_reader *r, const char *text, size_t s
                                struct yaml_node **root)
 {
     static const char bom[] = "\xef\xbb\xbf";
+    const size_t before = r->nodes;
     yaml_parser_t parser;
     enum error_code code;
 
     if (size >= 3 && !memcmp(text, bom, 3)) {
         text += 3;
         size -= 3;
+    }
+    if (r->store && yaml_store_find(r, text, size, root)) {
+        return ERROR_NONE;
     }
     code = yaml_check_bytes(r, text, size);
     if (code) {
@@ -373,5 +377,8 @@ enum error_code yaml_tree_read(struct yaml_reader *r, const char *text, size_t s
     code = yaml_build_document(r, root);
     r->parser = NULL;
     yaml_parser_delete(&parser);
+    if (!code && r->store) {
+        yaml_store_add(text, size, *root, r->nodes - before);
+    }
     return code;
 }

@@ -12,6 +12,7 @@
 
 enum {
     YAML_MAX_FILE = 4 << 20,      /* bytes */
+    YAML_MAX_NODES = 200000,      /* values in a file and all that it extends */
     YAML_SHOWN = 48,              /* bytes of a value shown in a message */
     YAML_FOUND = YAML_SHOWN + 32, /* of what yaml_found writes */
 };
@@ -32,6 +33,7 @@ struct yaml_reader {
     struct arena *arena;  /* the caller's: what the structs point to */
     struct arena scratch; /* the nodes: gone after the read */
     const char *file;
+    bool store; /* takes from the store, and adds to it, what is parsed */
     size_t nodes;
     uint64_t hash; /* of all that was read */
     void *parser;  /* libyaml's, while the document is read */
@@ -49,6 +51,12 @@ enum error_code yaml_tree_read(struct yaml_reader *reader, const char *text, siz
 enum error_code yaml_document_read(struct yaml_reader *reader, const char *name, const char *text,
                                    size_t size, const struct yaml_schema *schema,
                                    struct yaml_node **root);
+
+/* Find a text's tree in the store, as copied nodes in reader->scratch, and add one. False: it is not
+ * there, or does not fit. count: of the tree's nodes. */
+bool yaml_store_find(struct yaml_reader *reader, const char *text, size_t size,
+                     struct yaml_node **root);
+void yaml_store_add(const char *text, size_t size, const struct yaml_node *root, size_t count);
 
 /* Finds the field of a key; NULL = there is none, or no schema. */
 const struct yaml_field *yaml_find_field(const struct yaml_schema *schema, const char *key);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Builds the scene of a rig: surfaces, their materials and meshes, and the pairs that may touch. */
 #include "base/count.h"
+#include "contact/mesh/solid_store.h"
 #include "model/spatial.h"
 #include "rig/builder_private.h"
 
@@ -113,7 +114,7 @@ static enum error_code surface_set_shape(struct rig_builder *b, const struct raw
         return code;
     }
     code = yaml_resolve_path(&raw->mesh_mark, raw->mesh, b->arena, &path, b->error);
-    return code ? code : mesh_read_obj(path, b->arena, &surface->mesh, b->error);
+    return code ? code : solid_store_read_obj(path, b->arena, &surface->mesh, b->error);
 }
 
 enum error_code rig_find_material(struct rig_builder *b, const struct yaml_mark *mark,

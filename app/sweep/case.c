@@ -5,6 +5,7 @@
 #include "base/hash.h"
 #include "base/input_file.h"
 #include "base/whole_file.h"
+#include "base/yaml.h"
 #include "contact/mesh/solid_store.h"
 
 #include <elf.h>
@@ -423,9 +424,9 @@ static void plan_end_job(void *context, const struct scenario_job *job)
     plan_tell(batch, (size_t)(slot - batch->slot) + 1);
 }
 
-/* Loads the rig of the first case once, so that the processes of all find its meshes' solids in the
- * store; errors of that rig are for the case to report. */
-static void plan_make_solids(const struct plan_batch *batch)
+/* Loads the rig of the first case once, so that the processes of all find its files, its meshes and
+ * their solids in the stores; errors of that rig are for the case to report. */
+static void plan_fill_stores(const struct plan_batch *batch)
 {
     const struct rig *rig;
     struct arena arena;
@@ -457,7 +458,7 @@ static enum error_code plan_run_batch(struct plan_batch *batch, const struct pla
         batch->slot[i].one = &list[i];
         plan_prepare_case(batch, &batch->slot[i], &batch->slot[i].why);
     }
-    plan_make_solids(batch);
+    plan_fill_stores(batch);
     code = scenario_jobs_run(batch->job, batch->njob, &options, error);
 
     /* After an error some scratch folders are left */
@@ -476,11 +477,13 @@ enum error_code plan_run_cases(const struct plan *plan, const struct plan_run_op
     const char *slash;
     char path[PATH_MAX];
     enum error_code code = solid_store_open(error);
+    enum error_code reading = yaml_store_open(error);
 
     /* The folder of results is not given but named after the plan: it is no link */
     plan_results_folder(plan, path);
     slash = strrchr(path, '/');
     folder_enclose(path, slash ? (size_t)(slash - path) + 1 : 0);
+    code = code ? code : reading;
     code = code ? code : folder_make(path, NULL, error);
     for (size_t from = 0; !code && from < plan->nlist; from += BATCH) {
         struct arena arena;
@@ -496,6 +499,7 @@ enum error_code plan_run_cases(const struct plan *plan, const struct plan_run_op
             arena_fini(&arena);
         }
     }
+    yaml_store_close();
     solid_store_close();
     return code;
 }

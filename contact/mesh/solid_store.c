@@ -1,7 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The store of solids: a linked list, which is short, as a robot has some dozens. */
+/* The store of meshes and solids: linked lists, which are short, as a robot has some dozens. */
 #include "contact/mesh/solid_store.h"
 
+#include "base/input_file.h"
+
+#include <stdlib.h>
 #include <string.h>
 
 #define STORE_MEMORY ((size_t)1 << 30) /* bytes of address space: 1 GiB */
@@ -14,11 +17,20 @@ struct stored_solid {
     struct field field;
 };
 
+/* A mesh and the text of the file that it was read from. */
+struct stored_mesh {
+    struct stored_mesh *next;
+    const char *path, *text;
+    size_t size;
+    const struct mesh *mesh;
+};
+
 static struct {
     int users; /* open while there are any */
     bool open; /* has memory */
     struct arena arena;
     struct stored_solid *first;
+    struct stored_mesh *mesh;
     size_t made;
 } solid_store;
 
@@ -32,6 +44,7 @@ enum error_code solid_store_open(struct error *error)
     code = arena_init(&solid_store.arena, STORE_MEMORY, error);
     solid_store.open = !code;
     solid_store.first = NULL;
+    solid_store.mesh = NULL;
     solid_store.made = 0;
     return code;
 }
@@ -44,6 +57,7 @@ void solid_store_close(void)
     arena_fini(&solid_store.arena);
     solid_store.open = false;
     solid_store.first = NULL;
+    solid_store.mesh = NULL;
 }
 
 size_t solid_store_made(void)
@@ -77,15 +91,69 @@ static struct stored_solid *stored_solid_of_solid(const struct solid *solid)
     return at;
 }
 
-/* ---- making solids ---- */
-
 /* Copies an array of the caller's into the store; NULL when that is full. */
-static void *stored_solid_copy(const void *from, size_t count, size_t size)
+static void *solid_store_copy(const void *from, size_t count, size_t size)
 {
     void *copy = arena_alloc(&solid_store.arena, count, size);
 
     return copy ? memcpy(copy, from, count * size) : NULL;
 }
+
+/* ---- meshes ---- */
+
+/* Finds the mesh that was read from a file of this path and text; NULL when there is none. */
+static const struct mesh *stored_mesh_find(const char *path, const char *text, size_t size)
+{
+    const struct stored_mesh *at = solid_store.mesh;
+
+    while (at && (at->size != size || strcmp(at->path, path) || memcmp(at->text, text, size))) {
+        at = at->next;
+    }
+    return at ? at->mesh : NULL;
+}
+
+/* Reads a mesh into the store; NULL when the store is full, or the file wrong. */
+static const struct mesh *stored_mesh_read(const char *path, const char *text, size_t size)
+{
+    struct stored_mesh *made = arena_alloc(&solid_store.arena, 1, sizeof *made);
+    struct error unused;
+
+    if (!made || mesh_read_obj_text(path, text, size, &solid_store.arena, &made->mesh, &unused)) {
+        return NULL;
+    }
+    made->path = arena_strdup(&solid_store.arena, path);
+    made->text = solid_store_copy(text, size, 1);
+    made->size = size;
+    if (!made->path || !made->text) {
+        return NULL;
+    }
+    made->next = solid_store.mesh;
+    solid_store.mesh = made;
+    return made->mesh;
+}
+
+enum error_code solid_store_read_obj(const char *path, struct arena *arena,
+                                     const struct mesh **mesh, struct error *error)
+{
+    const struct mesh *stored = NULL;
+    char *text;
+    size_t size;
+    enum error_code code = input_file_load(path, MESH_MAX_FILE_BYTES, &text, &size, error);
+
+    if (!code && solid_store.open) {
+        stored = stored_mesh_find(path, text, size);
+        stored = stored ? stored : stored_mesh_read(path, text, size);
+    }
+    if (stored) {
+        *mesh = stored;
+    } else if (!code) {
+        code = mesh_read_obj_text(path, text, size, arena, mesh, error);
+    }
+    free(text);
+    return code;
+}
+
+/* ---- making solids ---- */
 
 /* Makes a solid in the store, with a copy of the mesh, which may be gone before the store is; NULL
  * when the store is full. */
@@ -99,8 +167,8 @@ static struct stored_solid *stored_solid_make(const struct mesh *mesh)
     }
     made->mesh = *mesh;
     made->mesh.name = arena_strdup(&solid_store.arena, mesh->name);
-    made->mesh.vertex = stored_solid_copy(mesh->vertex, mesh->nvertex, sizeof *mesh->vertex);
-    made->mesh.face = stored_solid_copy(mesh->face, mesh->nface, sizeof *mesh->face);
+    made->mesh.vertex = solid_store_copy(mesh->vertex, mesh->nvertex, sizeof *mesh->vertex);
+    made->mesh.face = solid_store_copy(mesh->face, mesh->nface, sizeof *mesh->face);
     if (!made->mesh.name || !made->mesh.vertex || !made->mesh.face ||
         solid_make(&made->mesh, &solid_store.arena, &made->solid, &full)) {
         return NULL;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Solids and fields of meshes that were made ready before. While the store is open, engines of this
- * process share one solid, and one field, for all meshes with the same vertices and faces: for
- * programs that make the same robot many times. A process that is forked finds what its parent had
+ * Meshes that were read before, and solids and fields that were made ready. While the store is open,
+ * files of the same text share one mesh, and engines of this process one solid, and one field, for
+ * all meshes with the same vertices and faces: for programs that make the same robot many times. A process that is forked finds what its parent had
  * made. What a mesh gives depends on its vertices and faces alone, so that results are the same
  * with the store and without it.
  *
@@ -23,6 +23,11 @@ void solid_store_close(void);
 
 /* Returns how many solids and fields were made since it was opened. */
 size_t solid_store_made(void);
+
+/* Reads an OBJ file (mesh_read_obj), or takes the mesh that was read from the same text under the
+ * same path; it is the store's or, when that is closed or full, the arena's. */
+enum error_code solid_store_read_obj(const char *path, struct arena *arena,
+                                     const struct mesh **mesh, struct error *error);
 
 /* Finds the solid of a sound mesh: that of the store or, when it is closed or full, one made in
  * arena, which points into mesh. The only error is ERROR_MEMORY. */
