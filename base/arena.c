@@ -22,6 +22,10 @@ enum {
     PRESENT = 256 << 10 /* bytes that are made present at once */
 };
 
+/* Address space from which on an arena is one of those that a run works in, bytes. They get huge
+ * pages where the system has them: a walk through them misses no table of pages. */
+#define HUGE_FROM ((size_t)256 << 20)
+
 /* Returns where the poisoned part behind the used memory ends. */
 static size_t arena_poison_end(const struct arena *arena)
 {
@@ -49,6 +53,9 @@ enum error_code arena_init(struct arena *arena, size_t capacity, struct error *e
     }
     arena->memory = memory;
     arena->capacity = capacity;
+    if (capacity >= HUGE_FROM) {
+        madvise(memory, capacity, MADV_HUGEPAGE);
+    }
     return ERROR_NONE;
 }
 

@@ -374,6 +374,7 @@ enum error_code simulator_create_signals(struct simulator *simulator, struct err
                       error)) {
         return error->code;
     }
-    return stream_create(simulator->nsignal, STREAM_ROWS, simulator->arena, &simulator->stream,
-                         error);
+    return simulator->config.requests ? stream_create(simulator->nsignal, STREAM_ROWS,
+                                                      simulator->arena, &simulator->stream, error)
+                                      : ERROR_NONE;
 }

@@ -160,7 +160,7 @@ void simulator_record_event(struct simulator *simulator, uint64_t key, const cha
 enum journal_priority simulator_event_priority(uint64_t key);
 
 /* Signals by the names that they have in signals.csv, then frames received and sent on each bus;
- * rows of them for one reader (rt/stream.h). */
+ * rows of them for one reader (rt/stream.h; NULL without requests, as no one could ask). */
 size_t simulator_signals(const struct simulator *simulator);
 const char *const *simulator_signal_names(const struct simulator *simulator);
 struct stream *simulator_stream(const struct simulator *simulator);

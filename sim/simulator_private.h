@@ -58,7 +58,7 @@ struct simulator {
     double *row;
     struct contact_patch *patch; /* of the pairs, for a row */
     size_t nrecorded, nsignal, npatch;
-    struct stream *stream;      /* for subscribers of the control socket */
+    struct stream *stream;      /* for subscribers of the control socket; NULL without requests */
     struct stream *view_stream; /* view.h; NULL = none */
     uint64_t row_ticks;
     struct task_runner *task; /* NULL = none */

@@ -98,6 +98,21 @@ void implicit_prepare_drives(struct plant *plant)
     }
 }
 
+/* Computes the flows of drive d by its changed parameters, or copies those of another drive that
+ * have changed alike. */
+static void take_changed_flows(struct plant *plant, size_t d)
+{
+    struct implicit *im = plant->implicit;
+
+    for (size_t e = 0; e < plant->ndrive; e++) {
+        if (im->flows[e] == &im->changed[e] && drives_flow_alike(&plant->sea[d], &plant->sea[e])) {
+            im->changed[d] = im->changed[e];
+            return;
+        }
+    }
+    make_drive_flows(&plant->sea[d], 1e-9 * (double)plant->config.substep_ns, &im->changed[d]);
+}
+
 void implicit_refresh_drive(struct plant *plant, size_t d)
 {
     struct implicit *im = plant->implicit;
@@ -107,7 +122,7 @@ void implicit_refresh_drive(struct plant *plant, size_t d)
     implicit_forget_lane(plant, d);
     im->flows[d] = &im->sound[d];
     if (plant->sea[d].J != sound->J || plant->sea[d].Ks != sound->Ks) {
-        make_drive_flows(&plant->sea[d], 1e-9 * (double)plant->config.substep_ns, &im->changed[d]);
+        take_changed_flows(plant, d);
         im->flows[d] = &im->changed[d];
     }
 }

@@ -62,6 +62,7 @@ static int open_bench(void **state)
     bench.rig.nfree = BODIES;
     bench.config = (struct simulator_config){.rig = &bench.rig,
                                              .clock = LOOP_CLOCK_FREE,
+                                             .requests = true,
                                              .hold = RIG_HOLD_ALWAYS,
                                              .transport = TRANSPORT_LOCAL,
                                              .ticks = TICKS,
