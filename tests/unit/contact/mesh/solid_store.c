@@ -7,7 +7,10 @@
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 #include <cmocka.h>
 
 #include "tests/unit/arena_fixture.h"
@@ -52,6 +55,54 @@ static void equal_meshes_share_what_was_made(void **state)
     assert_ptr_not_equal(find_field(first), find_field(other));
     assert_int_equal(solid_store_made(), 4);
     solid_store_close();
+}
+
+/* Writes a tetrahedron of that height, m. */
+static void write_obj(const char *path, const char *height)
+{
+    FILE *file = fopen(path, "w");
+
+    assert_non_null(file);
+    fprintf(file, "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 %s\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n",
+            height);
+    assert_int_equal(fclose(file), 0);
+}
+
+static const struct mesh *read_obj(const char *path)
+{
+    const struct mesh *mesh;
+
+    assert_int_equal(solid_store_read_obj(path, &arena, &mesh, NULL), ERROR_NONE);
+    return mesh;
+}
+
+static void file_of_the_same_text_is_read_once(void **state)
+{
+    char path[] = "/tmp/solid-store-XXXXXX";
+    const struct mesh *first;
+    struct error error;
+    int file = mkstemp(path);
+
+    (void)state;
+    assert_true(file >= 0);
+    close(file);
+    write_obj(path, "1");
+    assert_ptr_not_equal(read_obj(path), read_obj(path));
+    assert_int_equal(solid_store_open(NULL), ERROR_NONE);
+    first = read_obj(path);
+    assert_ptr_equal(read_obj(path), first);
+    assert_string_equal(first->name, path);
+
+    /* Another text is another mesh; a wrong one is told each time */
+    write_obj(path, "2");
+    assert_true(read_obj(path)->vertex[3][2] == 2 && first->vertex[3][2] == 1);
+    write_obj(path, "x");
+    for (int again = 0; again < 2; again++) {
+        assert_int_equal(solid_store_read_obj(path, &arena, &first, &error), ERROR_INPUT);
+        assert_non_null(strstr(error.text, ":4:7"));
+    }
+    solid_store_close();
+    unlink(path);
 }
 
 static void solid_outlives_the_mesh_it_was_made_of(void **state)
@@ -161,6 +212,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(equal_meshes_share_what_was_made, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(file_of_the_same_text_is_read_once, open_arena,
+                                        close_arena),
         cmocka_unit_test_setup_teardown(solid_outlives_the_mesh_it_was_made_of, open_arena,
                                         close_arena),
         cmocka_unit_test_setup_teardown(closed_store_shares_nothing, open_arena, close_arena),
