@@ -111,9 +111,9 @@ static enum error_code yaml_read_int(struct yaml_reader *r, const struct yaml_fi
     char expected[96];
     int64_t value;
 
-    yaml_describe_range("an integer", field, expected, sizeof expected);
     if (node->kind != YAML_KIND_SCALAR || node->quoted ||
         !text_to_int(node->text, INT64_MIN, INT64_MAX, &value)) {
+        yaml_describe_range("an integer", field, expected, sizeof expected);
         return yaml_unexpected(r, node, expected);
     }
     /* 010 is eight to YAML 1.1 and ten to YAML 1.2 */
@@ -122,6 +122,7 @@ static enum error_code yaml_read_int(struct yaml_reader *r, const struct yaml_fi
         return yaml_unexpected(r, node, "an integer without leading zeros");
     }
     if (!yaml_in_range(field, (double)value)) {
+        yaml_describe_range("an integer", field, expected, sizeof expected);
         return yaml_unexpected(r, node, expected);
     }
     *(int64_t *)out = value;
@@ -194,7 +195,9 @@ static enum error_code yaml_read_reals(struct yaml_reader *r, const struct yaml_
     char expected[96];
     double *value = out;
 
-    snprintf(expected, sizeof expected, "a list of %zu numbers", field->count);
+    if (node->kind != YAML_KIND_LIST || node->count != field->count) {
+        snprintf(expected, sizeof expected, "a list of %zu numbers", field->count);
+    }
     if (node->kind != YAML_KIND_LIST) {
         return yaml_unexpected(r, node, expected);
     }
