@@ -52,8 +52,8 @@ enum error_code yaml_document_read(struct yaml_reader *reader, const char *name,
                                    size_t size, const struct yaml_schema *schema,
                                    struct yaml_node **root);
 
-/* Find a text's tree in the store, as copied nodes in reader->scratch, and add one. False: it is not
- * there, or does not fit. count: of the tree's nodes. */
+/* Find a text's tree in the store, as copied nodes in reader->scratch, and add one. False: it is
+ * not there, or does not fit. count: of the tree's nodes. */
 bool yaml_store_find(struct yaml_reader *reader, const char *text, size_t size,
                      struct yaml_node **root);
 void yaml_store_add(const char *text, size_t size, const struct yaml_node *root, size_t count);

@@ -140,8 +140,8 @@ static int plane_find_loop(struct solid_builder *b, int n, int seed)
     return count;
 }
 
-/* Checks whether a loop of corners turns left at each of them, and once around in all: four corners,
- * each less than half around, cannot turn twice. */
+/* Checks whether a loop of corners turns left at each of them, and once around in all: four
+ * corners, each less than half around, cannot turn twice. */
 static bool loop_is_convex(const struct solid_builder *b, int count, int seed)
 {
     const double(*v)[3] = b->mesh->vertex;
