@@ -3,8 +3,8 @@
  * Meshes that were read before, and solids and fields that were made ready. While the store is
  * open, files of the same text share one mesh, and engines of this process one solid, and one
  * field, for all meshes with the same vertices and faces: for programs that make the same robot
- * many times. A process that is forked finds what its parent had made. What a mesh gives depends on its vertices and faces alone, so that results are the same
- * with the store and without it.
+ * many times. A process that is forked finds what its parent had made. What a mesh gives depends
+ * on its vertices and faces alone, so that results are the same with the store and without it.
  *
  * One thread opens the store, makes engines and closes it. Not RT-safe.
  */
