@@ -478,18 +478,40 @@ static FILE *throughput_create_file(const char *folder, const char *name)
     return fopen(path, "w");
 }
 
+/* Writes a rig's name as a scenario in folder may state it. A file has to be below that folder, and
+ * may name others beside its own: so the tree that it is in is linked there. */
+static void throughput_name_rig(const char *rig, const char *folder, char name[PATH_MAX])
+{
+    char file[PATH_MAX], link[PATH_MAX], *parts[2] = {NULL, NULL};
+
+    snprintf(name, PATH_MAX, "%s", rig);
+    if (!realpath(rig, file)) {
+        return;
+    }
+
+    /* The last two parts of the path, its folder and its name, and the tree before them */
+    for (int k = 0; k < 2 && (parts[k] = strrchr(file, '/')); k++) {
+        *parts[k]++ = '\0';
+    }
+    if (parts[1]) {
+        snprintf(link, sizeof link, "%.4000s/tree", folder);
+        (void)!symlink(file[0] ? file : "/", link);
+        snprintf(name, PATH_MAX, "tree/%.2000s/%.2000s", parts[1], parts[0]);
+    }
+}
+
 /* Writes the scenario, and a sweep over it: first THROUGHPUT_RANGE cases of one tick, then whole
  * ones. */
 static enum error_code throughput_write_sweep(const struct throughput *all,
                                               const struct throughput_rig *rig, const char *folder,
                                               struct error *error)
 {
-    char path[PATH_MAX];
-    const char *name = realpath(rig->rig, path) ? path : rig->rig;
+    char name[PATH_MAX];
     FILE *scenario = throughput_create_file(folder, "case.yaml");
     FILE *sweep = throughput_create_file(folder, "sweep.yaml");
     int failed = !scenario || !sweep;
 
+    throughput_name_rig(rig->rig, folder, name);
     if (scenario) {
         fputs("name: throughput\ndescription: A rig with its task.\nrig: ", scenario);
         json_text_put(name, scenario);

@@ -82,7 +82,8 @@ END
 conclude throughput_measures_whole_cases
 
 # a figure of one that stands says that it was still there at the end, in both simulators
-run 0 throughput coman --rounds 1 --seconds 2 --peers "$module" -o throughput.json
+run 0 throughput "$source/config/rigs/coman.yaml" --task squat --rounds 1 --seconds 2 \
+    --peers "$module" -o throughput.json
 says out 'standing on its feet'
 python3 - throughput.json <<'END' || problem="$problem; figures"
 import json, sys
