@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * MuJoCo as a peer: the robot goes in as its own XML format, with contacts and constraints off but
- * where it stands, and mj_forward or mj_step is what is timed. A free joint of MuJoCo has its linear
- * velocity in world axes and its angular velocity in the body's.
+ * where it stands, and mj_forward or mj_step is what is timed. A free joint of MuJoCo has its
+ * linear velocity in world axes and its angular velocity in the body's.
  */
 #include "tests/bench/peers.h"
 
