@@ -5,17 +5,18 @@
 #include <stdio.h>
 #include <string.h>
 
-/* The upper 32 bits of an event's key; the lower ones are the topic within the source. */
+/* The upper 32 bits of an event's key; the lower ones are the topic within the source. Events of
+ * one time are recorded in this order, whenever each of them was collected. */
 enum event_source {
-    EVENT_LOOP,
-    EVENT_BOARD,
-    EVENT_RECORDER,
     EVENT_RELEASE,
+    EVENT_LOOP,
     EVENT_FAULT,
     EVENT_INTERFACE,
-    EVENT_CONTROL, /* of control/ */
     EVENT_ROBOT,
+    EVENT_BOARD,
     EVENT_CLAMPED_TRIP,
+    EVENT_RECORDER,
+    EVENT_CONTROL, /* of control/ */
 };
 
 /* Makes the key of an event, by which the log limits repetitions. */
@@ -179,8 +180,8 @@ bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text
         return false;
     }
     if (simulator->recorder) {
-        recorder_event(simulator->recorder, time_ns, simulator_event_priority(*key),
-                       event_text_without_time(text));
+        recorder_event(simulator->recorder, time_ns, (unsigned)(*key >> 32),
+                       simulator_event_priority(*key), event_text_without_time(text));
     }
     return true;
 }
@@ -188,7 +189,7 @@ bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text
 void simulator_record_event(struct simulator *simulator, uint64_t key, const char *text)
 {
     if (simulator->recorder) {
-        recorder_event(simulator->recorder, event_time_now(simulator),
+        recorder_event(simulator->recorder, event_time_now(simulator), (unsigned)(key >> 32),
                        simulator_event_priority(key), text);
     }
 }

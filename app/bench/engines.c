@@ -179,9 +179,9 @@ static void bench_engine_get_accelerations(void *memory, double *vdot)
 }
 
 const struct peer_dynamics bench_ours[BENCH_OURS] = {
-    {"generic", HIL_VERSION, bench_engine_create_generic, bench_engine_destroy,
+    {"generic", HIL_VERSION, bench_engine_create_generic, NULL, bench_engine_destroy,
      bench_engine_put_state, bench_engine_run_state, bench_engine_get_accelerations, NULL},
-    {"generated", HIL_VERSION, bench_engine_create_generated, bench_engine_destroy,
+    {"generated", HIL_VERSION, bench_engine_create_generated, NULL, bench_engine_destroy,
      bench_engine_put_state, bench_engine_run_state, bench_engine_get_accelerations, NULL},
 };
 

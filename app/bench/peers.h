@@ -9,13 +9,14 @@
 #define APP_BENCH_PEERS_H
 
 #include "base/error.h"
+#include "contact/contact.h"
 #include "model/robot.h"
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#define PEERS_ABI 3
+#define PEERS_ABI 4
 #define PEERS_FILE "libhil-peers.so"
 
 /* States that an engine keeps at a time. */
@@ -27,6 +28,11 @@ struct peer_dynamics {
     /* Creates an engine with the robot in it; NULL with a sentence in message when it cannot take
      * that robot. */
     void *(*create)(const struct robot *robot, char *message, size_t size);
+    /* The same of a robot whose joints have their passive springs and that touches the ground: the
+     * pairs of contact are of a surface with a half-space; a mesh counts as the box about it.
+     * body: the robot's, of each motion that contact counts. NULL: the peer knows no contact. */
+    void *(*create_standing)(const struct robot *robot, const struct contact_config *contact,
+                             const int *body, char *message, size_t size);
     void (*destroy)(void *engine);
     /* Keeps a state in slot (below PEER_SLOTS), in the engine's own coordinates. */
     void (*put)(void *engine, size_t slot, const double *q, const double *v, const double *tau);
@@ -35,8 +41,8 @@ struct peer_dynamics {
     /* Copies vdot (nv) of the last run. */
     void (*get)(void *engine, double *vdot);
     /* Steps a kept state on, beginning there at each call, by the engine's default method or by
-     * that which is implicit in the rates; false when it does not stay finite. NULL: the peer does
-     * not step. */
+     * that which is implicit in the rates; false when it does not stay finite, or when a standing
+     * robot is no longer near where it stood. NULL: the peer does not step. */
     bool (*step)(void *engine, size_t slot, bool implicit, double dt, size_t steps);
 };
 

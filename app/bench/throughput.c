@@ -9,6 +9,15 @@
 
 static const double HOUR_S = 3600.0;
 
+/* Names of the rates in the JSON, by way. */
+static const char *const way_names[THROUGHPUT_WAYS] = {
+    [WAY_BODIES] = "bodies_s_per_core_hour",
+    [WAY_BODIES_EULER] = "mujoco_s_per_core_hour",
+    [WAY_BODIES_IMPLICIT] = "mujoco_implicit_s_per_core_hour",
+    [WAY_STANDING] = "standing_s_per_core_hour",
+    [WAY_STANDING_EULER] = "mujoco_standing_s_per_core_hour",
+};
+
 /* Returns median and ends of count values, at least 1, which it sorts; NAN when one of them is. */
 static struct throughput_spread throughput_spread(double *value, size_t count)
 {
@@ -24,9 +33,6 @@ static struct throughput_spread throughput_spread(double *value, size_t count)
 /* A figure that is derived from a round. */
 enum throughput_figure {
     FIGURE_RATE,
-    FIGURE_BODIES,
-    FIGURE_MUJOCO,
-    FIGURE_MUJOCO_IMPLICIT,
     FIGURE_HOURLY,
     FIGURE_START_MS,
     FIGURE_RANGE_MS,
@@ -35,12 +41,13 @@ enum throughput_figure {
     FIGURE_WHOLE_MB,
     FIGURE_START_INSTRUCTIONS,
     FIGURE_TICK_INSTRUCTIONS,
+    FIGURE_WAY, /* and the others behind it */
 };
 
 /* Derives a figure from a round; seconds is the simulated time of a case. NAN where the ticks cost
  * nothing, by noise. */
 static double throughput_figure(const struct throughput_sample *sample, double seconds,
-                                double tick_s, enum throughput_figure figure)
+                                double tick_s, unsigned figure)
 {
     /* Ticks alone: a whole case less one of a single tick */
     double ticks_s = sample->whole.cpu_s - sample->start.cpu_s;
@@ -50,12 +57,6 @@ static double throughput_figure(const struct throughput_sample *sample, double s
     switch (figure) {
     case FIGURE_RATE:
         return HOUR_S * seconds / ticks_s;
-    case FIGURE_BODIES:
-        return HOUR_S * seconds / sample->bodies_s;
-    case FIGURE_MUJOCO:
-        return HOUR_S * seconds / sample->mujoco_s;
-    case FIGURE_MUJOCO_IMPLICIT:
-        return HOUR_S * seconds / sample->mujoco_implicit_s;
     case FIGURE_HOURLY:
         return HOUR_S / (range_s + ticks_s);
     case FIGURE_START_MS:
@@ -72,14 +73,15 @@ static double throughput_figure(const struct throughput_sample *sample, double s
         return sample->start.instructions;
     case FIGURE_TICK_INSTRUCTIONS:
         return (sample->whole.instructions - sample->start.instructions) * tick_s / seconds;
+    default:
+        return HOUR_S * seconds / sample->way_s[figure - FIGURE_WAY];
     }
-    return NAN;
 }
 
 /* Returns the spread of a figure over all rounds. */
 static struct throughput_spread throughput_of_rounds(const struct throughput *all,
                                                      const struct throughput_rig *rig,
-                                                     enum throughput_figure figure)
+                                                     unsigned figure)
 {
     double value[THROUGHPUT_ROUNDS];
 
@@ -94,9 +96,6 @@ void throughput_derive(const struct throughput *all, const struct throughput_rig
 {
     *figures = (struct throughput_figures){
         .rate = throughput_of_rounds(all, rig, FIGURE_RATE),
-        .bodies = throughput_of_rounds(all, rig, FIGURE_BODIES),
-        .mujoco = throughput_of_rounds(all, rig, FIGURE_MUJOCO),
-        .mujoco_implicit = throughput_of_rounds(all, rig, FIGURE_MUJOCO_IMPLICIT),
         .hourly = throughput_of_rounds(all, rig, FIGURE_HOURLY),
         .start_ms = throughput_of_rounds(all, rig, FIGURE_START_MS),
         .range_ms = throughput_of_rounds(all, rig, FIGURE_RANGE_MS),
@@ -106,6 +105,9 @@ void throughput_derive(const struct throughput *all, const struct throughput_rig
         .start_instructions = throughput_of_rounds(all, rig, FIGURE_START_INSTRUCTIONS),
         .tick_instructions = throughput_of_rounds(all, rig, FIGURE_TICK_INSTRUCTIONS),
     };
+    for (unsigned way = 0; way < THROUGHPUT_WAYS; way++) {
+        figures->way[way] = throughput_of_rounds(all, rig, FIGURE_WAY + way);
+    }
 }
 
 /* ---- tables ---- */
@@ -132,6 +134,36 @@ static void throughput_put_number(double value, double scale, int digits, FILE *
     }
 }
 
+/* Prints what the robot alone makes, each time with the ratio to MuJoCo's default. */
+static void throughput_print_ways(const struct throughput *all, FILE *out)
+{
+    struct throughput_figures figures;
+
+    fprintf(out, "\n%-21s %26s %26s %26s %9s\n", "bodies alone", "ours, implicit",
+            "MuJoCo, implicit", "MuJoCo, Euler", "ratio");
+    for (size_t i = 0; i < all->nrig; i++) {
+        throughput_derive(all, &all->rig[i], &figures);
+        fprintf(out, "%-21s", all->rig[i].rig);
+        throughput_put_spread(&figures.way[WAY_BODIES], out);
+        throughput_put_spread(&figures.way[WAY_BODIES_IMPLICIT], out);
+        throughput_put_spread(&figures.way[WAY_BODIES_EULER], out);
+        throughput_put_number(figures.way[WAY_BODIES].median / figures.way[WAY_BODIES_EULER].median,
+                              1.0, 2, out);
+        fputc('\n', out);
+    }
+    fprintf(out, "\n%-21s %26s %26s %9s\n", "standing on its feet", "ours, implicit",
+            "MuJoCo, Euler", "ratio");
+    for (size_t i = 0; i < all->nrig; i++) {
+        throughput_derive(all, &all->rig[i], &figures);
+        fprintf(out, "%-21s", all->rig[i].rig);
+        throughput_put_spread(&figures.way[WAY_STANDING], out);
+        throughput_put_spread(&figures.way[WAY_STANDING_EULER], out);
+        throughput_put_number(
+            figures.way[WAY_STANDING].median / figures.way[WAY_STANDING_EULER].median, 1.0, 2, out);
+        fputc('\n', out);
+    }
+}
+
 void throughput_print(const struct throughput *all, FILE *out)
 {
     struct throughput_figures figures;
@@ -150,17 +182,7 @@ void throughput_print(const struct throughput *all, FILE *out)
         throughput_put_spread(&figures.rate, out);
         fputc('\n', out);
     }
-    fprintf(out, "\n%-21s %26s %26s %26s %9s\n", "bodies alone", "ours, implicit",
-            "MuJoCo, implicit", "MuJoCo, Euler", "ratio");
-    for (size_t i = 0; i < all->nrig; i++) {
-        throughput_derive(all, &all->rig[i], &figures);
-        fprintf(out, "%-21s", all->rig[i].rig);
-        throughput_put_spread(&figures.bodies, out);
-        throughput_put_spread(&figures.mujoco_implicit, out);
-        throughput_put_spread(&figures.mujoco, out);
-        throughput_put_number(figures.bodies.median / figures.mujoco.median, 1.0, 2, out);
-        fputc('\n', out);
-    }
+    throughput_print_ways(all, out);
 
     /* Then what a case costs in its parts */
     fprintf(out, "\n%-21s %9s %9s %9s %9s %9s %9s %9s\n", "a case", "start ms", "in range",
@@ -181,7 +203,8 @@ void throughput_print(const struct throughput *all, FILE *out)
                  "of instructions\n");
     fprintf(out,
             all->mujoco ? "bodies alone: at the rig's step, without contact, joint limits, drives, "
-                          "boards or controller; MuJoCo %s; ratio of ours to its default, Euler\n"
+                          "boards or controller; standing: the same on the ground, with springs in "
+                          "the joints; MuJoCo %s; ratio of ours to its default, Euler\n"
                         : "no MuJoCo was found\n",
             all->mujoco);
 }
@@ -226,9 +249,9 @@ void throughput_write_json(const struct throughput *all, FILE *out)
                 rig->nbus, rig->nboard, rig->naxis, rig->nv);
         fprintf(out, ", \"tick_s\": %.9g, \"step_s\": %.9g", rig->tick_s, rig->step_s);
         throughput_put_json("simulated_s_per_core_hour", &figures.rate, out);
-        throughput_put_json("bodies_s_per_core_hour", &figures.bodies, out);
-        throughput_put_json("mujoco_s_per_core_hour", &figures.mujoco, out);
-        throughput_put_json("mujoco_implicit_s_per_core_hour", &figures.mujoco_implicit, out);
+        for (int way = 0; way < THROUGHPUT_WAYS; way++) {
+            throughput_put_json(way_names[way], &figures.way[way], out);
+        }
         throughput_put_json("cases_per_core_hour", &figures.hourly, out);
         throughput_put_json("start_ms", &figures.start_ms, out);
         throughput_put_json("start_in_range_ms", &figures.range_ms, out);

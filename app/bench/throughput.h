@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * How many simulated seconds a sweep gets out of a processor in an hour, by rig: cases with boards,
- * buses, contact and controller, run by coman-hil test as a sweep runs them. And the bodies alone:
- * our plant without drives, joint limits and contact beside MuJoCo with the same bodies. CPU time,
- * not time on a clock. Not RT-safe.
+ * buses, contact and controller, run by coman-hil test as a sweep runs them. And the robot without
+ * them, our plant beside MuJoCo: its bodies alone, and standing on its feet with springs in its
+ * joints. CPU time, not time on a clock. Not RT-safe.
  */
 #ifndef APP_BENCH_THROUGHPUT_H
 #define APP_BENCH_THROUGHPUT_H
@@ -28,12 +28,21 @@ struct throughput_cost {
     double resident_mb;  /* the largest resident set that any of them had, 1e6 bytes */
 };
 
+/* How the robot alone moves, and by whom. */
+enum throughput_way {
+    WAY_BODIES,
+    WAY_BODIES_EULER, /* MuJoCo's default */
+    WAY_BODIES_IMPLICIT,
+    WAY_STANDING,
+    WAY_STANDING_EULER,
+    THROUGHPUT_WAYS
+};
+
 /* A round: a case of one tick run alone, a whole one alone, and THROUGHPUT_RANGE of one tick in a
  * range. */
 struct throughput_sample {
     struct throughput_cost start, whole, range;
-    double bodies_s; /* CPU seconds of our bodies alone for the same simulated time */
-    double mujoco_s, mujoco_implicit_s; /* the same by MuJoCo: Euler, implicit; NAN without it */
+    double way_s[THROUGHPUT_WAYS]; /* CPU seconds for the simulated time of a case; NAN = none */
 };
 
 /* Median and ends over the rounds; NAN when a round has no value. */
@@ -52,8 +61,7 @@ struct throughput_rig {
 /* Figures that are derived from the samples. */
 struct throughput_figures {
     struct throughput_spread rate; /* simulated seconds in an hour of a processor, without start */
-    struct throughput_spread bodies;                  /* the same of our bodies alone */
-    struct throughput_spread mujoco, mujoco_implicit; /* and of MuJoCo's */
+    struct throughput_spread way[THROUGHPUT_WAYS]; /* the same of the robot alone */
     struct throughput_spread hourly; /* whole cases of a range in an hour of a processor */
     struct throughput_spread start_ms, range_ms,
         whole_ms; /* of a case; range_ms: its start there */

@@ -8,6 +8,8 @@
 #include "app/bench/output.h"
 #include "app/bench/timing.h"
 #include "base/json_text.h"
+#include "base/vec3.h"
+#include "contact/contact.h"
 #include "model/plant.h"
 #include "rig/rig.h"
 #include "sim/robot_dynamics.h"
@@ -27,7 +29,15 @@
 
 #define ARENA_BYTES ((size_t)512 << 20) /* address space */
 
-enum { WARM_UP_STEPS = 100 }; /* steps that fill the caches before MuJoCo is timed */
+enum { WARM_UP_STEPS = 100 }; /* steps that fill the caches before a robot alone is timed */
+
+/* Springs in the joints of a robot that stands, N m/rad: so many times its weight by the height of
+ * its base that an ankle carries what is above it. And how long they take to return, s: so damped
+ * they are stable in MuJoCo too, which takes springs explicitly and dampers implicitly. */
+static const double STANDING_STIFFNESS = 10.0, STANDING_RETURN_S = 0.1;
+
+/* How far the base of one that stands may move, m. */
+static const double STANDING_NEAR_M = 0.05;
 
 /* ---- answers of a forked process ---- */
 
@@ -45,7 +55,7 @@ struct throughput_answer {
 struct throughput_question {
     const char *rig, *peers;
     double seconds;
-    bool implicit; /* of MuJoCo's methods */
+    enum throughput_way way;
     void (*find)(const struct throughput_question *question, struct throughput_answer *answer);
 };
 
@@ -133,71 +143,159 @@ enum error_code throughput_read_rig(struct throughput_rig *rig, struct error *er
     return ERROR_NONE;
 }
 
-/* ---- bodies alone ---- */
+/* ---- the robot alone ---- */
 
-/* Makes a robot like another of which nothing is left but its bodies and joints. */
-static enum error_code throughput_strip(const struct robot *robot, struct arena *arena,
-                                        struct robot **bare, struct error *error)
+/* A robot of which nothing is left but its bodies and joints, and where it stands, springs in these
+ * and the pairs of its feet with the ground. */
+struct throughput_alone {
+    const struct rig *rig;
+    struct robot *robot;
+    struct contact_config contact;
+    bool standing;
+};
+
+/* Keeps the pairs of a robot's surfaces with level ground. */
+static enum error_code throughput_keep_feet(struct throughput_alone *alone, struct arena *arena,
+                                            struct error *error)
 {
-    enum error_code code = robot_copy(robot, arena, bare, error);
+    const struct contact_config *all = &alone->rig->contact;
+    struct contact_pair *pair = arena_alloc(arena, all->npair + 1, sizeof *pair);
 
-    for (size_t j = 0; !code && j < robot->njoint; j++) {
-        struct robot_joint *joint = &(*bare)->joint[j];
+    if (!pair) {
+        return error_set(error, ERROR_MEMORY, "no memory for the feet");
+    }
+    alone->contact = *all;
+    alone->contact.pair = pair;
+    alone->contact.npair = 0;
+    for (size_t i = 0; i < all->npair; i++) {
+        const struct contact_surface *a = &all->surface[all->pair[i].a];
+        const struct contact_surface *b = &all->surface[all->pair[i].b];
+
+        if ((a->shape == CONTACT_HALF_SPACE && b->body >= 0) ||
+            (b->shape == CONTACT_HALF_SPACE && a->body >= 0)) {
+            pair[alone->contact.npair++] = all->pair[i];
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Returns the stiffness of the joints' springs where the robot stands. */
+static double throughput_stiffness(const struct throughput_alone *alone)
+{
+    double mass = 0.0;
+
+    for (size_t b = 0; b < alone->robot->nbody; b++) {
+        mass += alone->robot->body[b].inertia.mass;
+    }
+    return STANDING_STIFFNESS * mass * vec3_norm(alone->robot->gravity) *
+           fabs(alone->rig->base_position[2]);
+}
+
+/* Loads the rig and makes such a robot of its own; for one that is to stand, its pairs: none when
+ * it is fixed or has no such feet. */
+static enum error_code throughput_strip(const struct throughput_question *question,
+                                        struct arena *arena, struct throughput_alone *alone,
+                                        struct error *error)
+{
+    enum error_code code = rig_load(question->rig, arena, &alone->rig, error);
+    double stiffness;
+
+    (void)(code || (code = robot_copy(alone->rig->robot, arena, &alone->robot, error)));
+    alone->standing = question->way == WAY_STANDING || question->way == WAY_STANDING_EULER;
+    stiffness = code ? 0.0 : throughput_stiffness(alone);
+    for (size_t j = 0; !code && j < alone->robot->njoint; j++) {
+        struct robot_joint *joint = &alone->robot->joint[j];
 
         joint->sea = (struct robot_sea){0};
         joint->hydraulic = (struct robot_hydraulic){0};
         joint->spring = (struct robot_parallel_spring){0};
         joint->passive = (struct robot_passive){0};
         joint->stop = (struct robot_stop){0};
+        if (alone->standing) {
+            joint->passive = (struct robot_passive){stiffness, STANDING_RETURN_S * stiffness,
+                                                    alone->rig->joint[j]};
+        }
     }
-    if (!code) {
-        (*bare)->ncoupling = 0;
-        (*bare)->hydraulic_supply = (struct robot_hydraulic_supply){0};
+    if (code) {
+        return code;
+    }
+    alone->robot->ncoupling = 0;
+    alone->robot->hydraulic_supply = (struct robot_hydraulic_supply){0};
+    return alone->standing && alone->robot->floating ? throughput_keep_feet(alone, arena, error)
+                                                     : ERROR_NONE;
+}
+
+/* Creates our plant of such a robot in the rig's pose. */
+static enum error_code throughput_make_plant(const struct throughput_alone *alone,
+                                             struct arena *arena, struct plant **plant,
+                                             struct error *error)
+{
+    const struct rig *rig = alone->rig;
+    struct symbolic_library library;
+    struct dynamics *dynamics = arena_alloc(arena, 1, sizeof *dynamics);
+    struct plant_config config = {.robot = alone->robot,
+                                  .dynamics = dynamics,
+                                  .integrator = PLANT_IMPLICIT,
+                                  .substep_ns = rig->substep_ns,
+                                  .supply_v = rig->supply_v};
+    struct error notice;
+    enum error_code code;
+
+    if (!dynamics) {
+        return error_set(error, ERROR_MEMORY, "no memory for the dynamics");
+    }
+    code = robot_dynamics_fastest(alone->robot, arena, dynamics, &library, &notice, error);
+    if (!code && alone->contact.npair) {
+        config.contact_body = rig->contact_body;
+        config.ncontact = rig->contact.nbody;
+        code = contact_native_create(&alone->contact, arena, &config.contact, error);
+    }
+    (void)(code || (code = plant_create(&config, arena, plant, error)));
+    if (!code && plant_reset(*plant, rig->base_position, rig->base_quaternion, rig->joint)) {
+        code = error_set(error, ERROR_UNSUPPORTED, "%s: no start", rig->file);
     }
     return code;
 }
 
-/* Times our plant of such a robot in the rig's pose, as throughput_time_mujoco does MuJoCo. */
-static void throughput_time_bodies(const struct throughput_question *question,
-                                   struct throughput_answer *answer)
+/* Returns whether a robot that stands has its base near where the rig has it. */
+static bool throughput_stood(const struct throughput_alone *alone, const struct plant *plant)
 {
-    struct symbolic_library library;
-    struct dynamics dynamics;
-    struct error notice;
-    struct robot *robot;
+    size_t count;
+    const double *position = plant_values(plant, &count) + BASE_Q_POSITION;
+    bool near = true;
+
+    for (int k = 0; alone->standing && k < 3; k++) {
+        near = near && fabs(position[k] - alone->rig->base_position[k]) < STANDING_NEAR_M;
+    }
+    return near;
+}
+
+/* Times our plant of such a robot, as throughput_time_mujoco does MuJoCo. */
+static void throughput_time_ours(const struct throughput_question *question,
+                                 struct throughput_answer *answer)
+{
+    struct throughput_alone alone = {0};
     struct plant *plant;
-    const struct rig *rig;
     struct arena arena;
     double begin;
 
+    answer->cpu_s = NAN;
     if ((answer->code = arena_init(&arena, ARENA_BYTES, &answer->error)) ||
-        (answer->code = rig_load(question->rig, &arena, &rig, &answer->error)) ||
-        (answer->code = throughput_strip(rig->robot, &arena, &robot, &answer->error)) ||
-        (answer->code =
-             robot_dynamics_fastest(robot, &arena, &dynamics, &library, &notice, &answer->error))) {
-        return;
-    }
-    answer->code = plant_create(&(struct plant_config){.robot = robot,
-                                                       .dynamics = &dynamics,
-                                                       .integrator = PLANT_IMPLICIT,
-                                                       .substep_ns = rig->substep_ns,
-                                                       .supply_v = rig->supply_v},
-                                &arena, &plant, &answer->error);
-    if (!answer->code && plant_reset(plant, rig->base_position, rig->base_quaternion, rig->joint)) {
-        answer->code = error_set(&answer->error, ERROR_UNSUPPORTED, "%s: no start", question->rig);
-    }
-    if (answer->code) {
+        (answer->code = throughput_strip(question, &arena, &alone, &answer->error)) ||
+        (alone.standing && !alone.contact.npair) ||
+        (answer->code = throughput_make_plant(&alone, &arena, &plant, &answer->error))) {
         return;
     }
 
     /* Fill the caches, begin again, and time the steps that count */
     plant_step(plant, WARM_UP_STEPS);
-    plant_reset(plant, rig->base_position, rig->base_quaternion, rig->joint);
+    plant_reset(plant, alone.rig->base_position, alone.rig->base_quaternion, alone.rig->joint);
     begin = bench_cpu_s();
-    answer->cpu_s =
-        plant_step(plant, (size_t)llround(question->seconds * 1e9 / (double)rig->substep_ns))
-            ? (double)NAN
-            : bench_cpu_s() - begin;
+    if (!plant_step(plant,
+                    (size_t)llround(question->seconds * 1e9 / (double)alone.rig->substep_ns)) &&
+        throughput_stood(&alone, plant)) {
+        answer->cpu_s = bench_cpu_s() - begin;
+    }
 }
 
 /* ---- MuJoCo ---- */
@@ -237,31 +335,39 @@ enum error_code throughput_find_mujoco(const char *path, char version[32], struc
     return code;
 }
 
-/* Times MuJoCo with the robot in the rig's pose and without forces: a floating one falls, a fixed
- * one swings. Runs in the forked process. */
+/* Times MuJoCo with the robot alone in the rig's pose: bodies alone fall where they float, and
+ * swing where they are fixed. Runs in the forked process. */
 static void throughput_time_mujoco(const struct throughput_question *question,
                                    struct throughput_answer *answer)
 {
+    struct throughput_alone alone = {0};
     const struct peer_dynamics *peer;
     struct peers_library library;
     const struct rig *rig;
     struct arena arena;
     char message[256];
     double *q, *v, *tau, begin, dt;
-    void *engine;
+    void *engine = NULL;
     size_t base;
     bool good;
 
+    answer->cpu_s = NAN;
     if ((answer->code = arena_init(&arena, ARENA_BYTES, &answer->error)) ||
-        (answer->code = rig_load(question->rig, &arena, &rig, &answer->error)) ||
+        (answer->code = throughput_strip(question, &arena, &alone, &answer->error)) ||
+        (alone.standing && !alone.contact.npair) ||
         (answer->code = peers_open(question->peers, &library, &answer->error))) {
         return;
     }
+    rig = alone.rig;
     peer = throughput_stepper(library.peers);
     q = arena_alloc(&arena, rig->robot->nq, sizeof *q);
     v = arena_alloc(&arena, rig->robot->nv, sizeof *v);
     tau = arena_alloc(&arena, rig->robot->nv, sizeof *tau);
-    engine = peer && q && v && tau ? peer->create(rig->robot, message, sizeof message) : NULL;
+    if (peer && q && v && tau) {
+        engine = alone.standing ? peer->create_standing(alone.robot, &alone.contact,
+                                                        rig->contact_body, message, sizeof message)
+                                : peer->create(alone.robot, message, sizeof message);
+    }
     if (!engine) {
         answer->code = error_set(&answer->error, ERROR_UNSUPPORTED, "MuJoCo: %s: %s", question->rig,
                                  peer ? message : "no longer there");
@@ -277,9 +383,10 @@ static void throughput_time_mujoco(const struct throughput_question *question,
     memcpy(q + base, rig->joint, rig->robot->njoint * sizeof *q);
     dt = 1e-9 * (double)rig->substep_ns;
     peer->put(engine, 0, q, v, tau);
-    peer->step(engine, 0, question->implicit, dt, WARM_UP_STEPS);
+    peer->step(engine, 0, question->way == WAY_BODIES_IMPLICIT, dt, WARM_UP_STEPS);
     begin = bench_cpu_s();
-    good = peer->step(engine, 0, question->implicit, dt, (size_t)llround(question->seconds / dt));
+    good = peer->step(engine, 0, question->way == WAY_BODIES_IMPLICIT, dt,
+                      (size_t)llround(question->seconds / dt));
     answer->cpu_s = good ? bench_cpu_s() - begin : (double)NAN;
 }
 
@@ -371,18 +478,40 @@ static FILE *throughput_create_file(const char *folder, const char *name)
     return fopen(path, "w");
 }
 
+/* Writes a rig's name as a scenario in folder may state it. A file has to be below that folder, and
+ * may name others beside its own: so the tree that it is in is linked there. */
+static void throughput_name_rig(const char *rig, const char *folder, char name[PATH_MAX])
+{
+    char file[PATH_MAX], link[PATH_MAX], *parts[2] = {NULL, NULL};
+
+    snprintf(name, PATH_MAX, "%s", rig);
+    if (!realpath(rig, file)) {
+        return;
+    }
+
+    /* The last two parts of the path, its folder and its name, and the tree before them */
+    for (int k = 0; k < 2 && (parts[k] = strrchr(file, '/')); k++) {
+        *parts[k]++ = '\0';
+    }
+    if (parts[1]) {
+        snprintf(link, sizeof link, "%.4000s/tree", folder);
+        (void)!symlink(file[0] ? file : "/", link);
+        snprintf(name, PATH_MAX, "tree/%.2000s/%.2000s", parts[1], parts[0]);
+    }
+}
+
 /* Writes the scenario, and a sweep over it: first THROUGHPUT_RANGE cases of one tick, then whole
  * ones. */
 static enum error_code throughput_write_sweep(const struct throughput *all,
                                               const struct throughput_rig *rig, const char *folder,
                                               struct error *error)
 {
-    char path[PATH_MAX];
-    const char *name = realpath(rig->rig, path) ? path : rig->rig;
+    char name[PATH_MAX];
     FILE *scenario = throughput_create_file(folder, "case.yaml");
     FILE *sweep = throughput_create_file(folder, "sweep.yaml");
     int failed = !scenario || !sweep;
 
+    throughput_name_rig(rig->rig, folder, name);
     if (scenario) {
         fputs("name: throughput\ndescription: A rig with its task.\nrig: ", scenario);
         json_text_put(name, scenario);
@@ -437,7 +566,7 @@ enum error_code throughput_measure(const struct throughput *all, const struct th
                                    struct throughput_sample *sample, struct error *error)
 {
     struct throughput_question question = {
-        .rig = rig->rig, .peers = peers, .seconds = all->seconds, .find = throughput_time_bodies};
+        .rig = rig->rig, .peers = peers, .seconds = all->seconds};
     struct throughput_answer answer;
     struct throughput_cost planning;
     char whole[16], range[16];
@@ -467,20 +596,17 @@ enum error_code throughput_measure(const struct throughput *all, const struct th
            (code = throughput_run_test(program, folder, rig->rig, (const char *[4]){whole, "cases"},
                                        &sample->whole, error)) ||
            (code = throughput_check_case(folder, rig->rig, error)));
-    if (code || (code = throughput_ask(&question, &answer, error))) {
-        return code;
-    }
-    sample->bodies_s = answer.cpu_s;
 
-    /* MuJoCo by both methods */
-    sample->mujoco_s = sample->mujoco_implicit_s = NAN;
-    question.find = throughput_time_mujoco;
-    for (int k = 0; all->mujoco && k < 2; k++) {
-        question.implicit = k == 1;
-        if ((code = throughput_ask(&question, &answer, error))) {
-            return code;
+    /* The robot alone in all ways, MuJoCo's where there is one */
+    for (int way = 0; !code && way < THROUGHPUT_WAYS; way++) {
+        question.way = (enum throughput_way)way;
+        question.find = way == WAY_BODIES || way == WAY_STANDING ? throughput_time_ours
+                                                                 : throughput_time_mujoco;
+        sample->way_s[way] = NAN;
+        if (question.find == throughput_time_ours || all->mujoco) {
+            code = throughput_ask(&question, &answer, error);
+            sample->way_s[way] = answer.cpu_s;
         }
-        *(k ? &sample->mujoco_implicit_s : &sample->mujoco_s) = answer.cpu_s;
     }
     return code;
 }

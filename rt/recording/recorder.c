@@ -346,10 +346,10 @@ void recorder_row(struct recorder *recorder, int64_t time_ns, const double *valu
                   &recorder->tally.rows_dropped);
 }
 
-void recorder_event(struct recorder *recorder, int64_t time_ns, enum journal_priority priority,
-                    const char *text)
+void recorder_event(struct recorder *recorder, int64_t time_ns, unsigned rank,
+                    enum journal_priority priority, const char *text)
 {
-    struct event_item item = {.time_ns = time_ns, .priority = priority};
+    struct event_item item = {.time_ns = time_ns, .rank = rank, .priority = priority};
 
     strncpy(item.text, text, sizeof item.text - 1);
     recorder_push(recorder, &recorder->events, &item, &recorder->tally.events,

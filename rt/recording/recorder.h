@@ -122,10 +122,11 @@ void recorder_frame(struct recorder *recorder, size_t bus, const struct bus_fram
 void recorder_row(struct recorder *recorder, int64_t time_ns, const double *value);
 
 /* From one thread, which may be another: something that happened at a virtual time, in a line of
- * text. Events given within half a second of wall time are written in the order of their times.
- * RT-safe unless lossless. */
-void recorder_event(struct recorder *recorder, int64_t time_ns, enum journal_priority priority,
-                    const char *text);
+ * text. Events given within half a second of wall time are written in the order of their times,
+ * those of one time by their ranks, those of one rank as they were given. RT-safe unless lossless.
+ */
+void recorder_event(struct recorder *recorder, int64_t time_ns, unsigned rank,
+                    enum journal_priority priority, const char *text);
 
 /* What went wrong since the last call, as a sentence; kind (below RECORDER_EVENTS) distinguishes
  * the files, a disk given up, and drops, which are reported at most once a second. False when

@@ -32,6 +32,7 @@ struct frame_item {
 
 struct event_item {
     int64_t time_ns;
+    unsigned rank;
     enum journal_priority priority;
     char text[RECORDER_EVENT_TEXT];
 };

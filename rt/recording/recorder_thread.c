@@ -87,8 +87,15 @@ static void recorder_release_events(struct recorder *recorder, size_t count)
     memmove(order->item, order->item + count, order->count * sizeof *order->item);
 }
 
-/* Inserts an event into the waiting ones in the order of their times; a full list writes its
- * older half first. */
+/* Returns whether an event is written before another that was given first. */
+static bool recorder_goes_before(const struct event_item *item, const struct event_item *other)
+{
+    return item->time_ns != other->time_ns ? item->time_ns < other->time_ns
+                                           : item->rank < other->rank;
+}
+
+/* Inserts an event into the waiting ones in their order; a full list writes its older half first.
+ */
 static void recorder_hold_event(struct recorder *recorder, const struct event_item *item)
 {
     struct recorder_order *order = &recorder->order;
@@ -97,7 +104,7 @@ static void recorder_hold_event(struct recorder *recorder, const struct event_it
     if (order->count == RECORDER_HELD) {
         recorder_release_events(recorder, RECORDER_HELD / 2);
     }
-    for (at = order->count; at > 0 && order->item[at - 1].time_ns > item->time_ns; at--) {
+    for (at = order->count; at > 0 && recorder_goes_before(item, &order->item[at - 1]); at--) {
         order->item[at] = order->item[at - 1];
     }
     order->item[at] = *item;

@@ -77,8 +77,22 @@ assert (rig["rig"], rig["task"], rig["buses"], rig["axes"]) == ("hyq-leg", "hold
 for name in "simulated_s_per_core_hour", "cases_per_core_hour", "case_mb", "start_in_range_ms":
     assert rig[name]["median"] > 0, name
 assert (rig["mujoco_s_per_core_hour"] is None) == (file["mujoco"] is None)
+assert rig["standing_s_per_core_hour"] is None, "a leg on a bench"
 END
 conclude throughput_measures_whole_cases
+
+# a figure of one that stands says that it was still there at the end, in both simulators
+run 0 throughput "$source/config/rigs/coman.yaml" --task squat --rounds 1 --seconds 2 \
+    --peers "$module" -o throughput.json
+says out 'standing on its feet'
+python3 - throughput.json <<'END' || problem="$problem; figures"
+import json, sys
+file = json.load(open(sys.argv[1]))
+(rig,) = file["rigs"]
+assert rig["standing_s_per_core_hour"]["median"] > 0
+assert (rig["mujoco_standing_s_per_core_hour"] is None) == (file["mujoco"] is None)
+END
+conclude throughput_stands
 
 # refuses STATUS WORD ARGUMENTS...: no measurement, and WORD in what is said
 refuses() {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * MuJoCo as a peer: the robot goes in as its own XML format, contacts and constraints are off, and
- * mj_forward is what is timed. A free joint of MuJoCo has its linear velocity in world axes and its
- * angular velocity in the body's.
+ * MuJoCo as a peer: the robot goes in as its own XML format, with contacts and constraints off but
+ * where it stands, and mj_forward or mj_step is what is timed. A free joint of MuJoCo has its
+ * linear velocity in world axes and its angular velocity in the body's.
  */
 #include "tests/bench/peers.h"
 
@@ -14,8 +14,16 @@
 
 #include <mujoco/mujoco.h>
 
+/* What is described to MuJoCo. */
+struct described {
+    const struct robot *robot;
+    const struct contact_config *contact; /* NULL = bodies alone */
+    const int *body;                      /* of the robot, by contact's */
+};
+
 struct engine {
     const struct robot *robot;
+    bool standing;
     mjModel *model;
     mjData *data;
     int *q, *v; /* of each joint: where its position and its rate stand in MuJoCo's vectors */
@@ -105,8 +113,92 @@ static void put_inertia(FILE *out, const struct robot_inertia *inertia)
     fputs("/>\n", out);
 }
 
-static void put_body(FILE *out, const struct robot *robot, size_t b)
+/* Returns the center and the half sides of the box about a surface's shape, in its own frame. */
+static void box_about(const struct contact_surface *surface, double center[3], double half[3])
 {
+    double low[3], high[3];
+
+    memset(center, 0, 3 * sizeof *center);
+    memcpy(half, surface->half_extent_m, 3 * sizeof *half);
+    for (size_t i = 0; surface->shape == CONTACT_MESH && i < surface->mesh->nvertex; i++) {
+        for (int k = 0; k < 3; k++) {
+            const double x = surface->mesh->vertex[i][k];
+
+            low[k] = i == 0 || x < low[k] ? x : low[k];
+            high[k] = i == 0 || x > high[k] ? x : high[k];
+            center[k] = 0.5 * (low[k] + high[k]);
+            half[k] = 0.5 * (high[k] - low[k]);
+        }
+    }
+}
+
+/* Writes a surface as a geom. Only geoms that stop others and those that are stopped meet, so that
+ * a robot touches the ground but not itself. */
+static void put_surface(FILE *out, const struct contact_surface *surface)
+{
+    const double round[2] = {surface->radius_m, 0.5 * surface->length_m};
+    double center[3] = {0.0}, half[3], position[3], quaternion[4];
+
+    if (surface->shape == CONTACT_HALF_SPACE) {
+        fputs("<geom type=\"plane\" size=\"0 0 1\" contype=\"1\" conaffinity=\"0\"", out);
+    } else if (surface->shape == CONTACT_CAPSULE && surface->length_m > 0.0) {
+        fputs("<geom type=\"capsule\" contype=\"0\" conaffinity=\"1\"", out);
+        put_numbers(out, "size", round, 2);
+    } else if (surface->shape == CONTACT_CAPSULE || surface->shape == CONTACT_SPHERE) {
+        fputs("<geom type=\"sphere\" contype=\"0\" conaffinity=\"1\"", out);
+        put_numbers(out, "size", round, 1);
+    } else {
+        box_about(surface, center, half);
+        fputs("<geom type=\"box\" contype=\"0\" conaffinity=\"1\"", out);
+        put_numbers(out, "size", half, 3);
+    }
+    mat3_apply(surface->rotation, center, position);
+    for (int k = 0; k < 3; k++) {
+        position[k] += surface->position[k];
+    }
+    quaternion_of(surface->rotation, quaternion);
+    put_numbers(out, "pos", position, 3);
+    put_numbers(out, "quat", quaternion, 4);
+    fputs("/>\n", out);
+}
+
+/* Writes the surfaces of a body that are in a pair, each once; of the world: b < 0. */
+static void put_surfaces(FILE *out, const struct described *what, int b)
+{
+    for (size_t s = 0; what->contact && s < what->contact->nsurface; s++) {
+        const struct contact_surface *surface = &what->contact->surface[s];
+        bool paired = false;
+
+        for (size_t i = 0; i < what->contact->npair; i++) {
+            paired =
+                paired || what->contact->pair[i].a == (int)s || what->contact->pair[i].b == (int)s;
+        }
+        if (paired && (surface->body < 0 ? -1 : what->body[surface->body]) == b) {
+            put_surface(out, surface);
+        }
+    }
+}
+
+/* Writes the joint above a body, with its spring where the robot stands. */
+static void put_joint(FILE *out, const struct described *what, size_t j)
+{
+    const struct robot_joint *joint = &what->robot->joint[j];
+
+    fprintf(out, "<joint name=\"j%zu\" type=\"%s\"", j,
+            joint->type == JOINT_REVOLUTE ? "hinge" : "slide");
+    put_numbers(out, "axis", joint->axis, 3);
+    if (what->contact) {
+        put_numbers(out, "stiffness", &joint->passive.stiffness, 1);
+        put_numbers(out, "damping", &joint->passive.damping, 1);
+        put_numbers(out, "springref", &joint->passive.rest, 1);
+    }
+    fputs("/>\n", out);
+}
+
+static void put_body(FILE *out, const struct described *what, size_t b)
+{
+    const struct robot *robot = what->robot;
+
     if (b == 0 && robot->floating) {
         fputs("<body name=\"b0\"><freejoint/>\n", out);
         put_inertia(out, &robot->body[0].inertia);
@@ -118,15 +210,14 @@ static void put_body(FILE *out, const struct robot *robot, size_t b)
         fprintf(out, "<body name=\"b%zu\"", b);
         put_numbers(out, "pos", joint->origin, 3);
         put_numbers(out, "quat", quaternion, 4);
-        fprintf(out, "><joint name=\"j%zu\" type=\"%s\"", b - 1,
-                joint->type == JOINT_REVOLUTE ? "hinge" : "slide");
-        put_numbers(out, "axis", joint->axis, 3);
-        fputs("/>\n", out);
+        fputs(">\n", out);
+        put_joint(out, what, b - 1);
         put_inertia(out, &robot->body[b].inertia);
     }
+    put_surfaces(out, what, b == 0 && !robot->floating ? -1 : (int)b);
     for (size_t child = b + 1; child < robot->nbody; child++) {
         if (robot->body[child].parent == (int)b) {
-            put_body(out, robot, child);
+            put_body(out, what, child);
         }
     }
     if (b > 0 || robot->floating) {
@@ -135,7 +226,7 @@ static void put_body(FILE *out, const struct robot *robot, size_t b)
 }
 
 /* The robot as MuJoCo's XML in *text, from the heap. */
-static bool describe(const struct robot *robot, char **text, size_t *size)
+static bool describe(const struct described *what, char **text, size_t *size)
 {
     FILE *out = open_memstream(text, size);
 
@@ -143,9 +234,15 @@ static bool describe(const struct robot *robot, char **text, size_t *size)
         return false;
     }
     fputs("<mujoco>\n<compiler angle=\"radian\"/>\n<option", out);
-    put_numbers(out, "gravity", robot->gravity, 3);
-    fputs("><flag constraint=\"disable\" contact=\"disable\"/></option>\n<worldbody>\n", out);
-    put_body(out, robot, 0);
+    put_numbers(out, "gravity", what->robot->gravity, 3);
+    fputs(what->contact ? "/>\n<worldbody>\n"
+                        : "><flag constraint=\"disable\" contact=\"disable\"/></option>\n"
+                          "<worldbody>\n",
+          out);
+    if (what->robot->floating) {
+        put_surfaces(out, what, -1);
+    }
+    put_body(out, what, 0);
     fputs("</worldbody>\n</mujoco>\n", out);
     return fclose(out) == 0;
 }
@@ -214,8 +311,10 @@ static bool fill(struct engine *engine)
     return true;
 }
 
-static void *create(const struct robot *robot, char *message, size_t size)
+static void *create_standing(const struct robot *robot, const struct contact_config *contact,
+                             const int *body, char *message, size_t size)
 {
+    const struct described what = {robot, contact, body};
     struct engine *engine = calloc(1, sizeof *engine);
     char *text = NULL;
     size_t length = 0;
@@ -225,7 +324,8 @@ static void *create(const struct robot *robot, char *message, size_t size)
         return NULL;
     }
     engine->robot = robot;
-    if (describe(robot, &text, &length)) {
+    engine->standing = contact != NULL;
+    if (describe(&what, &text, &length)) {
         engine->model = compile(text, length, message, size);
     }
     free(text);
@@ -234,6 +334,11 @@ static void *create(const struct robot *robot, char *message, size_t size)
         return NULL;
     }
     return engine;
+}
+
+static void *create(const struct robot *robot, char *message, size_t size)
+{
+    return create_standing(robot, NULL, NULL, message, size);
 }
 
 static void put(void *memory, size_t slot, const double *q, const double *v, const double *tau)
@@ -292,6 +397,18 @@ static void get(void *memory, double *vdot)
     }
 }
 
+/* Returns whether a robot that stands has its base within 5 cm of where it was put. */
+static bool stood(const struct engine *engine, size_t slot)
+{
+    const double *begin = engine->kept_q + slot * engine->robot->nq;
+    bool near = true;
+
+    for (int k = 0; engine->standing && k < 3; k++) {
+        near = near && fabs(engine->data->qpos[k] - begin[k]) < 0.05;
+    }
+    return near;
+}
+
 /* Euler's method, MuJoCo's default: rates first; or its method that is implicit in the rates. */
 static bool step(void *memory, size_t slot, bool implicit, double dt, size_t steps)
 {
@@ -304,10 +421,10 @@ static bool step(void *memory, size_t slot, bool implicit, double dt, size_t ste
     for (size_t i = 0; i < steps; i++) {
         mj_step(engine->model, engine->data);
     }
-    return engine->data->warning[mjWARN_BADQPOS].number == 0 &&
+    return stood(engine, slot) && engine->data->warning[mjWARN_BADQPOS].number == 0 &&
            engine->data->warning[mjWARN_BADQVEL].number == 0 &&
            engine->data->warning[mjWARN_BADQACC].number == 0;
 }
 
 const struct peer_dynamics peer_mujoco = {
-    "MuJoCo", PEERS_MUJOCO_VERSION, create, destroy, put, run, get, step};
+    "MuJoCo", PEERS_MUJOCO_VERSION, create, create_standing, destroy, put, run, get, step};

@@ -108,4 +108,4 @@ void get(void *engine, double *vdot)
 } // namespace
 
 extern "C" const struct peer_dynamics peer_simbody = {
-    "Simbody", PEERS_SIMBODY_VERSION, create, destroy, put, run, get, nullptr};
+    "Simbody", PEERS_SIMBODY_VERSION, create, nullptr, destroy, put, run, get, nullptr};

@@ -27,9 +27,7 @@ static int set_up(void **state)
             .start = {0.1, 1e6, 10.0},
             .whole = {whole[i], 5e6, 12.0},
             .range = {0.5, NAN, 11.0},
-            .bodies_s = 0.01,
-            .mujoco_s = 0.02,
-            .mujoco_implicit_s = 0.04,
+            .way_s = {0.01, 0.02, 0.04, 0.05, NAN},
         };
     }
     return 0;
@@ -49,9 +47,11 @@ static void figures_follow_from_costs(void **state)
     assert_near(figures.rate.median, 14400.0); /* 3600 2/0.5 */
     assert_near(figures.rate.low, 7200.0);
     assert_near(figures.rate.high, 18000.0);
-    assert_near(figures.bodies.median, 720000.0);
-    assert_near(figures.mujoco.median, 360000.0);
-    assert_near(figures.mujoco_implicit.median, 180000.0);
+    assert_near(figures.way[WAY_BODIES].median, 720000.0);
+    assert_near(figures.way[WAY_BODIES_EULER].median, 360000.0);
+    assert_near(figures.way[WAY_BODIES_IMPLICIT].median, 180000.0);
+    assert_near(figures.way[WAY_STANDING].median, 144000.0);
+    assert_true(isnan(figures.way[WAY_STANDING_EULER].median));
     assert_near(figures.hourly.median, 3600.0 / 0.55);
     assert_near(figures.start_ms.median, 100.0);
     assert_near(figures.range_ms.median, 50.0);
@@ -82,7 +82,7 @@ static void json_has_null_where_nothing_was_counted(void **state)
     (void)state;
     assert_non_null(out);
     all.rig[0].sample[2].start.instructions = NAN;
-    all.rig[0].sample[0].mujoco_s = NAN;
+    all.rig[0].sample[0].way_s[WAY_BODIES_EULER] = NAN;
     throughput_write_json(&all, out);
     fclose(out);
     assert_non_null(strstr(text, "{\"format_version\": 1, "));
@@ -104,7 +104,7 @@ static void tables_have_a_dash_there(void **state)
     (void)state;
     assert_non_null(out);
     all.mujoco = NULL;
-    all.rig[0].sample[0].mujoco_s = NAN;
+    all.rig[0].sample[0].way_s[WAY_BODIES_EULER] = NAN;
     throughput_print(&all, out);
     fclose(out);
     assert_non_null(strstr(text, "14400 (7200 .. 18000)"));

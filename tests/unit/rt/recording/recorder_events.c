@@ -97,16 +97,18 @@ static void events_are_lines_in_the_order_of_their_times(void **state)
     struct fixture *f = *state;
 
     begin(f);
-    recorder_event(f->recorder, 3000000000, JOURNAL_WARNING, "third");
-    recorder_event(f->recorder, 1000000, JOURNAL_INFO, "first");
-    recorder_event(f->recorder, 3000000000, JOURNAL_ERROR, "third, told later");
-    recorder_event(f->recorder, 2500000000, JOURNAL_NOTICE, "second");
+    recorder_event(f->recorder, 3000000000, 0, JOURNAL_WARNING, "third");
+    recorder_event(f->recorder, 1000000, 0, JOURNAL_INFO, "first");
+    recorder_event(f->recorder, 3000000000, 0, JOURNAL_ERROR, "third, told later");
+    recorder_event(f->recorder, 2500000000, 7, JOURNAL_NOTICE, "of the same time, by rank");
+    recorder_event(f->recorder, 2500000000, 0, JOURNAL_NOTICE, "second");
     end(f);
     assert_string_equal(read_file(f, "events.log"), "0.001000 info first\n"
                                                     "2.500000 notice second\n"
+                                                    "2.500000 notice of the same time, by rank\n"
                                                     "3.000000 warning third\n"
                                                     "3.000000 error third, told later\n");
-    assert_int_equal(f->counters.events, 4);
+    assert_int_equal(f->counters.events, 5);
 }
 
 /* More than are held back for order, and than the ring takes */
@@ -118,7 +120,7 @@ static void a_flood_of_events_is_written_whole(void **state)
 
     begin(f);
     for (int i = 0; i < 20000; i++) {
-        recorder_event(f->recorder, (int64_t)(i ^ 1) * 1000, JOURNAL_INFO, "flood");
+        recorder_event(f->recorder, (int64_t)(i ^ 1) * 1000, 0, JOURNAL_INFO, "flood");
     }
     end(f);
     assert_int_equal(f->counters.events, 20000);
@@ -140,7 +142,7 @@ static void a_long_text_is_cut(void **state)
     memset(text, 'x', sizeof text);
     text[sizeof text - 1] = '\0';
     begin(f);
-    recorder_event(f->recorder, 0, JOURNAL_INFO, text);
+    recorder_event(f->recorder, 0, 0, JOURNAL_INFO, text);
     end(f);
     assert_int_equal(strlen(read_file(f, "events.log")),
                      strlen("0.000000 info \n") + RECORDER_EVENT_TEXT - 1);
@@ -151,7 +153,7 @@ static void an_event_is_on_the_disk_soon(void **state)
     struct fixture *f = *state;
 
     begin(f);
-    recorder_event(f->recorder, 0, JOURNAL_INFO, "now");
+    recorder_event(f->recorder, 0, 0, JOURNAL_INFO, "now");
     for (int i = 0; i < 2000 && !*read_file(f, "events.log"); i++) {
         usleep(5000);
     }
