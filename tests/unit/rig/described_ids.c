@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Boards of a described bus whose identifiers meet are refused, at their place in the rig's file. */
+/* Boards of a described bus whose identifiers meet are refused, at their place in the file. */
 #include "tests/unit/rig/rig_bench.h"
 
 #define FT_BOARD                                                                                   \
