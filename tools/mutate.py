@@ -350,6 +350,8 @@ def verdict_of(suite, tests):
         if not some:
             continue
         built = inside(["ninja", "-k1", *sorted({test.program for test in some})], BUILD_LIMIT_S)
+        if re.search(r"^FAILED: .*\bgenerated/", built.stdout, re.M):
+            return Verdict("killed")  # a generator that fails, or writes what does not compile
         if built.returncode != 0:  # it compiles, so something else is wrong
             raise SystemExit(built.stdout)
         verdict = suite.run(some)
