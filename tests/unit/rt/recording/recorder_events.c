@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the recorder keeps beside frames and signals: events in the order of time, poses; and the end
- * of an MCAP file. */
+/* What the recorder keeps beside frames and signals: events in the order of time, poses; the end of
+ * an MCAP file. */
 #include "rt/recording/recorder.h"
 
 #include <dirent.h>
