@@ -19,17 +19,24 @@ const char instruction_set_architecture[] = "other";
 
 static enum instruction_set held = INSTRUCTION_SETS; /* nothing holds it */
 
+enum instruction_set instruction_set_with(unsigned features)
+{
+    const unsigned avx512 = INSTRUCTIONS_HAVE_AVX2 | INSTRUCTIONS_HAVE_AVX512F |
+                            INSTRUCTIONS_HAVE_AVX512VL | INSTRUCTIONS_HAVE_AVX512DQ;
+
+    return (features & avx512) == avx512       ? INSTRUCTIONS_AVX512
+           : features & INSTRUCTIONS_HAVE_AVX2 ? INSTRUCTIONS_AVX2
+                                               : INSTRUCTIONS_PLAIN;
+}
+
 enum instruction_set instruction_set_of_machine(void)
 {
 #if defined(__x86_64__)
-    if (!__builtin_cpu_supports("avx2")) {
-        return INSTRUCTIONS_PLAIN;
-    }
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-        __builtin_cpu_supports("avx512dq")) {
-        return INSTRUCTIONS_AVX512;
-    }
-    return INSTRUCTIONS_AVX2;
+    return instruction_set_with(
+        (__builtin_cpu_supports("avx2") ? INSTRUCTIONS_HAVE_AVX2 : 0u) |
+        (__builtin_cpu_supports("avx512f") ? INSTRUCTIONS_HAVE_AVX512F : 0u) |
+        (__builtin_cpu_supports("avx512vl") ? INSTRUCTIONS_HAVE_AVX512VL : 0u) |
+        (__builtin_cpu_supports("avx512dq") ? INSTRUCTIONS_HAVE_AVX512DQ : 0u));
 #else
     return INSTRUCTIONS_PLAIN;
 #endif

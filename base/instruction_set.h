@@ -22,7 +22,16 @@ extern const char *const instruction_set_names[INSTRUCTION_SETS];
 /* The architecture that this program is compiled for: "x86_64", "aarch64"; "other". */
 extern const char instruction_set_architecture[];
 
-/* Returns the widest set that this machine has. */
+/* What a processor may have. */
+enum instruction_feature {
+    INSTRUCTIONS_HAVE_AVX2 = 1,
+    INSTRUCTIONS_HAVE_AVX512F = 2,
+    INSTRUCTIONS_HAVE_AVX512VL = 4,
+    INSTRUCTIONS_HAVE_AVX512DQ = 8
+};
+
+/* Return the widest set of a processor with these features, and of this machine. */
+enum instruction_set instruction_set_with(unsigned features);
 enum instruction_set instruction_set_of_machine(void);
 
 /* Returns the set to run: the machine's, or the one that the process is held to. RT-safe. */

@@ -250,6 +250,53 @@ static void an_empty_supply_agrees_with_dopri5(void **state)
     assert_true(pressure[0] < 25.0 * BAR && pressure[1] < 0.5 * pressure[0]);
 }
 
+/* Adds a second link like the first beside it. */
+static void add_link(struct oil_rig *rig)
+{
+    const double none[3] = {0.0, 0.0, 0.0}, z[3] = {0.0, 0.0, 1.0};
+    const double I[6] = {0.3, 0.0, 0.0, 0.3, 0.0, 0.3};
+    const size_t second = toy_add(&rig->toy, 0, JOINT_REVOLUTE, z, none, 5.0, none, I);
+
+    rig->toy.joint[second].hydraulic = rig->toy.joint[0].hydraulic;
+    rig->toy.joint[second].lower = rig->toy.joint[0].lower;
+    rig->toy.joint[second].upper = rig->toy.joint[0].upper;
+    toy_finish(&rig->toy);
+}
+
+/* Of a pump, a line and an accumulator twice as large, two links get what one does of the others,
+ * also when nothing is left. */
+static void two_links_on_twice_the_supply_move_as_one(void **state)
+{
+    enum { SUPPLY_OF_TWO = 4 + 2 * HYDRAULIC_STATE };
+    static double q[500], supply[500];
+    struct robot_hydraulic_supply s = real_supply();
+    struct oil_rig rig;
+
+    (void)state;
+    s.accumulator = 2e-5;
+    s.line = 2e-6;
+    oil_rig_begin(&rig, real_cylinder(), s);
+    run_dry(&rig, q, supply, 1);
+    arena_fini(&rig.arena);
+
+    s.pump *= 2.0;
+    s.accumulator *= 2.0;
+    s.line *= 2.0;
+    s.relief_flow *= 2.0;
+    oil_rig_begin(&rig, real_cylinder(), s);
+    add_link(&rig);
+    oil_rig_start(&rig, -0.6);
+    for (int k = 0; k < 500; k++) {
+        plant_command(rig.plant)->oil.pump_loss = k < 50 ? 0.0 : 1.0;
+        rig.motor[0].voltage_v = rig.motor[1].voltage_v = k / 100 % 2 ? -3.0 : 3.0;
+        step_oil(&rig, 1);
+        assert_near(rig.state[0], q[k], 1e-6);
+        assert_near(rig.state[1], q[k], 1e-6);
+        assert_near(rig.state[SUPPLY_OF_TWO] / BAR, supply[k] / BAR, 1e-3);
+    }
+    arena_fini(&rig.arena);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -260,6 +307,7 @@ int main(void)
         cmocka_unit_test(a_relief_valve_that_stays_shut_lets_the_pressure_rise),
         cmocka_unit_test(valves_stick_shift_and_close),
         cmocka_unit_test(an_empty_supply_agrees_with_dopri5),
+        cmocka_unit_test(two_links_on_twice_the_supply_move_as_one),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

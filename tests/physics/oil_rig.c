@@ -56,6 +56,7 @@ void oil_rig_begin(struct oil_rig *rig, struct robot_hydraulic cylinder,
 
 void oil_rig_start(struct oil_rig *rig, double q)
 {
+    double angle[TOY_BODIES];
     struct error error;
     size_t count;
 
@@ -65,8 +66,11 @@ void oil_rig_start(struct oil_rig *rig, double q)
     assert_int_equal(plant_create(&rig->config, &rig->arena, &rig->plant, &error), ERROR_NONE);
     rig->state = plant_state(rig->plant, &count);
     rig->motor = plant_command(rig->plant)->motor;
-    rig->motor->bridge_on = true;
-    assert_int_equal(plant_reset(rig->plant, NULL, NULL, &q), ERROR_NONE);
+    for (size_t j = 0; j < rig->toy.robot.njoint; j++) {
+        rig->motor[j].bridge_on = true;
+        angle[j] = q;
+    }
+    assert_int_equal(plant_reset(rig->plant, NULL, NULL, angle), ERROR_NONE);
 }
 
 void step_oil(struct oil_rig *rig, size_t steps)

@@ -30,8 +30,8 @@ struct robot_hydraulic real_cylinder(void);
 struct robot_hydraulic_supply constant_supply(void);
 struct robot_hydraulic_supply real_supply(void);
 
-/* Sets up the link, whose numbers may be changed until it is started from angle q. The owner frees
- * the arena. */
+/* Sets up the link, whose numbers may be changed, and others added, until all start from angle q.
+ * The owner frees the arena. */
 void oil_rig_begin(struct oil_rig *rig, struct robot_hydraulic cylinder,
                    struct robot_hydraulic_supply supply);
 void oil_rig_start(struct oil_rig *rig, double q);

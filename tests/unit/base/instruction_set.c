@@ -47,6 +47,18 @@ static void the_machine_has_what_the_kernel_says(void **state)
 }
 #endif
 
+/* Of avx512 there are processors that lack some of what the kernels are compiled for. */
+static void a_set_needs_all_of_its_features(void **state)
+{
+    (void)state;
+    for (unsigned features = 0; features < 16; features++) {
+        assert_int_equal(instruction_set_with(features), features == 15 ? INSTRUCTIONS_AVX512
+                                                         : features & INSTRUCTIONS_HAVE_AVX2
+                                                             ? INSTRUCTIONS_AVX2
+                                                             : INSTRUCTIONS_PLAIN);
+    }
+}
+
 static void the_widest_is_used_when_nothing_holds_the_process(void **state)
 {
     (void)state;
@@ -83,6 +95,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_machine_has_what_the_kernel_says),
+        cmocka_unit_test(a_set_needs_all_of_its_features),
         cmocka_unit_test(the_widest_is_used_when_nothing_holds_the_process),
         cmocka_unit_test(the_process_is_held_to_what_the_machine_has),
         cmocka_unit_test(another_name_is_refused),

@@ -185,6 +185,43 @@ static void says_why_a_file_cannot_be_read(void **state)
     file_refused_with(file_path("loop.yaml"), "cannot be read: Too many levels of symbolic links");
 }
 
+/* As a list of files wants it, which shows what each says of itself. */
+static void one_key_is_read_whatever_else_is_in_the_file(void **state)
+{
+    static const struct {
+        const char *text, *found; /* NULL = none */
+    } cases[] = {
+        {"name: a\nwhat: of a car\nother: {what: else}\n", "of a car"},
+        {"what: first\nname: a\n", "first"},
+        {"name: a\nother: {what: else}\n", NULL},
+        {"what:\n", NULL},
+        {"what: [a, b]\n", NULL},
+        {"- what\n- a\n", NULL},
+        {"name: what\n", NULL},
+    };
+    struct error error = {0};
+    const char *text;
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
+        FILE *file = fopen(file_path("car.yaml"), "w");
+
+        assert_non_null(file);
+        assert_true(fputs(cases[i].text, file) >= 0 && fclose(file) == 0);
+        assert_int_equal(yaml_read_key(file_path("car.yaml"), "what", &arena, &text, &error),
+                         ERROR_NONE);
+        if (cases[i].found) {
+            assert_non_null(text);
+            assert_string_equal(text, cases[i].found);
+        } else {
+            assert_null(text);
+        }
+    }
+    assert_int_equal(yaml_read_key(file_path("none.yaml"), "what", &arena, &text, &error),
+                     ERROR_INPUT);
+    assert_null(text);
+}
+
 static void a_pipe_is_refused_at_once(void **state)
 {
     (void)state;
@@ -269,6 +306,7 @@ int main(void)
         TEST(an_enum_word_may_look_like_a_boolean),
         FILE_TEST(reads_a_file_and_names_it_in_marks),
         FILE_TEST(says_why_a_file_cannot_be_read),
+        FILE_TEST(one_key_is_read_whatever_else_is_in_the_file),
         FILE_TEST(a_pipe_is_refused_at_once),
         FILE_TEST(says_that_a_file_may_not_be_read),
         TEST(paths_are_relative_to_the_file_and_stay_in_the_tree),

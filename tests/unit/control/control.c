@@ -2,6 +2,8 @@
 /* The control socket on a running simulator: what each request does and answers. */
 #include "tests/unit/control/control_bench.h"
 
+#include "boards/foc/protocol.h"
+
 #include <math.h>
 
 static struct bench bench;
@@ -81,6 +83,32 @@ static void status_tells_of_external_boards(void **state)
     assert_string_equal(string_of(board, "bus"), "left_hip");
     assert_true(json_is_true(json_object_get(board, "silent")));
     assert_true(json_is_null(json_object_get(board, "heard_s")));
+    json_decref(answer);
+    stop_and_close();
+}
+
+/* A board that has sent before the first tick is heard at its beginning, 0 s. */
+static void status_tells_when_an_external_board_was_heard(void **state)
+{
+    const struct bus_frame feedback = {.id = 0x100 | 2 << 4 | FOC_FEEDBACK, .len = 8};
+    json_t *answer, *external;
+    size_t bus = 0;
+
+    (void)state;
+    bench_open(&bench, &(struct bench_options){
+                           .rig = "coman-rest-bus", .clock = LOOP_CLOCK_FREE, .guest = true});
+    while (strcmp(bench.rig->bus[bus].name, "left_hip") != 0) {
+        assert_true(++bus < bench.rig->nbus);
+    }
+    assert_int_equal(can_send(bench.ports.port[bus], &feedback, 1), 1);
+    bench_do(&bench, "{\"cmd\":\"step\",\"count\":5}");
+    answer = ask("{\"cmd\":\"status\"}");
+    external = json_object_get(answer, "external");
+    assert_true(json_is_null(json_object_get(json_array_get(external, 0), "heard_s")));
+    assert_string_equal(string_of(json_array_get(external, 1), "board"), "hip_lat");
+    assert_true(json_is_real(json_object_get(json_array_get(external, 1), "heard_s")));
+    assert_true(number_of(json_array_get(external, 1), "heard_s") == 0.0);
+    assert_true(json_is_false(json_object_get(json_array_get(external, 1), "silent")));
     json_decref(answer);
     stop_and_close();
 }
@@ -438,6 +466,7 @@ int main(void)
         cmocka_unit_test(hello_says_who_it_is),
         cmocka_unit_test(status_is_that_of_the_tick),
         cmocka_unit_test(status_tells_of_external_boards),
+        cmocka_unit_test(status_tells_when_an_external_board_was_heard),
         cmocka_unit_test(status_says_what_is_simulated_and_that_nothing_is_lost),
         cmocka_unit_test(statistics_count_every_tick),
         cmocka_unit_test(lists_have_patterns),

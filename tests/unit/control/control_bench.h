@@ -41,6 +41,7 @@ struct bench {
     struct arena arena;
     const struct rig *rig;
     struct simulator *simulator;
+    struct bus_ports ports;           /* of a guest, if there is one */
     struct control *control;          /* NULL = without one */
     struct control_counters counters; /* after bench_close */
     pthread_t loop;
@@ -174,6 +175,7 @@ struct bench_options {
     uint64_t ticks;
     int64_t patience_ns;
     bool without_socket, runs; /* runs: it does not wait at tick 0 */
+    bool guest;                /* with ports on every bus */
 };
 
 /* An answer that must be good; its hash, or 0. */
@@ -200,6 +202,7 @@ static inline void bench_open(struct bench *bench, const struct bench_options *o
         .nfault = options->nfault,
         .ticks = options->ticks,
         .requests = !options->without_socket,
+        .guests = options->guest,
     };
     struct control_config control = {.path = bench->path, .patience_ns = options->patience_ns};
     struct realtime_report report;
@@ -217,6 +220,9 @@ static inline void bench_open(struct bench *bench, const struct bench_options *o
     config.rig = bench->rig;
     assert_int_equal(simulator_create(&config, &bench->arena, &bench->simulator, notice, &error),
                      ERROR_NONE);
+    if (options->guest) {
+        assert_int_equal(simulator_join(bench->simulator, &bench->ports, &error), ERROR_NONE);
+    }
     if (!options->without_socket) {
         control.simulator = bench->simulator;
         control.requests = simulator_requests(bench->simulator);
@@ -260,6 +266,7 @@ static inline void bench_finish(struct bench *bench)
         control_counters(bench->control, &bench->counters);
         control_destroy(bench->control);
     }
+    bus_ports_close(&bench->ports);
     simulator_destroy(bench->simulator);
     arena_fini(&bench->arena);
     assert_int_equal(access(bench->path, F_OK), -1);

@@ -80,4 +80,32 @@ static inline void assert_rig_refused(const char *about, const char *message)
     }
 }
 
+/* The toy rig with its buses replaced, of which each joint needs to be driven. */
+static inline void write_buses_and_lockstep(const char *buses, const char *lockstep)
+{
+    char text[sizeof toy_rig + 2048];
+    const char *from = strstr(toy_rig, "buses:\n"), *to = strstr(toy_rig, "lockstep:");
+
+    snprintf(text, sizeof text, "%.*sbuses:\n%slockstep: {%s}\n%s", (int)(from - toy_rig), toy_rig,
+             buses, lockstep, strchr(to, '\n') + 1);
+    write_rig_file(text);
+}
+
+static inline void write_buses(const char *buses)
+{
+    write_buses_and_lockstep(buses, "");
+}
+
+static inline const struct rig *load_buses(const char *buses)
+{
+    write_buses(buses);
+    return load_rig(rig_path);
+}
+
+static inline void assert_buses_refused(const char *buses, const char *message)
+{
+    write_buses(buses);
+    assert_rig_refused(buses, message);
+}
+
 #endif

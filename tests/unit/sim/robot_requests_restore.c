@@ -216,6 +216,41 @@ static void a_reset_begins_noise_and_faults_again(void **state)
     repeats(&scene);
 }
 
+/* Another thread reads what has happened, perhaps only after the run went back: two events of the
+ * first pass, and the same of the second. */
+static void events_from_before_going_back_are_still_told(void **state)
+{
+    static const char *const told[] = {
+        "0.020000 s: fault 1 begins: supply sag 10 0.02..0.04",
+        "0.040000 s: fault 1 ends: supply sag 10 0.02..0.04",
+    };
+    const struct scene scene = {.rig = "coman",
+                                .clock = LOOP_CLOCK_FREE,
+                                .no_contact = true,
+                                .fault = {"supply sag 10 0.02..0.04"},
+                                .at = 10,
+                                .span = 50};
+    static struct witness w;
+    const struct simulator_observer observer = {&w, step};
+    struct arena arena;
+    struct rig rig;
+    char text[256];
+    uint64_t key;
+    int count = 0;
+
+    (void)state;
+    open_scene(&scene, &w, &arena, &rig, &observer, scene.at + scene.span + 2, true);
+    simulator_run(w.simulator);
+    assert_int_equal(w.goes, 1);
+    while (simulator_next_event(w.simulator, &key, text, sizeof text)) {
+        if (strstr(text, "fault ")) {
+            assert_string_equal(text, told[count++ % 2]);
+        }
+    }
+    assert_int_equal(count, 4);
+    close_scene(&w, &arena);
+}
+
 static void repeats_the_compact_boards(void **state)
 {
     const struct scene scene = {
@@ -346,6 +381,7 @@ int main(void)
         cmocka_unit_test(repeats_a_grasp_with_free_bodies),
         cmocka_unit_test(a_reset_in_a_grasp_begins_it_again),
         cmocka_unit_test(a_reset_begins_noise_and_faults_again),
+        cmocka_unit_test(events_from_before_going_back_are_still_told),
         cmocka_unit_test(repeats_the_compact_boards),
         cmocka_unit_test(repeats_the_cia402_boards),
         cmocka_unit_test(repeats_the_foc_boards),

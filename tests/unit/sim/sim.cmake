@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 foreach(name buses checkpoint contact_arrows external external_runs inertial_board interfaces
              limb_host loop_quiet published robot_requests robot_requests_restore
-             robot_requests_threads robot_requests_timed task_trouble)
+             robot_requests_threads robot_requests_timed stimulus task_trouble)
     hil_test(sim_${name} SOURCES unit/sim/${name}.c LIBS sim LABELS unit)
 endforeach()
 hil_test(sim_robot_dynamics SOURCES unit/sim/robot_dynamics.c LIBS symbolic_evaluate sim

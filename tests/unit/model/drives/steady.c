@@ -68,6 +68,8 @@ static void a_drive_without_effects_has_viscous_losses_alone(void **unused)
     (void)unused;
     plain.effects = NULL;
     assert_near(steady_load(&plain, 5.0, 2.0, 1), 4.9, 1e-12);
+    assert_near(steady_load(&plain, 5.0, 40.0, 1), 3.0, 1e-12);
+    assert_true(isnan(steady_load(&plain, 1.9, 40.0, 1))); /* less than Dm w = 2 */
     assert_near(steady_speed(&plain, 12.0, 0.0), 3.0 / (0.15 + Dm), 1e-12);
 }
 

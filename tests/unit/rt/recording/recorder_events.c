@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the recorder keeps beside frames and signals: events in the order of time, poses. */
+/* What the recorder keeps beside frames and signals: events in the order of time, poses; the end of
+ * an MCAP file. */
 #include "rt/recording/recorder.h"
 
 #include <dirent.h>
@@ -177,6 +178,32 @@ static void poses_have_a_file_of_their_own(void **state)
                         "0.010000,1,2,3,1,0,0,0,-1,0.5,-0.5,0.6,0.8,0,0\n");
 }
 
+/* By the specification of MCAP the magic bytes stand at both ends, and before those at the end a
+ * footer: opcode 2, with 20 bytes of content. */
+static void an_mcap_file_that_is_closed_has_its_end(void **state)
+{
+    enum { MAGIC = 8, FOOTER = 1 + 8 + 20 };
+    static const char magic[MAGIC + 1] = "\x89MCAP0\r\n";
+    struct fixture *f = *state;
+    char path[400];
+    FILE *file;
+    size_t size;
+
+    f->config.format = RECORDER_MCAP;
+    begin(f);
+    recorder_event(f->recorder, 0, JOURNAL_INFO, "now");
+    end(f);
+    snprintf(path, sizeof path, "%s/recording.mcap", f->directory);
+    file = fopen(path, "r");
+    assert_non_null(file);
+    size = fread(f->text, 1, TEXT, file);
+    fclose(file);
+    assert_in_range(size, 2 * MAGIC + FOOTER, TEXT - 1);
+    assert_memory_equal(f->text, magic, MAGIC);
+    assert_memory_equal(f->text + size - MAGIC, magic, MAGIC);
+    assert_memory_equal(f->text + size - MAGIC - FOOTER, "\x02\x14\0\0\0\0\0\0\0", 9);
+}
+
 #define RECORDER_TEST(f) cmocka_unit_test_setup_teardown(f, set_up, tear_down)
 
 int main(void)
@@ -187,6 +214,7 @@ int main(void)
         RECORDER_TEST(a_long_text_is_cut),
         RECORDER_TEST(an_event_is_on_the_disk_soon),
         RECORDER_TEST(poses_have_a_file_of_their_own),
+        RECORDER_TEST(an_mcap_file_that_is_closed_has_its_end),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
