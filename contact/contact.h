@@ -363,7 +363,7 @@ bool contact_simbody_find(char *path, size_t size);
  *   Within x of the carrier's edges x is the depth under the nearer side. Friction and dissipation
  *   take the way in which x grows for the normal; what of f is not along it, and adds up to nothing
  *   on a flat side, neither damps nor rubs. The energy stored is reported as k A x^2/2, which is U
- *   on flat sides, and a little off near edges and where the carrier is curved.
+ *   on flat sides, and off near edges and where the carrier is curved, by half over a thin edge.
  *   The carrier is the larger of the two (by the diagonals of their boxes; else the pair's a). If
  *   its depth is nowhere more than c and the other's is, as with a body on a plate, U also has k
  *   times the integral of what the other's depth is over c. So force does not vanish past the
@@ -377,7 +377,8 @@ bool contact_simbody_find(char *path, size_t size);
  * - Sphere on mesh: over each facet along its normal to the sphere's far side: k times the cap's
  *   volume on a flat side, wherever on it. A sphere that has sunk under a facet as deep as it is
  *   wide is no longer held by it. Sphere on half-space or sphere: Hertz's law, as above.
- * - Capsule on mesh: as a mesh of 256 triangles (mesh_capsule).
+ * - Capsule on mesh: as a mesh of 256 triangles (mesh_capsule). In a pressure field it is the
+ *   visitor, whatever its size, and its own depth never counts.
  * - Velocity, dissipation and friction are taken at three points between a facet's centroid and
  *   each edge of the overlap, at three in all on facets that are small against the smaller mesh
  *   (four points of a sphere's patch). In a pressure field at three in each triangle, no wider than

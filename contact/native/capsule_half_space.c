@@ -103,9 +103,11 @@ static void capsule_add_end(const struct capsule_over_plane *c, double side, str
         return;
     }
     for (int i = 0; i < SLICES; i++) {
-        double angle = slice_point[i] * last, radius = c->radius * portable_cos(angle);
+        double sine, cosine, radius;
 
-        capsule_add_slice(c, side * (c->half + c->radius * portable_sin(angle)), radius,
+        portable_sincos(slice_point[i] * last, &sine, &cosine);
+        radius = c->radius * cosine;
+        capsule_add_slice(c, side * (c->half + c->radius * sine), radius,
                           slice_weight[i] * last * radius, b, sum);
     }
 }

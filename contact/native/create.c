@@ -116,14 +116,13 @@ static int shape_rank(enum contact_shape shape)
 }
 
 /* Returns the kind of a pair of shapes in this order; meshes: that of two meshes by their law. For
- * a mesh a capsule is a mesh of facets. */
+ * a mesh a capsule is a mesh of facets, and a visitor in its pressure field. */
 static enum native_pair_kind pair_find_kind(enum contact_shape a, enum contact_shape b,
                                             enum native_pair_kind meshes)
 {
     if (shape_is_mesh(a)) {
         return b == CONTACT_HALF_SPACE ? PAIR_MESH_HALF_SPACE
                : b == CONTACT_SPHERE   ? PAIR_MESH_SPHERE
-               : b == CONTACT_CAPSULE  ? PAIR_MESHES
                                        : meshes;
     }
     if (a == CONTACT_CAPSULE) {
@@ -367,7 +366,7 @@ static double solid_deepest_bound(const struct solid *s)
 }
 
 /* Makes the pressure fields that the pairs need: that of the first surface, and of a second that
- * may be deeper. */
+ * may be deeper, unless it is a capsule. */
 static enum error_code fields_make(const struct contact_config *config, struct arena *arena,
                                    struct native_engine *e, struct error *error)
 {
@@ -380,7 +379,7 @@ static enum error_code fields_make(const struct contact_config *config, struct a
             continue;
         }
         code = surface_make_field(config, (size_t)side[0], arena, e->surface, error);
-        if (code == ERROR_NONE &&
+        if (code == ERROR_NONE && e->surface[side[1]].shape != CONTACT_CAPSULE &&
             solid_deepest_bound(second) > e->surface[side[0]].field->deepest) {
             code = surface_make_field(config, (size_t)side[1], arena, e->surface, error);
         }

@@ -45,7 +45,8 @@ struct native_grip {
     /* Found with the force: power of friction (W); sums over the springs of min(alpha |g|, l)|g|,
      * of l |g|, and of alpha |g|^2 where alpha |g| < l, when whole < 1 */
     double power, held, most, open;
-    bool keeps; /* the springs' stiffness is kept in the batch, for tangents */
+    bool keeps; /* the springs' stiffness is kept in the batch, for tangents; else held, most and
+                 * open alone are wanted */
     struct moments stiffness, damping; /* those of struct native_gather, when whole is 1 */
 };
 
@@ -60,7 +61,7 @@ void native_stick_gather(const struct native_batch *batch, const struct native_l
 void native_gather_add(const struct moments *normal, const double d[3], struct native_sum *sum);
 
 /* Adds the sticking friction of the same springs, each up to its Coulomb limit, to force and
- * moment, and power, held, most and open to sum->grip. */
+ * moment, and power, held, most and open to sum->grip; only the last three if it does not keep. */
 void native_stick_hold(struct native_batch *batch, const struct native_law *law,
                        const struct native_relative *relative, struct native_sum *sum);
 

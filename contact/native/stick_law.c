@@ -66,7 +66,7 @@ static void springs_add(const struct springs *s, struct native_sum *sum)
 }
 
 /* Computes the friction that each spring's bristles hold, up to its limit: adds it to sum, or, if
- * sum is NULL, only fills power, held, most and open of the grip. */
+ * sum is NULL, only fills held, most and open of the grip. */
 static void springs_hold(const struct springs *s, struct native_grip *grip, struct native_sum *sum)
 {
     struct native_sum unused = {.depth = 0};
@@ -281,8 +281,9 @@ static double grip_find_yield(const struct springs *s, const struct native_grip 
  * friction.h with the viscous part. */
 static double law_find_coefficient(const struct native_law *law, double speed)
 {
-    double t = fmin(1, fmax(0, (speed * law->transition_inverse - 1) / 2));
+    double t = (speed * law->transition_inverse - 1) / 2;
 
+    t = t > 0 ? (t < 1 ? t : 1) : 0;
     return law->us - (law->us - law->ud) * (t * t * t * (10 - t * (15 - 6 * t))) + law->uv * speed;
 }
 

@@ -178,8 +178,11 @@ void native_stick_gather(const struct native_batch *b, const struct native_law *
     }
 }
 
-void native_stick_hold(struct native_batch *b, const struct native_law *law,
-                       const struct native_relative *relative, struct native_sum *sum)
+/* Adds the friction of the springs, or only, unless it keeps, how near they are to its limit. keeps
+ * is a constant wherever this is called, so that either sum is a loop of its own. */
+LANES_INLINE void hold_springs(struct native_batch *b, const struct native_law *law,
+                               const struct native_relative *relative, const bool keeps,
+                               struct native_sum *sum)
 {
     struct native_grip *grip = sum->grip;
     const lanes zero = {0};
@@ -194,19 +197,19 @@ void native_stick_hold(struct native_batch *b, const struct native_law *law,
 
         friction_load_spring(b, i, law, relative, &s);
         friction_find_bend(&s, law, grip, &bend);
-        if (grip->keeps) {
-            lanes_store(bend.stiffness, b->held + i);
-        }
 
-        /* Friction force against the bend, its moment and its power */
-        for (int k = 0; k < 3; k++) {
-            f[k] = bend.stiffness * bend.e[k];
-            force[k] -= f[k];
-            power += f[k] * s.u[k];
+        /* Friction force against the bend, its moment and its power, unless it is only measured */
+        if (keeps) {
+            lanes_store(bend.stiffness, b->held + i);
+            for (int k = 0; k < 3; k++) {
+                f[k] = bend.stiffness * bend.e[k];
+                force[k] -= f[k];
+                power += f[k] * s.u[k];
+            }
+            moment[0] -= s.p[1] * f[2] - s.p[2] * f[1];
+            moment[1] -= s.p[2] * f[0] - s.p[0] * f[2];
+            moment[2] -= s.p[0] * f[1] - s.p[1] * f[0];
         }
-        moment[0] -= s.p[1] * f[2] - s.p[2] * f[1];
-        moment[1] -= s.p[2] * f[0] - s.p[0] * f[2];
-        moment[2] -= s.p[0] * f[1] - s.p[1] * f[0];
 
         /* How near the bristles alone, without their damping, are to the friction limit */
         size = lanes_root(bend.square);
@@ -217,7 +220,7 @@ void native_stick_hold(struct native_batch *b, const struct native_law *law,
         open += lanes_pick(below, bend.share * bend.square, zero);
     }
 
-    for (int k = 0; k < 3; k++) {
+    for (int k = 0; k < 3 && keeps; k++) {
         sum->force[k] += lanes_sum(force[k]);
         sum->moment[k] += lanes_sum(moment[k]);
     }
@@ -225,4 +228,14 @@ void native_stick_hold(struct native_batch *b, const struct native_law *law,
     grip->held += lanes_sum(held);
     grip->most += lanes_sum(most);
     grip->open += lanes_sum(open);
+}
+
+void native_stick_hold(struct native_batch *b, const struct native_law *law,
+                       const struct native_relative *relative, struct native_sum *sum)
+{
+    if (sum->grip->keeps) {
+        hold_springs(b, law, relative, true, sum);
+    } else {
+        hold_springs(b, law, relative, false, sum);
+    }
 }

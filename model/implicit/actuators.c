@@ -381,6 +381,22 @@ static void account_span(struct plant *plant, size_t d, enum spring_law law,
     }
 }
 
+/* Raises jump where a spring that was within its room at the step's begin presses its stop in a
+ * span: the stop's law holds for all of the span, and pulls until the spring is there. */
+static void raise_jump_at_spring(struct plant *plant, size_t d)
+{
+    struct implicit *im = plant->implicit;
+    const size_t j = plant->drive_joint[d];
+    const struct sea_state begin = plant_drive_state(plant, im->begin, d);
+    const double twist = begin.qm - plant_joint_position(plant, im->begin, j);
+
+    if (fabs(twist) < plant->sea[d].deflection) {
+        const double rate = begin.qmd - plant_joint_rate(plant, im->begin, j);
+
+        im->jump = fmax(im->jump, STRIKE_LEVER * fabs(rate));
+    }
+}
+
 void implicit_advance_drive(struct plant *plant, size_t d, enum implicit_span span, double rate)
 {
     struct implicit *im = plant->implicit;
@@ -395,6 +411,9 @@ void implicit_advance_drive(struct plant *plant, size_t d, enum implicit_span sp
     }
     if (span != SPAN_STAGE) {
         law = find_spring_law(plant, d, span, &drive, q, rate);
+    }
+    if (law == SPRING_PRESSED) {
+        raise_jump_at_spring(plant, d);
     }
     if (plant->accounts) {
         account_span(plant, d, law, span, drive, q, rate);

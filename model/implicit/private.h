@@ -19,6 +19,10 @@
 /* Part of its room within which a spring counts as far from its stop in a span. */
 #define STOP_NEAR 0.8
 
+/* Lever of joints, and of rotors on their springs, that are thrown, m: turns their jumps into those
+ * of a body. */
+#define STRIKE_LEVER 0.1
+
 /* The scheme's coefficient, 1 - 1/sqrt(2). */
 #define IMPLICIT_GAMMA 0.29289321881345247560
 

@@ -9,9 +9,6 @@
 #include <math.h>
 #include <string.h>
 
-/* Lever of joints that are thrown, m: turns their jumps into those of a body. */
-#define STRIKE_LEVER 0.1
-
 /* ---- rates ---- */
 
 /* Returns the index of a free body's rates among all rates. */

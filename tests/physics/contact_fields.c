@@ -55,12 +55,13 @@ enum pair_kind {
     BALL_ON_BALL,
     BALL_IN_STEP,
     STEP_ON_TERRAIN,
+    CAPSULE_OVER_EDGE,
     PAIR_KINDS
 };
 
-static const char *const pair_name[PAIR_KINDS] = {"box on table",    "box over an edge",
-                                                  "foot on terrain", "ball on ball",
-                                                  "ball in a step",  "step on terrain"};
+static const char *const pair_name[PAIR_KINDS] = {
+    "box on table",   "box over an edge", "foot on terrain",           "ball on ball",
+    "ball in a step", "step on terrain",  "capsule over a foot's edge"};
 
 static struct contact_surface *add_mesh(struct scene *scene, int body, const struct mesh *mesh)
 {
@@ -76,6 +77,7 @@ static void make_pair(struct scene *scene, enum pair_kind kind, int nbody, doubl
     static const double half = 0.04;
     const double step[3] = {half, half, half};
     const int second = nbody - 1, first = nbody - 2;
+    struct contact_surface *capsule;
 
     scene_init(scene, (size_t)nbody);
     scene_add_pair(scene, 0, 1);
@@ -103,6 +105,14 @@ static void make_pair(struct scene *scene, enum pair_kind kind, int nbody, doubl
         add_mesh(scene, second, ball_mesh(0.02, 6));
         at[0] = 0.031;
         at[2] = 0.022;
+        break;
+    case CAPSULE_OVER_EDGE:
+        add_mesh(scene, first, fixture_foot);
+        capsule = scene_add(scene, second, CONTACT_CAPSULE, &slippery);
+        capsule->radius_m = 0.03;
+        capsule->length_m = 0.1;
+        at[0] = 0.12;
+        at[2] = -0.0932 - 0.076;
         break;
     default:
         add_mesh(scene, first, fixture_terrain(24));

@@ -23,6 +23,7 @@ hil_test(contact_backing SOURCES physics/contact_backing.c LIBS contact LABELS p
 hil_test(contact_capsule SOURCES physics/contact_capsule.c LIBS contact LABELS physics)
 hil_test(contact_laws SOURCES physics/contact_laws.c LIBS m TIMEOUT 120 LABELS physics)
 hil_test(contact_holding SOURCES physics/contact_holding.c LIBS contact TIMEOUT 300 LABELS physics)
+hil_test(contact_spin SOURCES physics/contact_spin.c LIBS contact LABELS physics)
 hil_test(contact_sticking SOURCES physics/contact_sticking.c
          LIBS contact TIMEOUT 300 LABELS physics)
 hil_test(contact_native_agreement SOURCES physics/contact_native_agreement.c
