@@ -191,7 +191,7 @@ static void an_mcap_file_that_is_closed_has_its_end(void **state)
 
     f->config.format = RECORDER_MCAP;
     begin(f);
-    recorder_event(f->recorder, 0, JOURNAL_INFO, "now");
+    recorder_event(f->recorder, 0, 0, JOURNAL_INFO, "now");
     end(f);
     snprintf(path, sizeof path, "%s/recording.mcap", f->directory);
     file = fopen(path, "r");
