@@ -103,8 +103,7 @@ enum error_code mesh_capsule(double radius, double length, struct arena *arena,
                              .nface = capsule_connect(face),
                              .vertex = (const double(*)[3])vertex,
                              .face = (const int(*)[3])face,
-                             .sound = true,
-                             .convex = true};
+                             .sound = true};
     *mesh = capsule;
     return ERROR_NONE;
 }

@@ -159,8 +159,7 @@ enum error_code mesh_box(const double half_extent[3], int cells, struct arena *a
                          .nface = nface,
                          .vertex = (const double(*)[3])vertex,
                          .face = (const int(*)[3])face,
-                         .sound = true,
-                         .convex = true};
+                         .sound = true};
     *mesh = box;
     return ERROR_NONE;
 }

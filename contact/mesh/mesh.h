@@ -38,8 +38,7 @@ struct mesh {
     size_t nvertex, nface;
     const double (*vertex)[3]; /* m */
     const int (*face)[3];
-    bool sound;  /* known to be so, as mesh_check finds it; false: it may be */
-    bool convex; /* known to be; false: it may be */
+    bool sound; /* known to be so, as mesh_check finds it; false: it may be */
 };
 
 /* What can be wrong with a surface, in the order in which mesh_check looks for it. */

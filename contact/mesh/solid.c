@@ -118,8 +118,8 @@ static enum error_code solid_make_neighbors(struct solid_builder *b, struct soli
  * are not tried. */
 static bool solid_is_convex(const struct solid_builder *b, const struct solid *s)
 {
-    if (s->nfacet > CONVEX_FACETS || b->mesh->convex) {
-        return s->nfacet <= CONVEX_FACETS;
+    if (s->nfacet > CONVEX_FACETS) {
+        return false;
     }
     for (size_t i = 0; i < s->nfacet; i++) {
         const struct facet *f = &s->facet[i];

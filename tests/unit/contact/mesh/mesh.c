@@ -27,7 +27,7 @@ static struct mesh_finding check(const struct mesh *mesh)
 static const double corner[4][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
 static const int side[4][3] = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
 
-static const struct mesh tetrahedron = {"tetrahedron", 4, 4, corner, side, false, false};
+static const struct mesh tetrahedron = {"tetrahedron", 4, 4, corner, side, false};
 
 static void tetrahedron_is_sound_and_has_its_volume_and_area(void **state)
 {
@@ -171,22 +171,22 @@ static void names_each_fault_of_a_surface_and_its_first_face(void **state)
         enum mesh_fault fault;
         size_t face;
     } row[] = {
-        {{"", 4, 0, corner, side, false, false}, MESH_EMPTY, 0},
-        {{"", 4, 1, corner, low_index, false, false}, MESH_BAD_INDEX, 0},
-        {{"", 4, 1, corner, high_index, false, false}, MESH_BAD_INDEX, 0},
-        {{"", 4, 4, bad_coordinate, side, false, false}, MESH_BAD_COORDINATE, 0},
-        {{"", 4, 4, too_far, side, false, false}, MESH_BAD_COORDINATE, 1},
-        {{"", 4, 4, flat, side, false, false}, MESH_DEGENERATE_FACE, 0},
-        {{"", 4, 1, corner, twice, false, false}, MESH_DEGENERATE_FACE, 0},
-        {{"", 4, 5, corner, duplicate, false, false}, MESH_DUPLICATE_FACE, 4},
-        {{"", 4, 5, corner, apart, false, false}, MESH_DUPLICATE_FACE, 4},
-        {{"", 3, 2, corner, pillow, false, false}, MESH_DUPLICATE_FACE, 1},
-        {{"", 4, 3, corner, side, false, false}, MESH_OPEN_EDGE, 0},
-        {{"", 4, 4, corner, flipped, false, false}, MESH_FLIPPED_FACE, 2},
-        {{"", 7, 8, seven, hinge, false, false}, MESH_NON_MANIFOLD_EDGE, 4},
-        {{"", 7, 8, seven, pinched, false, false}, MESH_PINCHED_VERTEX, 4},
-        {{"", 5, 4, five, side, false, false}, MESH_UNUSED_VERTEX, 0},
-        {{"", 4, 4, corner, inward, false, false}, MESH_INWARD, 0},
+        {{"", 4, 0, corner, side, false}, MESH_EMPTY, 0},
+        {{"", 4, 1, corner, low_index, false}, MESH_BAD_INDEX, 0},
+        {{"", 4, 1, corner, high_index, false}, MESH_BAD_INDEX, 0},
+        {{"", 4, 4, bad_coordinate, side, false}, MESH_BAD_COORDINATE, 0},
+        {{"", 4, 4, too_far, side, false}, MESH_BAD_COORDINATE, 1},
+        {{"", 4, 4, flat, side, false}, MESH_DEGENERATE_FACE, 0},
+        {{"", 4, 1, corner, twice, false}, MESH_DEGENERATE_FACE, 0},
+        {{"", 4, 5, corner, duplicate, false}, MESH_DUPLICATE_FACE, 4},
+        {{"", 4, 5, corner, apart, false}, MESH_DUPLICATE_FACE, 4},
+        {{"", 3, 2, corner, pillow, false}, MESH_DUPLICATE_FACE, 1},
+        {{"", 4, 3, corner, side, false}, MESH_OPEN_EDGE, 0},
+        {{"", 4, 4, corner, flipped, false}, MESH_FLIPPED_FACE, 2},
+        {{"", 7, 8, seven, hinge, false}, MESH_NON_MANIFOLD_EDGE, 4},
+        {{"", 7, 8, seven, pinched, false}, MESH_PINCHED_VERTEX, 4},
+        {{"", 5, 4, five, side, false}, MESH_UNUSED_VERTEX, 0},
+        {{"", 4, 4, corner, inward, false}, MESH_INWARD, 0},
     };
 
     (void)state;
@@ -207,7 +207,7 @@ static void separate_closed_pieces_are_sound(void **state)
                                        {5, 0, 0}, {6, 0, 0}, {5, 1, 0}, {5, 0, 1}};
     static const int two[8][3] = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3},
                                   {4, 6, 5}, {4, 5, 7}, {4, 7, 6}, {5, 6, 7}};
-    const struct mesh mesh = {"two", 8, 8, eight, two, false, false};
+    const struct mesh mesh = {"two", 8, 8, eight, two, false};
 
     (void)state;
     assert_int_equal(check(&mesh).fault, MESH_SOUND);
