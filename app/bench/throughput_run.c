@@ -192,7 +192,7 @@ static double throughput_stiffness(const struct throughput_alone *alone)
 }
 
 /* Loads the rig and makes such a robot of its own; for one that is to stand, its pairs: none when
- * it is fixed or has no such feet. */
+ * it is fixed, has no such feet, or other bodies are about. */
 static enum error_code throughput_strip(const struct throughput_question *question,
                                         struct arena *arena, struct throughput_alone *alone,
                                         struct error *error)
@@ -221,8 +221,9 @@ static enum error_code throughput_strip(const struct throughput_question *questi
     }
     alone->robot->ncoupling = 0;
     alone->robot->hydraulic_supply = (struct robot_hydraulic_supply){0};
-    return alone->standing && alone->robot->floating ? throughput_keep_feet(alone, arena, error)
-                                                     : ERROR_NONE;
+    return alone->standing && alone->robot->floating && !alone->rig->nfree
+               ? throughput_keep_feet(alone, arena, error)
+               : ERROR_NONE;
 }
 
 /* Creates our plant of such a robot in the rig's pose. */
