@@ -89,7 +89,7 @@ export class Events {
 export class Past {
   #kept = [];
   #shown = null;
-  word = 'Live'; // for the newest state
+  #word = 'Live';
 
   constructor(changed) {
     this.changed = changed;
@@ -100,6 +100,16 @@ export class Past {
     this.marks = h('div', { class: 'marks' });
     this.element = h('div', { class: 'past' }, this.live,
       h('div', { class: 'line' }, this.marks, this.range), this.label);
+  }
+
+  /** What the newest state is called; said at once, whenever the next picture is drawn. */
+  set word(word) {
+    this.#word = word;
+    this.#say();
+  }
+
+  #say() {
+    setText(this.live, !this.#shown ? this.#word : this.#word === 'Live' ? 'Back to now' : 'Back to the end');
   }
 
   take(state) {
@@ -141,7 +151,7 @@ export class Past {
     const last = this.#kept.at(-1);
     const now = last?.time ?? 0;
     setClass(this.element, 'back', this.#shown !== null);
-    setText(this.live, !this.#shown ? this.word : this.word === 'Live' ? 'Back to now' : 'Back to the end');
+    this.#say();
     setText(this.label, this.#shown ? `${fixed(this.#shown.time - now, 2)} s` : '');
     const marks = events.filter(({ time }) => time > now - SPAN_S && time <= now);
     const key = `${marks.length} ${Math.round(now * 4)}`;
