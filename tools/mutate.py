@@ -499,10 +499,11 @@ def main():
         if name not in product:
             parser.error(f"found {name}, expected a C file in {', '.join(ROOMS)}")
     if options.draw:
+        # by a hash of each name: a new file changes no more of a draw than its own place in it
         for room in ROOMS:
             rest = [name for name in product if name.startswith(room + "/") and name not in names]
-            names += random.Random(f"{options.seed}:{room}").sample(
-                rest, min(options.draw, len(rest)))
+            names += sorted(rest, key=lambda name: hashlib.sha256(
+                f"{options.seed}:{name}".encode()).digest())[:options.draw]
     if not names:
         parser.error("expected a file, or --draw N")
     if options.list:

@@ -82,7 +82,7 @@ static double supply_excess(const struct plant *plant, double held, double t, co
 static double solve_empty_supply(const struct plant *plant, double t, const double *rates)
 {
     const struct robot_hydraulic_supply *s = &plant->config.robot->hydraulic_supply;
-    double low = s->back, high = s->precharge, middle;
+    double low = s->back, high = s->precharge, middle = low;
     double below = supply_excess(plant, low, t, rates), above;
     int side = 0;
 
@@ -96,13 +96,13 @@ static double solve_empty_supply(const struct plant *plant, double t, const doub
     }
     /* The secant's root replaces the bound of its sign; a bound that stays twice is weighted by
      * half */
-    for (int k = 0; k < SUPPLY_STEPS && high - low > SUPPLY_TOLERANCE_PA; k++) {
+    for (int k = 0; k < SUPPLY_STEPS; k++) {
         double excess;
 
         middle = low + (high - low) * below / (below - above);
         excess = supply_excess(plant, middle, t, rates);
-        if (fabs(excess) < SUPPLY_TOLERANCE_PA) {
-            return middle;
+        if (fabs(excess) < SUPPLY_TOLERANCE_PA || high - low < SUPPLY_TOLERANCE_PA) {
+            break;
         }
         if (excess > 0.0) {
             low = middle;
@@ -116,7 +116,7 @@ static double solve_empty_supply(const struct plant *plant, double t, const doub
             side = -1;
         }
     }
-    return 0.5 * (low + high);
+    return middle;
 }
 
 void implicit_advance_hydraulics(struct plant *plant, double t, const double *rates)
