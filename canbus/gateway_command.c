@@ -108,13 +108,20 @@ static void gateway_reject_command(struct gateway *gateway, struct gateway_clien
     }
 }
 
-/* Rejects a command that names a bus which the run does not have. */
+/* Rejects a command that names a bus which the run does not have. In the answer '?' stands for
+ * what would end it early or does not print. */
 static void gateway_reject_bus(struct gateway *gateway, struct gateway_client *client,
                                const char *name)
 {
     char text[SOCKETCAND_BUS_MAX + 32];
+    char shown[SOCKETCAND_BUS_MAX + 1] = "";
 
-    snprintf(text, sizeof text, "< error no such bus: %s >", name);
+    for (size_t i = 0; i < SOCKETCAND_BUS_MAX && name[i]; i++) {
+        const bool plain = name[i] > ' ' && name[i] < 0x7f && name[i] != '<' && name[i] != '>';
+
+        shown[i] = plain ? name[i] : '?';
+    }
+    snprintf(text, sizeof text, "< error no such bus: %s >", shown);
     gateway_reject_command(gateway, client, text);
 }
 

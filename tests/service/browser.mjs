@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the tests of the page in a browser share: TAP, the browser, what a picture shows.
-import { existsSync, readFileSync } from 'node:fs';
+import { spawn } from 'node:child_process';
+import { existsSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { createRequire } from 'node:module';
+import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 
 const modules = join(process.env.HIL_SOURCE_DIR, 'viewer/page/node_modules/playwright-core');
@@ -18,7 +20,7 @@ export function check(good, name, found) {
 }
 
 /** Prints the plan; false when there is no browser, and all tests have been skipped. */
-export function plan(tests) {
+function plan(tests) {
   console.log(`1..${tests}`);
   const missing = [modules, browserPath].filter((path) => !existsSync(path));
   while (missing.length && number < tests) {
@@ -27,21 +29,42 @@ export function plan(tests) {
   return missing.length === 0;
 }
 
-/** A headless browser that draws with the processor. */
-export function launch() {
-  const { chromium } = createRequire(join(modules, 'index.js'))(modules);
-  return chromium.launch({ executablePath: browserPath,
-    args: ['--enable-unsafe-swiftshader', '--no-sandbox', '--disable-dev-shm-usage'] });
-}
+const children = [];
 
-/** Waits for the file of --ready: its lines by their names. text(): what the program has said. */
-export async function untilReady(child, path, text) {
-  for (const end = Date.now() + WAIT_MS; !existsSync(path);) {
-    if (child.exitCode !== null || Date.now() > end) throw new Error(text());
+/** Starts the program with a page; returns it, what it says, and the lines of its --ready file by their names. */
+export async function begin(work, program, words, options = {}) {
+  const ready = join(work, `ready-${children.length}`);
+  const child = spawn(program, [...words, '--http', '0', '--ready', ready],
+    { stdio: ['ignore', 'ignore', 'pipe'], ...options });
+  let text = '';
+  child.stderr.on('data', (data) => { text += data; });
+  children.push(child);
+  for (const end = Date.now() + WAIT_MS; !existsSync(ready);) {
+    if (child.exitCode !== null || Date.now() > end) throw new Error(text);
     await new Promise((resolve) => { setTimeout(resolve, 10); });
   }
-  return Object.fromEntries([...readFileSync(path, 'utf8').matchAll(/^(\w+)='(.*)'$/gm)]
-    .map(([, name, value]) => [name, value]));
+  const lines = [...readFileSync(ready, 'utf8').matchAll(/^(\w+)='(.*)'$/gm)];
+  return { child, said: () => text, ...Object.fromEntries(lines.map(([, name, value]) => [name, value])) };
+}
+
+/** A whole test: judge(browser, work) with a headless browser that draws with the processor and a directory, and the
+ * end of what it began. */
+export async function test(tests, judge) {
+  if (!plan(tests)) process.exit(0);
+  const work = mkdtempSync(join(tmpdir(), 'coman-page-'));
+  const { chromium } = createRequire(join(modules, 'index.js'))(modules);
+  const browser = await chromium.launch({ executablePath: browserPath,
+    args: ['--enable-unsafe-swiftshader', '--no-sandbox', '--disable-dev-shm-usage'] });
+  try {
+    await judge(browser, work);
+  } catch (error) {
+    check(false, error.message);
+  } finally {
+    for (const child of children) child.kill('SIGKILL');
+    await browser.close();
+    rmSync(work, { recursive: true });
+  }
+  process.exit(0);
 }
 
 /** What a PNG shows: its size, the variance of its luminance, and for each area {x, y, width, height,

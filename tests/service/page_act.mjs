@@ -3,25 +3,13 @@
 // What a page does to a run, in a headless Chromium: sliders of the task pose move joints, a body that is
 // dragged is pushed until it is let go, views by key, pictures and recordings, all of it by keyboard.
 // Prints TAP; pictures go to FOLDER.
-import { spawn } from 'node:child_process';
-import { mkdtempSync, readFileSync, rmSync } from 'node:fs';
-import { tmpdir } from 'node:os';
+import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
-import { check, launch, lookAt, plan, untilReady, WAIT_MS } from './browser.mjs';
+import { begin, check, lookAt, test, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
 const TESTS = 13;
 const PATIENCE_MS = 3 * WAIT_MS; // the processor draws, and simulates in real time
-
-async function start(work) {
-  const ready = join(work, 'ready');
-  const child = spawn(program, ['run', join(process.env.HIL_SOURCE_DIR, 'config/rigs/coman.yaml'), '--transport',
-    'local', '--clock', 'real', '--task', 'pose', '--http', '0', '--control', join(work, 'control'),
-    '--ready', ready, '--quiet'], { stdio: ['ignore', 'ignore', 'pipe'] });
-  let text = '';
-  child.stderr.on('data', (data) => { text += data; });
-  return { child, ...await untilReady(child, ready, () => text) };
-}
 
 /** In the page: the angle of a joint. */
 function angle(name) {
@@ -48,7 +36,9 @@ function chest() {
   return null;
 }
 
-async function judge(browser, run) {
+async function judge(browser, work) {
+  const run = await begin(work, program, ['run', join(process.env.HIL_SOURCE_DIR, 'config/rigs/coman.yaml'), '--transport',
+    'local', '--clock', 'real', '--task', 'pose', '--control', join(work, 'control'), '--quiet']);
   const page = await browser.newPage({ viewport: { width: 800, height: 560 }, colorScheme: 'dark',
     acceptDownloads: true });
   const errors = [];
@@ -183,21 +173,4 @@ async function judge(browser, run) {
   check(errors.length === 0, 'the page has no errors', errors);
 }
 
-async function main() {
-  if (!plan(TESTS)) return;
-  const work = mkdtempSync(join(tmpdir(), 'coman-act-'));
-  const run = await start(work);
-  const browser = await launch();
-  try {
-    await judge(browser, run);
-  } catch (error) {
-    check(false, error.message);
-  } finally {
-    run.child.kill('SIGKILL');
-    await browser.close();
-    rmSync(work, { recursive: true });
-  }
-}
-
-await main();
-process.exit(0);
+await test(TESTS, judge);

@@ -2,11 +2,9 @@
 // usage: node page_browser.mjs COMAN-HIL [FOLDER]
 // The page in a headless Chromium: what is drawn, that it moves, that clicks reach the simulator,
 // that who may look cannot, that a stopped run is said. Prints TAP; pictures go to FOLDER.
-import { spawn } from 'node:child_process';
-import { mkdirSync, mkdtempSync, readFileSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
-import { tmpdir } from 'node:os';
+import { mkdirSync, readFileSync, symlinkSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
-import { check, launch, plan, untilReady, variance, WAIT_MS } from './browser.mjs';
+import { begin, check, test, variance, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
 const source = process.env.HIL_SOURCE_DIR;
@@ -24,23 +22,14 @@ function makeRig(work) {
   return join(work, 'rigs/coman.yaml');
 }
 
-async function start(work) {
-  const ready = join(work, 'ready');
-  const child = spawn(program, ['run', makeRig(work), '--transport', 'local',
-    '--clock', 'real', '--task', 'squat', '--http', '0', '--control', join(work, 'control'),
-    '--ready', ready, '--quiet', '--token-file', 'none', '--fault', 'jam: motor LElbj jam manual'], { stdio: ['ignore', 'ignore', 'pipe'] });
-  let text = '';
-  child.stderr.on('data', (data) => { text += data; });
-  const { page: control, page_view: look } = await untilReady(child, ready, () => text);
-  return { child, control, look };
-}
-
 const knee = () => {
   const { scene } = window.coman.page.hello;
   return window.coman.state.joints[2 * scene.joints.findIndex(({ name }) => name === 'RKneeSag')];
 };
 
-async function judge(browser, run) {
+async function judge(browser, work) {
+  const run = await begin(work, program, ['run', makeRig(work), '--transport', 'local', '--clock', 'real', '--task', 'squat',
+    '--control', join(work, 'control'), '--quiet', '--token-file', 'none', '--fault', 'jam: motor LElbj jam manual']);
   const page = await browser.newPage({ viewport: { width: 900, height: 640 }, colorScheme: 'light' });
   const errors = [];
   const wait = (test, argument) => page.waitForFunction(test, argument, { timeout: PATIENCE_MS });
@@ -53,7 +42,7 @@ async function judge(browser, run) {
 
   // The picture, and that it moves
   const begun = Date.now();
-  await page.goto(`${run.control}&quality=low`);
+  await page.goto(`${run.page}&quality=low`);
   await wait(() => window.coman?.page.scene?.firstDrawn > 0);
   const first = await page.evaluate(() => window.coman.page.scene.firstDrawn);
   console.log(`# first picture after ${first.toFixed(0)} ms in the page, seen after ${Date.now() - begun} ms`);
@@ -120,7 +109,7 @@ async function judge(browser, run) {
 
   // Who may look
   const look = await browser.newPage({ viewport: { width: 400, height: 700 } });
-  await look.goto(`${run.look}&quality=low`);
+  await look.goto(`${run.page_view}&quality=low`);
   await look.waitForFunction(() => window.coman?.page.pause, null, { timeout: WAIT_MS });
   const refused = await look.evaluate(async () => ({ disabled: window.coman.page.pause.disabled,
     push: await window.coman.link.ask('push', { body: 'Waist', force_n: [100, 0, 0] })
@@ -138,21 +127,4 @@ async function judge(browser, run) {
   check(errors.length === 0, 'the page has no errors', errors);
 }
 
-async function main() {
-  if (!plan(TESTS)) return;
-  const work = mkdtempSync(join(tmpdir(), 'coman-page-'));
-  const run = await start(work);
-  const browser = await launch();
-  try {
-    await judge(browser, run);
-  } catch (error) {
-    check(false, error.message);
-  } finally {
-    run.child.kill('SIGKILL');
-    await browser.close();
-    rmSync(work, { recursive: true });
-  }
-}
-
-await main();
-process.exit(0);
+await test(TESTS, judge);

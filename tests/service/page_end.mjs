@@ -3,12 +3,9 @@
 // The page over the end of a run and into the next one, in a headless Chromium: long frames, the key
 // help, the history of signals, the floor, sizes on a telephone; how the run ended, its files; that
 // the same page shows the next run. Prints TAP; pictures go to FOLDER.
-import { spawn } from 'node:child_process';
-import { mkdtempSync, rmSync } from 'node:fs';
 import { connect } from 'node:net';
-import { tmpdir } from 'node:os';
 import { join } from 'node:path';
-import { check, launch, plan, untilReady, WAIT_MS } from './browser.mjs';
+import { begin, check, test, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
 const source = process.env.HIL_SOURCE_DIR;
@@ -16,18 +13,9 @@ const TESTS = 20;
 const TOUCH_PX = 44;
 const TICKS = 20000; // of the first run, which is paused at once and driven by the page: a slow browser misses nothing
 
-const work = mkdtempSync(join(tmpdir(), 'coman-page-end-'));
-const children = [];
-
-async function start(name, ...keys) {
-  const ready = join(work, `ready-${name}`);
-  const child = spawn(program, ['run', join(source, 'config/rigs/coman-fd.yaml'), '--transport', 'local', '--http', '0',
-    '--control', join(work, name), '--ready', ready, '--quiet', ...keys],
-  { cwd: work, env: { ...process.env, XDG_STATE_HOME: join(work, 'state') }, stdio: ['ignore', 'ignore', 'pipe'] });
-  let text = '';
-  child.stderr.on('data', (data) => { text += data; });
-  children.push(child);
-  const { page } = await untilReady(child, ready, () => text);
+async function start(work, name, ...words) {
+  const { child, page } = await begin(work, program, ['run', join(source, 'config/rigs/coman-fd.yaml'), '--transport', 'local',
+    '--control', join(work, name), '--quiet', ...words], { cwd: work, env: { ...process.env, XDG_STATE_HOME: join(work, 'state') } });
   await new Promise((resolve, reject) => {
     const control = connect(join(work, name), () => control.write('{"cmd": "pause"}\n'));
     control.once('data', resolve).once('error', reject);
@@ -183,8 +171,8 @@ async function judgeEnd(page, phone, run, picture) {
   check(run.child.exitCode === null, 'the program waits');
 }
 
-async function judge(browser) {
-  const run = await start('one', '--clock', 'real', '--task', 'hold', '--ticks', String(TICKS),
+async function judge(browser, work) {
+  const run = await start(work, 'one', '--clock', 'real', '--task', 'hold', '--ticks', String(TICKS),
     '--record', join(work, 'recording'));
   const page = await browser.newPage({ viewport: { width: 1400, height: 900 }, colorScheme: 'dark' });
   const errors = [];
@@ -206,7 +194,7 @@ async function judge(browser) {
   check(await ended(run.child) === 0, 'until it is told to end');
   await page.waitForFunction(() => /waits for the next run/.test(document.getElementById('ending').textContent));
   const first = await page.evaluate(() => window.coman.page.hello.run.id);
-  const next = await start('two', '--clock', 'lockstep');
+  const next = await start(work, 'two', '--clock', 'lockstep');
   await page.waitForFunction((id) => window.coman?.page.hello && window.coman.page.hello.run.id !== id && window.coman.state, first);
   check(next.address === run.address, 'the same page shows the next run', next.address.replace(/=.*/, ''));
 
@@ -220,19 +208,4 @@ async function judge(browser) {
   check(errors.length === 0, 'the page has no errors', errors);
 }
 
-async function main() {
-  if (!plan(TESTS)) return;
-  const browser = await launch();
-  try {
-    await judge(browser);
-  } catch (error) {
-    check(false, error.message);
-  } finally {
-    for (const child of children) child.kill('SIGKILL');
-    await browser.close();
-    rmSync(work, { recursive: true });
-  }
-}
-
-await main();
-process.exit(0);
+await test(TESTS, judge);

@@ -3,11 +3,10 @@
 // Plots of two recordings in a headless Chromium, against the files that they were made from: the
 // cursor's values, zoom and pan, signals that move, what is exported, the ghost. Prints TAP; pictures
 // go to FOLDER.
-import { spawn, spawnSync } from 'node:child_process';
-import { mkdtempSync, readFileSync, rmSync } from 'node:fs';
-import { tmpdir } from 'node:os';
+import { spawnSync } from 'node:child_process';
+import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
-import { check, launch, lookAt, plan, untilReady, WAIT_MS } from './browser.mjs';
+import { begin, check, lookAt, test, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
 const rig = join(process.env.HIL_SOURCE_DIR, 'config/rigs/coman.yaml');
@@ -19,15 +18,6 @@ function record(directory, ...more) {
   const made = spawnSync(program, ['run', rig, '--transport', 'local', '--clock', 'free', '--duration', '4',
     '--control', 'none', '--quiet', '--record', directory, ...more], { encoding: 'utf8' });
   if (made.status !== 0) throw new Error(made.stderr);
-}
-
-async function replay(directory, other, ready) {
-  const child = spawn(program, ['replay', directory, '--with', other, '--http', '0', '--ready', ready],
-    { stdio: ['ignore', 'ignore', 'pipe'] });
-  let text = '';
-  child.stderr.on('data', (data) => { text += data; });
-  const { page_view: address } = await untilReady(child, ready, () => text);
-  return { child, address };
 }
 
 /** Rows of a CSV file, as objects. */
@@ -64,7 +54,10 @@ function places() {
   }) };
 }
 
-async function judge(browser, run, work) {
+async function judge(browser, work) {
+  record(join(work, 'one'), '--task', 'squat');
+  record(join(work, 'two'), '--task', 'pose', '--set', 'pose.LElbj_rad=-0.9');
+  const run = await begin(work, program, ['replay', join(work, 'one'), '--with', join(work, 'two')]);
   const rows = ['one', 'two'].map((name) => readRows(readFileSync(join(work, name, 'signals.csv'), 'utf8')));
   const poses = readRows(readFileSync(join(work, 'two', 'poses.csv'), 'utf8'));
   const page = await browser.newPage({ viewport: { width: 1400, height: 800 }, colorScheme: 'light',
@@ -83,7 +76,7 @@ async function judge(browser, run, work) {
   page.on('pageerror', (error) => errors.push(error.message));
 
   // A first set of plots
-  await page.goto(`${run.address}&quality=low`);
+  await page.goto(`${run.page_view}&quality=low`);
   await wait(() => window.coman?.page.scene?.firstDrawn > 0 && window.coman.page.compare.name);
   await page.evaluate(() => { window.coman.page.scene.period = 1000; }); // the picture is not judged here
   await page.click('#pause');
@@ -177,23 +170,4 @@ async function judge(browser, run, work) {
   check(errors.length === 0, 'the page has no errors', errors);
 }
 
-async function main() {
-  if (!plan(TESTS)) return;
-  const work = mkdtempSync(join(tmpdir(), 'coman-plots-'));
-  record(join(work, 'one'), '--task', 'squat');
-  record(join(work, 'two'), '--task', 'pose', '--set', 'pose.LElbj_rad=-0.9');
-  const run = await replay(join(work, 'one'), join(work, 'two'), join(work, 'ready'));
-  const browser = await launch();
-  try {
-    await judge(browser, run, work);
-  } catch (error) {
-    check(false, error.message);
-  } finally {
-    run.child.kill('SIGKILL');
-    await browser.close();
-    rmSync(work, { recursive: true });
-  }
-}
-
-await main();
-process.exit(0);
+await test(TESTS, judge);

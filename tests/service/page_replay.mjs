@@ -3,11 +3,10 @@
 // A recording in the page, in a headless Chromium: that it plays, that the line shows an earlier
 // pose, that plots have every row, and that nothing can be pushed. Prints TAP; pictures go to
 // FOLDER.
-import { spawn, spawnSync } from 'node:child_process';
-import { mkdtempSync, readFileSync, rmSync } from 'node:fs';
-import { tmpdir } from 'node:os';
+import { spawnSync } from 'node:child_process';
+import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
-import { check, launch, plan, untilReady, variance, WAIT_MS } from './browser.mjs';
+import { begin, check, test, variance, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
 const source = process.env.HIL_SOURCE_DIR;
@@ -18,15 +17,6 @@ function record(directory) {
     'local', '--clock', 'free', '--task', 'squat', '--duration', '8', '--control', 'none', '--quiet',
     '--record', directory, '--fault', 'jam: motor LElbj jam 2..3'], { encoding: 'utf8' });
   if (made.status !== 0) throw new Error(made.stderr);
-}
-
-async function replay(directory, ready) {
-  const child = spawn(program, ['replay', directory, '--http', '0', '--ready', ready],
-    { stdio: ['ignore', 'ignore', 'pipe'] });
-  let text = '';
-  child.stderr.on('data', (data) => { text += data; });
-  const { page_view: address } = await untilReady(child, ready, () => text);
-  return { child, address };
 }
 
 /** Rows of a CSV file, as objects. */
@@ -42,7 +32,10 @@ function shown() {
   return { time: window.coman.state.time, place: [x, y, z] };
 }
 
-async function judge(browser, run, directory) {
+async function judge(browser, work) {
+  const directory = join(work, 'recording');
+  record(directory);
+  const run = await begin(work, program, ['replay', directory]);
   const page = await browser.newPage({ viewport: { width: 900, height: 640 }, colorScheme: 'light' });
   const poses = readRows(join(directory, 'poses.csv'));
   const signals = readRows(join(directory, 'signals.csv'));
@@ -57,7 +50,7 @@ async function judge(browser, run, directory) {
   });
 
   // It plays by itself
-  await page.goto(`${run.address}&quality=low`);
+  await page.goto(`${run.page_view}&quality=low`);
   await wait(() => window.coman?.page.scene?.firstDrawn > 0);
   const found = await page.evaluate(variance);
   check(found > 100, 'the picture is not blank', found);
@@ -117,23 +110,4 @@ async function judge(browser, run, directory) {
   check(errors.length === 0, 'the page has no errors', errors);
 }
 
-async function main() {
-  if (!plan(TESTS)) return;
-  const work = mkdtempSync(join(tmpdir(), 'coman-replay-'));
-  const directory = join(work, 'recording');
-  record(directory);
-  const run = await replay(directory, join(work, 'ready'));
-  const browser = await launch();
-  try {
-    await judge(browser, run, directory);
-  } catch (error) {
-    check(false, error.message);
-  } finally {
-    run.child.kill('SIGKILL');
-    await browser.close();
-    rmSync(work, { recursive: true });
-  }
-}
-
-await main();
-process.exit(0);
+await test(TESTS, judge);

@@ -2,11 +2,10 @@
 // usage: page_visual.mjs COMAN-HIL [FOLDER] — an arm (URDF) and a legged robot (MJCF) are imported and
 // shown: their meshes have the color that they should where they should, all of them is in the
 // picture, and what is missing is named. Prints TAP; pictures go to FOLDER.
-import { spawn, spawnSync } from 'node:child_process';
-import { mkdirSync, mkdtempSync, readdirSync, rmSync, truncateSync, writeFileSync } from 'node:fs';
-import { tmpdir } from 'node:os';
+import { spawnSync } from 'node:child_process';
+import { mkdirSync, readdirSync, truncateSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
-import { check, launch, plan, untilReady, WAIT_MS } from './browser.mjs';
+import { begin, check, test, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
 const TESTS = 20;
@@ -116,15 +115,8 @@ function importRobot(work, file, text, meshes) {
   return { folder: join(from, 'out'), text: stdout };
 }
 
-async function start(work, rig) {
-  const ready = join(work, `ready-${Date.now()}`);
-  const child = spawn(program, ['run', rig, '--transport', 'local', '--clock', 'real', '--http', '0',
-    '--control', 'none', '--ready', ready, '--quiet'], { stdio: ['ignore', 'ignore', 'pipe'] });
-  let text = '';
-  child.stderr.on('data', (data) => { text += data; });
-  const { page_view: look } = await untilReady(child, ready, () => text);
-  return { child, look, said: () => text };
-}
+const start = (work, rig) => begin(work, program, ['run', rig, '--transport', 'local', '--clock', 'real', '--control', 'none',
+  '--quiet']);
 
 // ---- in the page ----
 
@@ -192,7 +184,7 @@ async function judgeArm(browser, work, errors) {
     made.text.split('\n').filter((line) => line.includes('missing:')));
   const run = await start(work, join(made.folder, 'rigs/arm.yaml'));
   try {
-    const page = await open(browser, run.look, { width: 1100, height: 800 }, errors);
+    const page = await open(browser, run.page_view, { width: 1100, height: 800 }, errors);
     const colors = await page.evaluate(look, ARM_POINTS.map(([, point]) => point));
     ARM_POINTS.forEach(([name, , color], i) => check(isHue(colors[i], color), name, colors[i]));
     const ends = await page.evaluate(look, ARM_ENDS);
@@ -221,7 +213,7 @@ async function judgeArm(browser, work, errors) {
     check(touch, 'a key shows what can touch instead');
     await page.close();
 
-    const phone = await open(browser, run.look, { width: 390, height: 780 }, errors);
+    const phone = await open(browser, run.page_view, { width: 390, height: 780 }, errors);
     const seen = await phone.evaluate(look, ARM_ENDS);
     check(seen.every(({ within }) => within), 'nothing is cut off on a telephone');
     await save(phone, 'arm-telephone');
@@ -239,7 +231,7 @@ async function judgeDog(browser, work, errors) {
   truncateSync(join(made.folder, 'meshes', files.find((name) => name.endsWith('visual2.stl'))), 300);
   const run = await start(work, join(made.folder, 'rigs/dog-standing.yaml'));
   try {
-    const page = await open(browser, run.look, { width: 1100, height: 800 }, errors);
+    const page = await open(browser, run.page_view, { width: 1100, height: 800 }, errors);
     const [at] = await page.evaluate(() => [window.coman.state.bodies.slice(0, 3)]).then(([p]) => [Object.values(p)]);
     const [side, thigh] = await page.evaluate(look, [[at[0], at[1] - 0.09, at[2]], [at[0], at[1] - 0.09, at[2] - 0.03]]);
     check(isHue(side, [0.95, 0.75, 0.1]) && isHue(thigh, [0.95, 0.75, 0.1]), 'a geom of MJCF has its color', side);
@@ -255,7 +247,7 @@ async function judgeDog(browser, work, errors) {
     await page.evaluate(look, []);
     await save(page, 'dog-dark');
     await page.close();
-    const phone = await open(browser, run.look, { width: 390, height: 780 }, errors);
+    const phone = await open(browser, run.page_view, { width: 390, height: 780 }, errors);
     await save(phone, 'dog-telephone');
     await phone.close();
   } finally {
@@ -263,22 +255,9 @@ async function judgeDog(browser, work, errors) {
   }
 }
 
-async function main() {
-  if (!plan(TESTS)) return;
-  const work = mkdtempSync(join(tmpdir(), 'coman-visual-'));
-  const browser = await launch();
+await test(TESTS, async (browser, work) => {
   const errors = [];
-  try {
-    await judgeArm(browser, work, errors);
-    await judgeDog(browser, work, errors);
-    check(errors.length === 0, 'the page has no errors', errors);
-  } catch (error) {
-    check(false, error.message);
-  } finally {
-    await browser.close();
-    rmSync(work, { recursive: true });
-  }
-}
-
-await main();
-process.exit(0);
+  await judgeArm(browser, work, errors);
+  await judgeDog(browser, work, errors);
+  check(errors.length === 0, 'the page has no errors', errors);
+});

@@ -257,6 +257,8 @@ static void wrong_commands_are_answered_and_too_many_end_it(void **state)
     hears(client, "< error no bus is open >");
     say(client, "< open nothing >");
     hears(client, "< error no such bus: nothing >");
+    say(client, "< open tor<s\302\265 >");
+    hears(client, "< error no such bus: tor?s?? >");
     say(client, "< open torso >");
     hears(client, "< ok >");
     say(client, "< open torso >");
