@@ -34,7 +34,8 @@ mkdir -p "$folder/corpus"
 cd "$folder" || exit 3
 dictionary=$here/dictionary/$target.dict
 times >cpu # of the programs until now, then with this one
-set -- corpus "$here/corpus/$target"
+set -- corpus
+[ ! -d "$here/corpus/$target" ] || set -- "$@" "$here/corpus/$target"
 [ ! -f "$dictionary" ] || set -- "-dict=$dictionary" "$@"
 "$program" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=1024 -malloc_limit_mb=512 \
     -print_final_stats=1 "$@" >log 2>&1
