@@ -451,18 +451,19 @@ static bool candump_parse_line(struct candump_cursor *cursor, struct bus_frame *
     memset(frame, 0, sizeof *frame);
     bus[0] = '\0';
 
-    /* Printed lines, which have a length in brackets, begin with a space and are aligned by some */
-    if (memchr(cursor->text, '[', cursor->size)) {
-        candump_skip_spaces(cursor);
-        if (!candump_parse_time(cursor, &frame->time_ns) || !candump_parse_name(cursor, bus)) {
-            return false;
-        }
+    /* Printed lines begin with a space, are aligned by more, and have a length in brackets behind
+     * the name, which may have a bracket too */
+    candump_skip_spaces(cursor);
+    if (!candump_parse_time(cursor, &frame->time_ns) || !candump_parse_name(cursor, bus)) {
+        return false;
+    }
+    if (memchr(cursor->text + cursor->at, '[', cursor->size - cursor->at)) {
         candump_skip_spaces(cursor);
         return candump_parse_id(cursor, frame) && candump_parse_printed(cursor, frame) &&
                candump_parse_end(cursor, frame);
     }
-    return candump_parse_time(cursor, &frame->time_ns) && candump_parse_name(cursor, bus) &&
-           candump_parse_frame(cursor, frame);
+    return cursor->text[0] == ' ' ? candump_reject(cursor, 0, "'(' before the time")
+                                  : candump_parse_frame(cursor, frame);
 }
 
 enum error_code candump_parse(const char *line, size_t size, struct bus_frame *frame, char bus[16],

@@ -131,6 +131,7 @@ static void reads_what_candump_and_its_relatives_write(void **state)
          {.id = 0x40, .flags = FRAME_ERROR}},
         /* Of an editor of another system, and of candump -x */
         {"(0000000000.000000) can0 123#AA\r\n", "can0", {.id = 0x123, .len = 1, .data = {0xAA}}},
+        {"(0000000000.000000) can[0] 123#AA\n", "can[0]", {.id = 0x123, .len = 1, .data = {0xAA}}},
         {"(0000000000.000000) can0 123#AA T\n", "can0", {.id = 0x123, .len = 1, .data = {0xAA}}},
         {"(0000000000.000000) can0 123#AA R\n", "can0", {.id = 0x123, .len = 1, .data = {0xAA}}},
         /* What candump -ta prints */
