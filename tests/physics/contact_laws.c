@@ -2,6 +2,7 @@
 /*
  * Laws of sticking friction beside each other, on one plane block on an elastic foundation: why
  * contact.h has the one that it has. Nothing here is the engine's; docs/contact.md has the table.
+ * HIL_CURVES names a folder for the curves that it draws: ratchet.csv and crate.csv.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -10,6 +11,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -25,7 +27,7 @@
 #define DELAY 1e-3      /* t_d, s */
 #define RELAX 0.5e-3    /* t_y, s */
 #define SHEAR_RATIO 0.8
-enum { ELEMENTS = 15, MOTION = 6, STATE = MOTION + ELEMENTS };
+enum { ELEMENTS = 15, MOTION = 6, STATE = MOTION + ELEMENTS, POINTS = 401 };
 
 enum law {
     LOAD_ENERGY,    /* stiffness N/l_b, the state a root of energy */
@@ -159,12 +161,38 @@ static struct block block_at_rest(enum law law)
 
 /* ---- what the laws are compared by ---- */
 
-/* How far the block moves in a minute whose loads swing by 0.2 and 0.5 of the weight at 5 Hz, m. */
-static double drift(enum law law)
+/* Where the block is, m, at POINTS times from where it was at the first. */
+struct curve {
+    double every_s, x[POINTS];
+};
+
+/* Writes the curves of laws, but those of the second, which is unstable. */
+static void write_curves(const char *folder, const char *name, const struct curve curve[LAWS])
+{
+    char path[4096];
+    FILE *file;
+
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    file = fopen(path, "w");
+    assert_non_null(file);
+    fprintf(file, "time_s,follows_the_load_m,anchors_m,area_m\n");
+    for (int n = 0; n < POINTS; n++) {
+        fprintf(file, "%.6g,%.9g,%.9g,%.9g\n", n * curve[0].every_s, curve[LOAD_ENERGY].x[n],
+                curve[ANCHORS].x[n], curve[AREA].x[n]);
+    }
+    assert_int_equal(fclose(file), 0);
+}
+
+/* How far the block moves in a minute whose loads swing by 0.2 and 0.5 of the weight at 5 Hz, m; its
+ * first two seconds are the curve. */
+static double drift(enum law law, struct curve *curve)
 {
     struct block b = block_at_rest(law);
     const double h = 1e-4;
+    const int settled = 20000, every = 50;
     double begin = 0;
+
+    curve->every_s = every * h;
 
     for (int n = 0; n < 620000; n++) {
         double turn = 2 * PI * 5 * (n + 0.5) * h;
@@ -172,7 +200,11 @@ static double drift(enum law law)
         b.gravity[0] = 0.2 * G * sin(turn);
         b.gravity[1] = -G * (1 + 0.5 * cos(turn));
         step(&b, h);
-        begin = n == 19999 ? b.x[0] : begin;
+        begin = n == settled - 1 ? b.x[0] : begin;
+        if (n >= settled - 1 && (n - settled + 1) % every == 0 &&
+            (n - settled + 1) / every < POINTS) {
+            curve->x[(n - settled + 1) / every] = b.x[0] - begin;
+        }
     }
     return fabs(b.x[0] - begin);
 }
@@ -219,6 +251,27 @@ static struct block rest_on_slope(enum law law, double angle)
         }
     }
     return b;
+}
+
+/* How the block moves on a slope of 30 degrees when it was nudged by 0.01 mm/s. Returns how far it
+ * swings in the last quarter, over the first. */
+static double swing(enum law law, struct curve *curve)
+{
+    struct block b = rest_on_slope(law, PI / 6);
+    const double h = 1e-4, rest = b.x[0];
+    double first = 0, last = 0;
+
+    curve->every_s = 20 * h;
+    b.x[3] += 1e-5;
+    for (int n = 0; n < POINTS; n++) {
+        curve->x[n] = b.x[0] - rest;
+        first = n < POINTS / 4 ? fmax(first, fabs(curve->x[n])) : first;
+        last = n >= POINTS - POINTS / 4 ? fmax(last, fabs(curve->x[n])) : last;
+        for (int i = 0; i < 20; i++) {
+            step(&b, h);
+        }
+    }
+    return last / first;
 }
 
 /* How fast the fastest motion about rest on a slope grows, 1/s: by powers of a step of the
@@ -291,25 +344,34 @@ static double gain(enum law law)
 static void the_law_of_the_engine_neither_walks_nor_flutters_nor_makes_energy(void **state)
 {
     static const int numbers[LAWS] = {1, 1, ELEMENTS, 1};
-    double walked[LAWS], grows[LAWS], gained[LAWS];
+    static struct curve ratchet[LAWS], crate[LAWS];
+    const char *folder = getenv("HIL_CURVES");
+    double walked[LAWS], grows[LAWS], gained[LAWS], swings[LAWS];
 
     (void)state;
     for (int law = 0; law < LAWS; law++) {
-        walked[law] = drift(law);
+        walked[law] = drift(law, &ratchet[law]);
+        swings[law] = swing(law, &crate[law]);
         grows[law] = fmax(growth(law, 20), growth(law, 30));
         gained[law] = gain(law);
         print_message("# %-22s %2d numbers, walks %.1e m, grows %+.2f/s, gives %+.3f of what it "
                       "stored\n",
                       law_name[law], numbers[law], walked[law], grows[law], gained[law]);
     }
+    if (folder) {
+        write_curves(folder, "ratchet.csv", ratchet);
+        write_curves(folder, "crate.csv", crate);
+    }
     /* Those that follow the load walk, flutter or make energy; the others do nothing of it. Motion
      * that stays may grow with time, not by a power of it: 0.23/s here. */
     assert_true(walked[LOAD_ENERGY] > 1e-4);
     assert_true(grows[LOAD_ENERGY] > 5 && grows[LOAD_KINEMATIC] > 5);
+    assert_true(swings[LOAD_ENERGY] > 10 && swings[LOAD_KINEMATIC] > 10);
     assert_true(gained[LOAD_KINEMATIC] > 0.1);
     for (int law = ANCHORS; law < LAWS; law++) {
         assert_true(walked[law] < 1e-7);
         assert_true(grows[law] < 0.1);
+        assert_true(swings[law] < 1);
         assert_true(gained[law] < 1e-3);
     }
 }
