@@ -76,6 +76,9 @@ struct fuzz_bench {
     bool moved;   /* some board has another address now */
     bool loose;   /* some board has a loose contact, or had: it may miss a command */
     size_t room;  /* for frames of a tick */
+
+    /* Bit by bit, the iCub addresses that have sent something */
+    unsigned asked[BENCH_BUSES];
 };
 
 static bool list_message(void *context, const struct message *message)
@@ -240,15 +243,28 @@ static bool is_length(const struct message *message, uint8_t len)
            (message->code == ICUB_DISCOVER && len == message->length - 1);
 }
 
-static bool is_message(const struct fuzz_bench *bench, const struct message *message,
+/* On iCub buses bits 4 to 7 are the sender's address, and bits 0 to 3 of an answer are the address
+ * that has asked, which need not be the host's. */
+static bool is_id(const struct fuzz_bench *bench, size_t bus, const struct message *message,
+                  uint32_t id)
+{
+    const bool icub = bus == 1 || spoken == &protocol_icub;
+    uint32_t any = bench->moved ? 0x0f0 : 0;
+
+    if (icub && message->family && strstr(message->family, "REPLY") &&
+        bench->asked[bus] >> (id & 0xf) & 1) {
+        any |= 0x00f;
+    }
+    return (id | any) == (message->id | any);
+}
+
+static bool is_message(const struct fuzz_bench *bench, size_t bus, const struct message *message,
                        const struct bus_frame *frame)
 {
-    /* on iCub buses bits 4 to 7 are the sender's address */
-    const uint32_t sender = bench->moved ? 0x0f0 : 0;
     const size_t bytes = fields_bytes(message->fields);
     int64_t values[FIELDS_MAX];
 
-    if ((frame->id | sender) != (message->id | sender) || !is_length(message, frame->len)) {
+    if (!is_id(bench, bus, message, frame->id) || !is_length(message, frame->len)) {
         return false;
     }
     /* bit 7 is the axis */
@@ -277,7 +293,7 @@ static void check_frame(const struct fuzz_bench *bench, size_t bus, const struct
                      (free_format || (frame->id <= 0x7ff && frame->flags == flags)),
                  "id 0x%x flags 0x%x length %u", frame->id, frame->flags, frame->len);
     while (!bench->garbage && !free_layout && i < bench->nmessage[bus] &&
-           !is_message(bench, &bench->message[bus][i], frame)) {
+           !is_message(bench, bus, &bench->message[bus][i], frame)) {
         i++;
     }
     fuzz_require(bench->garbage || free_layout || i < bench->nmessage[bus],
@@ -349,6 +365,7 @@ static void tick(struct fuzz_bench *bench)
 static void receive(struct fuzz_bench *bench, size_t bus, const struct bus_frame *frame)
 {
     boards_receive(bench->base.boards, bench->base.now_ns, bus, frame);
+    bench->asked[bus] |= 1u << (frame->id >> 4 & 0xf);
     bench->received++;
 }
 

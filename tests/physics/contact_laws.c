@@ -183,8 +183,8 @@ static void write_curves(const char *folder, const char *name, const struct curv
     assert_int_equal(fclose(file), 0);
 }
 
-/* How far the block moves in a minute whose loads swing by 0.2 and 0.5 of the weight at 5 Hz, m; its
- * first two seconds are the curve. */
+/* How far the block moves in a minute whose loads swing by 0.2 and 0.5 of the weight at 5 Hz, m;
+ * the curve is its first two seconds. */
 static double drift(enum law law, struct curve *curve)
 {
     struct block b = block_at_rest(law);
