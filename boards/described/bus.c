@@ -98,7 +98,8 @@ static bool described_identify(const struct described_protocol *protocol,
                      : match == DESCRIBED_BAD_CONSTANT ? BOARD_UNKNOWN
                                                        : BOARD_MALFORMED;
         if (match == DESCRIBED_IS) {
-            if (!described_values_exist(protocol, a)) {
+            /* The parts of a group are judged one by one */
+            if (row->by != DESCRIBED_BY_GROUP && !described_values_exist(protocol, a)) {
                 a->verdict = BOARD_MALFORMED;
             }
             return true;
@@ -211,10 +212,26 @@ static void described_board_receive(struct board *board, unsigned first, unsigne
     }
 }
 
-/* Obeys a frame of a group: one repetition after the other, each for the next slot. */
+/* Reads a part of a frame for a group, and its verdict. */
+static void described_read_part(const struct described_protocol *protocol,
+                                struct described_arrival *a, unsigned part)
+{
+    const struct described_frame *row = a->row;
+
+    fields_decode(row->layout, a->frame->data + part * row->length, row->length, a->values);
+    a->verdict = !described_has_constants(row, a->values) ? BOARD_UNKNOWN
+                 : !described_values_exist(protocol, a)   ? BOARD_MALFORMED
+                                                          : BOARD_OBEYED;
+}
+
+/* Obeys a frame of a group: one repetition after the other, each for the next slot. A part that is
+ * wrong is not obeyed, and is what the frame counts as; the others are. */
 static void described_bus_receive_group(struct described_bus *bus, struct described_arrival *a)
 {
     const struct described_frame *row = a->row;
+    const enum board_verdict whole = a->verdict;
+    enum board_verdict verdict = whole;
+    struct board *wrong = NULL;
     unsigned first = a->number * row->repeats;
     unsigned more = a->verdict == BOARD_OBEYED ? 0u : row->length - 1u; /* of a part */
     unsigned count = (a->frame->len + more) / row->length;
@@ -227,11 +244,17 @@ static void described_bus_receive_group(struct described_bus *bus, struct descri
         if (board_is_deaf(board)) {
             continue;
         }
-        if (a->verdict == BOARD_OBEYED) {
-            fields_decode(row->layout, a->frame->data + k * row->length, row->length, a->values);
+        if (whole == BOARD_OBEYED) {
+            described_read_part(bus_protocol(bus), a, k);
         }
         described_board_receive(board, bus->slot[first + k].axis, 1, a);
+        if (a->verdict != BOARD_OBEYED) {
+            verdict = a->verdict;
+            wrong = a->listener;
+        }
     }
+    a->verdict = verdict;
+    a->listener = wrong ? wrong : a->listener;
     if (count == 0 && first < bus->slots) {
         a->listener = &bus->slot[first].motor->node.board;
     }

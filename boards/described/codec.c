@@ -244,6 +244,17 @@ static bool described_has_length(const struct described_frame *frame, uint8_t le
     return false;
 }
 
+bool described_has_constants(const struct described_frame *frame, const int64_t *values)
+{
+    for (size_t i = 0; i < frame->nfield; i++) {
+        if (frame->field[i].meaning == DESCRIBED_CONSTANT &&
+            values[i] != frame->field[i].constant) {
+            return false;
+        }
+    }
+    return true;
+}
+
 enum described_match described_match_frame(const struct described_frame *frame,
                                            const struct bus_frame *sent, int64_t *values)
 {
@@ -261,11 +272,8 @@ enum described_match described_match_frame(const struct described_frame *frame,
         put_u32_le(bits, sent->id);
         fields_decode(frame->id_layout, bits, sizeof bits, values + frame->ndata);
     }
-    for (size_t i = 0; i < frame->nfield; i++) {
-        if (frame->field[i].meaning == DESCRIBED_CONSTANT &&
-            values[i] != frame->field[i].constant) {
-            return DESCRIBED_BAD_CONSTANT;
-        }
+    if (!described_has_constants(frame, values)) {
+        return DESCRIBED_BAD_CONSTANT;
     }
     if (frame->checksum &&
         sent->data[frame->checksum_byte] !=

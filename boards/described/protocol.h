@@ -353,6 +353,9 @@ enum described_match {
     DESCRIBED_IS
 };
 
+/* Returns whether the fields that are constant have their values. */
+bool described_has_constants(const struct described_frame *frame, const int64_t *values);
+
 /* Compares all but the fixed part of the identifier; values, which holds DESCRIBED_FIELDS_MAX,
  * receives the counts of the fields, of the first repetition. */
 enum described_match described_match_frame(const struct described_frame *frame,

@@ -13,7 +13,7 @@ enum { DRIVES = 2 };
 
 #define TORQUE_NM_A 4.1
 
-/* With a counter and a checksum both ways; what boards send is CAN FD. */
+/* With a counter and a checksum both ways, and a frame for both; what boards send is CAN FD. */
 static const char checked[] =
     "name: checked\nstates:\n  - {name: idle, law: \"off\"}\n  - {name: run, value: 1, law: "
     "voltage}\n"
@@ -21,6 +21,10 @@ static const char checked[] =
     "      - {name: crc, bits: 8, checksum: crc8_sae_j1850}\n"
     "      - {name: alive, bits: 4, counter: true}\n"
     "      - {name: state, bits: 4, target: state}\n"
+    "      - {name: voltage, bits: 16, type: signed, target: voltage, scale: 0.01}\n"
+    "  - name: ALL\n    from: host\n    id: 0x400\n    by: group\n    repeat: 2\n    fields:\n"
+    "      - {name: kind, bits: 8, value: 7}\n"
+    "      - {name: state, bits: 8, target: state}\n"
     "      - {name: voltage, bits: 16, type: signed, target: voltage, scale: 0.01}\n"
     "  - name: STATUS\n    from: board\n    id: 0x300\n    by: address\n    fd: true\n"
     "    period_s: 0.001\n    fields:\n      - {name: state, bits: 8, source: state}\n"
@@ -797,6 +801,43 @@ static void a_wrong_checksum_or_a_stuck_counter_is_malformed(void **state)
     close_bench(&bench);
 }
 
+/* What is wrong in one part of it, a state or a constant, stops no other drive. */
+static void each_drive_judges_its_part_of_a_frame_for_all(void **state)
+{
+    static const struct {
+        const char *bytes;
+        double voltage_v[DRIVES];
+        unsigned malformed, unknown;
+        unsigned drive; /* whose part is wrong */
+    } sent[] = {
+        {"07 01 f4 01 07 05 bc 02", {5.0, 0.0}, 1, 0, 1},
+        {"07 02 f4 01 07 01 bc 02", {5.0, 7.0}, 2, 0, 0},
+        {"07 01 bc 02 08 01 f4 01", {7.0, 7.0}, 2, 1, 1},
+        {"07 01 f4 01 07 01 f4 01", {5.0, 5.0}, 2, 1, 0},
+    };
+    struct described_bench bench;
+    struct board_bench *base = &bench.base;
+    struct board_event event;
+
+    (void)state;
+    open_bench(&bench, checked, 0);
+    for (size_t i = 0; i < sizeof sent / sizeof *sent; i++) {
+        bench_send(base, 0, 0x400, sent[i].bytes);
+        bench_tick(base);
+        for (int k = 0; k < DRIVES; k++) {
+            assert_near(base->motor[2 * k].voltage_v, sent[i].voltage_v[k], 1e-9);
+        }
+        assert_int_equal(bench_counters(base).malformed, sent[i].malformed);
+        assert_int_equal(bench_counters(base).unknown, sent[i].unknown);
+        if (i < 3) {
+            assert_true(
+                bench_event(base, i < 2 ? BOARD_EVENT_MALFORMED : BOARD_EVENT_UNKNOWN, &event));
+            assert_int_equal(event.board, sent[i].drive);
+        }
+    }
+    close_bench(&bench);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -822,6 +863,7 @@ int main(void)
         cmocka_unit_test(a_robstride_drive_takes_its_torque_from_the_identifier),
         cmocka_unit_test(a_board_counts_and_signs_its_frames),
         cmocka_unit_test(a_wrong_checksum_or_a_stuck_counter_is_malformed),
+        cmocka_unit_test(each_drive_judges_its_part_of_a_frame_for_all),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
