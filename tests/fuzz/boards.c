@@ -505,6 +505,8 @@ static void go_idle(struct fuzz_bench *bench)
     static const struct bus_frame pwm = {.id = 1, .len = 3, .data = {0x72, 0x35, 0x05}};
     const size_t bus = 1; /* whatever bus 0 speaks */
 
+    /* Its address may have changed since the last tick */
+    drain_events(bench);
     if (bench->moved || bench->loose) {
         return;
     }
