@@ -54,6 +54,7 @@ struct fall {
     double foot;             /* of the feet's meshes, at the end, m */
     double own;              /* of one part of the robot in another, at any time, m */
     double growth;           /* of what is stored, within a millisecond, J */
+    double beyond;           /* the same beyond what pressure fields may not have told, J */
     const char *what;        /* was deepest */
     const char *one, *other; /* of its own */
 };
@@ -128,18 +129,31 @@ static void start_fall(struct rig_scene *scene, const struct drop *drop, double 
     } while (plant_patches(scene->plant, NULL, 0) > 0);
 }
 
-/* The deepest of the patches on the ground (surface 0), and of the robot's own. */
-static void note_depth(const struct rig_scene *scene, int ms, struct fall *fall)
+/* Whether surfaces meet in the pressure field of a mesh: of what it stores, which is less than its
+ * force times its depth, only a part is told (docs/contact.md). */
+static bool have_field(const struct contact_surface *a, const struct contact_surface *b)
+{
+    return (a->shape == CONTACT_MESH || b->shape == CONTACT_MESH) &&
+           a->shape != CONTACT_HALF_SPACE && b->shape != CONTACT_HALF_SPACE;
+}
+
+/* The deepest of the patches on the ground (surface 0), and of the robot's own. Returns the most
+ * that pressure fields store, J. */
+static double note_patches(const struct rig_scene *scene, int ms, struct fall *fall)
 {
     const struct contact_config *contact = &scene->rig->contact;
     struct contact_patch patch[PATCHES];
     size_t count = plant_patches(scene->plant, patch, PATCHES);
+    double stored = 0;
 
     assert_true(count <= PATCHES);
     for (size_t i = 0; i < count; i++) {
         const struct contact_pair *pair = &contact->pair[patch[i].pair];
         double depth = patch[i].penetration_m;
 
+        if (have_field(&contact->surface[pair->a], &contact->surface[pair->b])) {
+            stored += sqrt(vec3_dot(patch[i].force, patch[i].force)) * depth;
+        }
         if (pair->a != 0 && pair->b != 0) {
             if (depth > fall->own) {
                 fall->own = depth;
@@ -160,6 +174,7 @@ static void note_depth(const struct rig_scene *scene, int ms, struct fall *fall)
             fall->lying = fmax(fall->lying, depth);
         }
     }
+    return stored;
 }
 
 static struct fall run_fall(struct rig_scene *scene, const struct drop *drop, double top,
@@ -167,11 +182,12 @@ static struct fall run_fall(struct rig_scene *scene, const struct drop *drop, do
 {
     struct fall fall = {.what = "nothing", .one = "nothing", .other = "nothing"};
     struct plant_energy energy;
-    double before = 0;
+    double before = 0, fields_before = 0;
 
     start_fall(scene, drop, top, seed);
     for (int ms = 0; ms < FALL_MS; ms++) {
         enum error_code code = plant_step(scene->plant, scene->steps);
+        double fields;
 
         if (code) {
             fail_msg("fall %llu, %d ms: %s", (unsigned long long)seed, ms,
@@ -181,11 +197,13 @@ static struct fall run_fall(struct rig_scene *scene, const struct drop *drop, do
         if (!isfinite(energy.stored)) {
             fail_msg("fall %llu, %d ms: the energy is not finite", (unsigned long long)seed, ms);
         }
+        fields = note_patches(scene, ms, &fall);
         if (ms > 0) {
             fall.growth = fmax(fall.growth, energy.stored - before);
+            fall.beyond = fmax(fall.beyond, energy.stored - before - fmax(fields, fields_before));
         }
         before = energy.stored;
-        note_depth(scene, ms, &fall);
+        fields_before = fields;
     }
     return fall;
 }
@@ -222,11 +240,13 @@ static struct fall run_falls(const struct rig_scene_choice *choice, const struct
         worst.lying = fmax(worst.lying, fall.lying);
         worst.foot = fmax(worst.foot, fall.foot);
         worst.growth = fmax(worst.growth, fall.growth);
+        worst.beyond = fmax(worst.beyond, fall.beyond);
     }
     print_message("# %lld falls: %.2f mm deep at worst, %.2f mm at rest (corners of the feet %.2f "
-                  "mm), %.2f mm in itself, stored grew by %.3g J in a millisecond at most\n",
+                  "mm), %.2f mm in itself, stored grew by %.3g J in a millisecond at most, by %.3g "
+                  "J beyond pressure fields\n",
                   count, 1e3 * worst.deepest, 1e3 * worst.lying, 1e3 * worst.foot, 1e3 * worst.own,
-                  worst.growth);
+                  worst.growth, worst.beyond);
     rig_scene_fini(&scene);
     return worst;
 }
@@ -241,7 +261,7 @@ static void coman_comes_to_lie_on_the_ground(void **state)
     assert_true(worst.foot < 5e-3);
     assert_true(worst.own < 5e-3);
     /* What a step of 1 ms errs by at an impact may show in a few of many falls */
-    assert_true(worst.growth < 1e-3);
+    assert_true(worst.beyond < 1e-3);
 }
 
 static void coman_falls_hard(const struct rig_scene_choice *choice, double top)
@@ -253,7 +273,7 @@ static void coman_falls_hard(const struct rig_scene_choice *choice, double top)
     assert_true(worst.lying < 5e-3);
     assert_true(worst.foot < 5e-3);
     assert_true(worst.own < 5e-3);
-    assert_true(worst.growth < 1e-2);
+    assert_true(worst.beyond < 1e-3);
 }
 
 static void coman_falls_hard_on_flat_ground(void **state)
@@ -317,8 +337,7 @@ static void walkman_comes_to_lie_on_the_ground(void **state)
     assert_true(worst.foot < 5e-3);
     /* The corner of a foot in the shell of the other ankle */
     assert_true(worst.own < 1e-2);
-    /* Of some 1,200 J: what is stored is told a little off where a limb is over a foot's edge */
-    assert_true(worst.growth < 0.1);
+    assert_true(worst.beyond < 1e-3);
 }
 
 int main(void)
